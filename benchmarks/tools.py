@@ -25,7 +25,6 @@ from optics.toolpaths import (
     tool_findings,
     traced_points,
 )
-from optics.tracing import SlopeErrors
 from thbcad import BSplineSurface, Enclosure, Lens
 from thbcad.tools import (
     air_side,
@@ -121,10 +120,7 @@ def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]:
         rays = system.source.rays((RAYS, RAYS))
         added = np.zeros((2, len(response.landed)))
         added[:, response.landed] = cusps.slopes / 2
-        ends = [
-            traced_points(system, lens, backend, rays, SlopeErrors(rear=sign * added))[0]
-            for sign in (-1.0, 1.0)
-        ]
+        ends = [traced_points(system, lens, backend, rays, (None, sign * added))[0] for sign in (-1.0, 1.0)]
         spread = np.hypot(*(ends[1] - ends[0])[:, response.landed]) / _pixel(system)
         wanted = step * _blur_of(system, lens, backend, SMALL_BALL).pixels
         off = float(np.abs(spread / wanted - 1).max())

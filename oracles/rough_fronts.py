@@ -128,7 +128,7 @@ def _compared(
 def _traced(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> tuple[Mask, Mask, Floats]:
     """Return (decided, hit, path length, mm) of the front's meetings."""
     lens = Lens(front, FreeformSurface((50.0, 50.0)), 50.0, 1.5)
-    tracer = Tracer(backend, LightPath(lens, receiver_at(200.0), 0.0), rays, sure)
+    tracer = Tracer(backend, LightPath.through(lens, receiver_at(200.0), 0.0), rays, sure)
     with backend.dr.suspend_grad():
         (hits,), _ = tracer.trace([sag.coefficients for sag in lens.sags])
         decided, hit, x, y, z = (a.numpy() for a in (hits.found, hits.hit, hits.x, hits.y, hits.z))

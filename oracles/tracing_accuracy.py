@@ -108,11 +108,14 @@ def measure(backend: Backend, case: Case) -> Found:
     rounded = (a.astype(backend.dtype).astype(float) for a in (rays.origin, rays.direction))
     setup = replace(case.setup, **dict(zip(("origin", "direction"), rounded)))
     lens = setup.lens(**case.spline)
-    tracer = Tracer(backend, LightPath(lens, receiver_at(setup.thickness + setup.distance), 0.0), traced)
-    _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+    tracer = Tracer(
+        backend, LightPath.through(lens, receiver_at(setup.thickness + setup.distance), 0.0), traced
+    )
+    _, landing = tracer.trace()
+    front, rear = landing.passages
+    every = front.found, front.hit, rear.found, rear.hit, rear.goes_on, landing.x, landing.y, landing.flux
     decided, met, found, hit, refracted, *values = (
-        np.broadcast_to(np.asarray(getattr(landing, name).numpy()), len(rays.origin[0]))
-        for name in ("decided", "met", "found", "hit", "refracted", "x", "y", "flux")
+        np.broadcast_to(np.asarray(a.numpy()), len(rays.origin[0])) for a in every
     )
     fate = np.where(met, np.where(hit, np.where(refracted, ARRIVES, TOTAL), MISSED), BESIDE)
     exact, scales = exact_trace(setup), sensitivity(setup)

@@ -27,7 +27,6 @@ from scipy.ndimage import convolve1d
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.blur import blur_of
-from optics.tracing import SMOOTH, SlopeErrors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from optics.sources import SourceCells
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates
+    from optics.tracing import SequentialFates, SlopeErrors
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -100,9 +99,9 @@ class _Sample:
     def shift(self, shifts: LandingShifts) -> Floats:
         """Return by how much the light of this sample lands beside the sharp light, (2,)."""
         moved = np.zeros(2) if self.direction is None else shifts.beam @ self.direction[:2]
-        for errors, matrix in ((self.errors.front, shifts.front), (self.errors.rear, shifts.rear)):
-            if errors is not None:
-                moved = moved + matrix @ errors[:, 0]
+        for error, matrix in zip(self.errors, (shifts.front, shifts.rear)):
+            if error is not None:
+                moved = moved + matrix @ error[:, 0]
         return moved
 
 
@@ -130,7 +129,7 @@ class _Rest:
             cell_irradiance(system.sharp, lens, wide, cells, backend)[0]
             for cells in (
                 system.sharp.source.cells(many),
-                _cells(system, _beam_cells(screen), _Sample(middle, SMOOTH)),
+                _cells(system, _beam_cells(screen), _Sample(middle, (None, None))),
             )
         )
         return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
@@ -191,4 +190,4 @@ def _sample(system: OpticalSystem, points: dict[int, Floats]) -> _Sample:
         for k, rms in enumerate(system.slope_rms, 1)
     ]
     direction = system.source.spread.direction(*points[0]) if 0 in points else None
-    return _Sample(direction, SlopeErrors(*errors))
+    return _Sample(direction, errors)

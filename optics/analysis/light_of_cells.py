@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from optics.analysis.border_triangles import border_triangles, shared_flux
 from optics.sources import corner_flux
 from optics.target import BoxWindow, MappedCells, Splat
-from optics.tracing import SMOOTH, SlopeErrors, Tracer
+from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.sources import RayGrid, Rays, SourceCells
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import Landing, SequentialFates
+    from optics.tracing import Landing, SequentialFates, SlopeErrors
     from thbcad.lens import Lens
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
@@ -90,7 +90,7 @@ class _CellTracer:
         dr = self.backend.dr
         tracer, landing = self.trace(rays)
         every = dr.ones(dr.mask_t(self.backend.Float), rays.flux.size)
-        return tracer, landing, every & landing.definite & landing.met & landing.hit
+        return tracer, landing, every & landing.arrives
 
 
 def cell_irradiance(
@@ -99,7 +99,7 @@ def cell_irradiance(
     screen: Screen,
     cells: SourceCells,
     backend: Backend,
-    errors: SlopeErrors = SMOOTH,
+    errors: SlopeErrors = (None, None),
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells.
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.target import BoxWindow, Splat
-from optics.tracing import SlopeErrors, Tracer
+from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -71,8 +71,7 @@ def _trace(
     image: DrArray = 0.0
     fates = []
     for part in parts:
-        front, rear = (fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in system.slope_rms)
-        errors = SlopeErrors(front, rear)
+        errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in system.slope_rms]
         tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()

@@ -58,7 +58,9 @@ def at_target(
 
     points : (4, n) in the plane z = source_z.  flux : W of each ray.
     """
-    tracer = Tracer(backend, LightPath(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux))
+    tracer = Tracer(
+        backend, LightPath.through(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux)
+    )
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         found = [landing.x, landing.y, landing.p, landing.q, landing.flux]

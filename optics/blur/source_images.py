@@ -90,7 +90,7 @@ def patch_images(
     """
     tracer = Tracer(backend, system.path(lens), system.source.rays(rays))
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at_rear()
+        hits, _, _ = tracer.at(1)
         _, landing = tracer.trace()
         values = [hits.x, hits.y, landing.x, landing.y, landing.flux]
         backend.dr.eval(values)

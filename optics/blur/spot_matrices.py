@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import corner_flux
-from optics.tracing import SMOOTH, SlopeErrors, Tracer
+from optics.tracing import SlopeErrors, Tracer
 from optics.transport import ShapedRear
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def landing_shifts(system: OpticalSystem, lens: Lens, backend: Backend) -> Landi
     rays = cells.at(s, t, corner_flux(cells.emitted).ravel())
 
     def at_rear(turn: Sequence[float] = (0.0, 0.0), front: Sequence[float] = (0.0, 0.0)) -> _Rear:
-        errors = SlopeErrors(np.reshape(front, (2, 1))) if any(front) else SMOOTH
+        errors = np.reshape(front, (2, 1)) if any(front) else None, None
         return _at_rear(system, lens, backend, _turned(rays, turn), errors, (len(cells.s), len(cells.t)))
 
     here = at_rear()
@@ -114,7 +114,7 @@ def _at_rear(
 ) -> _Rear:
     tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
     with backend.dr.suspend_grad():
-        hits, direction, flux = tracer.at_rear()
+        hits, direction, flux = tracer.at(1)
     every = backend.dr.zeros(backend.Float, rays.flux.size)
 
     def grid(*values: object) -> Floats:

@@ -11,8 +11,9 @@ from optics.analysis import conservation, nonsequential, sections, sequential, s
 from optics.commands.outcome import Outcome
 from optics.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.runtime import UserError
+from optics.sources import single_rays
 from optics.system import OpticalSystem
-from optics.tracing import SENTENCES
+from optics.tracing import SENTENCES, path_faults
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from optics.photometry import Units
 
 MOST_RAYS = 1 << 15  # per direction
+TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
 RECORD = "trace.json"
 FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_space.png", "fresnel.png")
 DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
@@ -49,6 +51,7 @@ def trace(options: Namespace) -> Outcome:
         "seconds": seconds,
         **sequential_metrics(system, lens, fates, counts),
         "etendue": conservation(system, lens, exact),
+        "faults": path_faults(exact, system.path(lens), single_rays(system.source.rays(TRIED), lens)),
     }
     if not system.target.far_field:
         data["nonsequential"] = nonsequential(system, lens, exact)
@@ -104,4 +107,4 @@ def _lines(data: dict[str, Any], units: Units) -> list[str]:
             f"{closed['by_other_ways']:.2%} of the light on the target comes by other ways: "
             f"the sequential tracer {verdict}"
         )
-    return lines
+    return [*lines, *(f"note: {fault}" for fault in data["faults"])]

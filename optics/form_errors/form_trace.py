@@ -67,13 +67,14 @@ class FormTrace:
         dr, system, shape = self.backend.dr, self.system, (len(self.cells.s), len(self.cells.t))
         rays = self.cells.rays()
         rays = replace(rays, flux=np.ones_like(rays.flux))
-        path = system.path(self.lens).with_height_errors(front, rear)
+        path = system.path(self.lens).with_height_errors((front, rear))
         tracer = Tracer(self.backend, path, rays)
         with dr.suspend_grad():
-            at_front, at_rear, landing = tracer.trace_all([sag.coefficients for sag in self.lens.sags])
+            (at_front, at_rear), landing = tracer.trace_all()
+            assert at_rear is not None
             every = dr.zeros(self.backend.Float, shape[0] * shape[1])
             met = at_rear if at_front is None else at_front  # light along z keeps x and y up to the rear
-            arrives = landing.definite & landing.met & landing.hit
+            arrives = landing.arrives
             numbers = [met.x, met.y, at_rear.x, at_rear.y, landing.x, landing.y, landing.flux]
             numbers = [dr.select(arrives, n, 0) + every for n in numbers]
             dr.eval(numbers)

@@ -89,26 +89,19 @@ class MeshTracer:
     def _landing(self, jets: dict[str, Jet]) -> Landing:
         """Return the Landing of the meshes as they are.  jets : of the free surfaces."""
         dr = self.backend.dr
-        origin, direction, entering, met = self._behind or self._through_front(jets)
+        origin, direction, entering, _ = self._behind or self._through_front(jets)
         point, (dx, dy, dz), flux, hit = self._through("rear", jets, origin, direction, entering)
         forward = dz > 0
         dz = dr.select(forward, dz, 1)
         number = partial(dr.opaque, self.backend.Float)
         landed = receiver_at(self._target_z).land(point, (dx, dy, dz), dr, number)
-        always = dr.ones(dr.mask_t(hit), 1)
         return Landing(
             x=landed.u,
             y=landed.v,
             p=landed.p,
             q=landed.q,
             flux=dr.select(hit & forward, flux, 0),
-            entering=entering,
-            reaching=entering,
-            decided=always,
-            met=met,
-            found=hit,
-            hit=hit,
-            refracted=forward,
+            definite=hit & forward,
         )
 
     def pull_back(

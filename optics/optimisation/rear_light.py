@@ -48,8 +48,7 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
     rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
     with backend.dr.suspend_grad():
         tracer = Tracer(backend, system.path(lens), rays)
-        meet = tracer.at_rear if system.shaped == "rear" else tracer.at_front
-        hits, direction, flux = meet()
+        hits, direction, flux = tracer.at(("front", "rear").index(system.shaped))
 
     def density(grid: Sequence[int], carried: object) -> Floats:
         screen = Screen(half, (grid[0], grid[1]))

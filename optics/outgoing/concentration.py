@@ -148,10 +148,11 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     path = system.path(lens).without_absorption().without_reflection()
     tracer = Tracer(backend, path.onto(receiver_at(lens.thickness)), rays)
     with backend.dr.suspend_grad():
-        front, rear, landing = tracer.trace_all()
+        (front, rear), landing = tracer.trace_all()
+        assert rear is not None
         met = rear if front is None else front
         every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
-        onto, out = every & met.hit, every & landing.definite & landing.met & landing.hit
+        onto, out = every & met.hit, every & landing.arrives
         values = [met.x, met.y, rear.z, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)
     u, v, height, x, y, p, q, onto, out = (_corners(a.numpy(), cells) for a in values)

@@ -35,7 +35,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     rays = system.source.rays((side, side))
     tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at_rear()
+        hits, _, _ = tracer.at(1)
         _, landing = tracer.trace()
         values = [hits.x, hits.y, hits.z, landing.x, landing.y, landing.p, landing.q, landing.flux]
         backend.dr.eval(values)

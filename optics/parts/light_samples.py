@@ -112,8 +112,9 @@ def sampled_light(
     for rays in _light(system, side, heights[0]):
         tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
-            front, rear, landing = tracer.trace_all()
+            (front, rear), landing = tracer.trace_all()
             assert front is not None
+            assert rear is not None
             values = [front.x, front.y, front.z, rear.x, rear.y, rear.z]
             values += [landing.x, landing.y, landing.p, landing.q, landing.flux]
             backend.dr.eval(values)

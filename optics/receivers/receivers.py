@@ -77,9 +77,13 @@ class Receiver(ABC):
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return directions of any length from points to where light shall land."""
 
+    def moved(self, motion: Pose) -> Self:
+        """Return the receiver elsewhere.  motion : in the frame of the scene."""
+        return self if motion.is_identity else replace(self, pose=motion @ self.pose)
+
     def seen_from(self, pose: Pose) -> Self:
         """Return the receiver in the frame of a body with this pose."""
-        return replace(self, pose=pose.inverse() @ self.pose)
+        return self.moved(pose.inverse())
 
 
 class Plane(Receiver):

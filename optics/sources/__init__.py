@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Profile as Profile,
     )
     from optics.sources.rays import (
+        BEFORE as BEFORE,
         RayGrid as RayGrid,
         Rays as Rays,
         require_rays as require_rays,
@@ -49,6 +50,7 @@ _FILES = {
     "divergence": ("Divergence",),
     "profile": ("Profile",),
     "rays": (
+        "BEFORE",
         "RayGrid",
         "Rays",
         "require_rays",

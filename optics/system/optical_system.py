@@ -191,7 +191,7 @@ class OpticalSystem:
 
     def path(self, lens: Lens) -> LightPath:
         """Return the path of light of the source's own wavelength through a lens to the target."""
-        return LightPath(lens, self.target.receiver, self.absorption)
+        return LightPath.through(lens, self.target.receiver, self.absorption)
 
     @cached_property
     def parallel(self) -> bool:

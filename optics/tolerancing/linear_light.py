@@ -189,7 +189,7 @@ def _landed(
     dr = light.backend.dr
     _, landing = trace(rays)
     every = dr.ones(dr.mask_t(light.backend.Float), rays.flux.size)
-    sound = (every & landing.definite & landing.met & landing.hit).numpy()
+    sound = (every & landing.arrives).numpy()
     jet = np.array([a.numpy() + np.zeros(rays.flux.size) for a in (landing.x, landing.y, landing.flux)])
     return _Corners(weight, cells, path, rays.flux, np.where(sound, jet, 0.0), sound)
 

@@ -1,7 +1,4 @@
-"""The parts of a perturbed system, in the frame of its lens.
-
-The lens stays where it is: its motion is the inverse motion of source and target.
-"""
+"""The light path of a perturbed system, in the frame of its front, and what becomes of its source there."""
 
 from __future__ import annotations
 
@@ -18,23 +15,20 @@ from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.receivers import Receiver
     from optics.system import OpticalSystem
     from optics.tolerancing.perturbation import Floats, Perturbation
+    from optics.tracing import LightPath
 
 
 @dataclass(frozen=True, eq=False)
 class PerturbedParts:
-    """Lens and receiver, and the motions of its front and its source.
+    """The light path of perturbed parts, and the source, both in the frame of the front.
 
-    source : its motion in the frame of the front.  receiver : in the frame of the lens.
-    size : factor on the source's width.
+    source : its motion.  size : factor on its width.
     """
 
-    lens: Lens
-    front: Pose
+    path: LightPath
     source: Pose
-    receiver: Receiver
     size: float
 
     @classmethod
@@ -47,16 +41,19 @@ class PerturbedParts:
         """
         if p.source_size <= -1:
             raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
-        z = system.target.z
-        moved = Pose.at(p.lens_shift, p.lens_tilt).inverse()
-        source = Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
-        middle = (0.0, 0.0, 0.0 if system.target.far_field else z)
-        target = Pose.at(p.target_shift, p.target_tilt, middle)
+        back = Pose.at(p.lens_shift, p.lens_tilt).inverse()  # the lens stays, all else moves back
+        source = back @ Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
         front = Pose.at(p.front_shift, p.front_tilt)
-        at_front = front.inverse() @ moved @ source
-        made = perturbed_lens(system, lens, p)
-        receiver = system.target.receiver.seen_from((moved @ target).inverse())
-        return cls(made, front, at_front, receiver, 1 + p.source_size)
+        path = system.path(perturbed_lens(system, lens, p))
+        target = Pose.at(p.target_shift, p.target_tilt, path.receiver.pose.shift.tolist())
+        path = path.onto(path.receiver.moved(back @ target)).moved(0, front).seen_from(front)
+        errors = p.front_error, p.rear_error
+        return cls(path.with_height_errors(errors), front.inverse() @ source, 1 + p.source_size)
+
+    @property
+    def half_width(self) -> tuple[float, float]:
+        """Of the front, mm."""
+        return self.path.surfaces[0].shape.half_width
 
     def cells(self, cells: SourceCells) -> SourceCells:
         """Return moved cells.  Parallel ones stay a grid where they only shift, within the front."""
@@ -86,7 +83,7 @@ class PerturbedParts:
 
     def _within(self, s: Floats, t: Floats) -> bool:
         """Whether all of a grid of parallel rays meets the front."""
-        return all(np.abs(row).max() <= h * (1 + 1e-12) for row, h in zip((s, t), self.lens.front.half_width))
+        return all(np.abs(row).max() <= h * (1 + 1e-12) for row, h in zip((s, t), self.half_width))
 
 
 def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:

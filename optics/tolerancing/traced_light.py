@@ -16,13 +16,13 @@ from optics.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.target import BoxWindow, Splat
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
 from optics.tolerancing.perturbed_parts import PerturbedParts
-from optics.tracing import SMOOTH, SlopeErrors, Tracer
+from optics.tracing import Tracer
 from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
-    from optics.tracing import Landing, SequentialFates
+    from optics.tracing import Landing, SequentialFates, SlopeErrors
     from thbcad.lens import Lens
 
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
@@ -124,7 +124,7 @@ class PerturbedLight:
     def _landed(self, perturbation: Perturbation) -> Floats:
         """Return x, y and flux of single rays on the target, (3, n)."""
         parts = PerturbedParts.of(self.system, self.lens, perturbation)
-        _, landing = self.tracer_of(parts, self.system, perturbation)(parts.rays(self._single_rays))
+        _, landing = self.trace_through(parts)(parts.rays(self._single_rays))
         return np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)])
 
     @cached_property
@@ -135,7 +135,7 @@ class PerturbedLight:
         """Yield weight, parts, and what traces rays through them, of every wavelength."""
         for colour in self._colours:
             parts = PerturbedParts.of(colour.system, colour.lens, perturbation)
-            yield colour.weight, parts, self.tracer_of(parts, colour.system, perturbation)
+            yield colour.weight, parts, self.trace_through(parts)
 
     def error(self, irradiance: Floats) -> Floats | None:
         """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
@@ -157,29 +157,14 @@ class PerturbedLight:
         every_s, every_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
         rays = parts.rays(self.cells.at(every_s, every_t, np.ones(every_s.size)))
         tracer, _ = trace(rays)
-        front_alone = parts.lens.rear.sag is None and parts.lens.front.sag is not None
-        meet = tracer.at_front if front_alone else tracer.at_rear
         with self.backend.dr.suspend_grad():
-            hits, _, flux = meet()
+            hits, _, flux = tracer.at(0 if self.lens.rear.sag is None and self.lens.front.sag else 1)
         at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
         return np.reshape(at, (2, len(s), len(t)))
 
-    def tracer_of(
-        self,
-        parts: PerturbedParts,
-        system: OpticalSystem,
-        heights: Perturbation = NOMINAL,
-        errors: SlopeErrors = SMOOTH,
-    ) -> Trace:
-        """Return what traces rays through perturbed parts.  heights : whose errors of height count."""
-        lens, backend = parts.lens, self.backend
-        path = (
-            system.path(lens)
-            .onto(parts.receiver)
-            .with_front_at(parts.front)
-            .with_slope_errors(errors)
-            .with_height_errors(heights.front_error, heights.rear_error)
-        )
+    def trace_through(self, parts: PerturbedParts, errors: SlopeErrors = (None, None)) -> Trace:
+        """Return what traces rays through perturbed parts, whose slopes may err."""
+        backend, path = self.backend, parts.path.with_slope_errors(errors)
 
         def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
             tracer = Tracer(backend, path, rays)
@@ -193,23 +178,21 @@ class PerturbedLight:
         """Return the light of one wavelength, as if it had all of the flux."""
         parts = PerturbedParts.of(colour.system, colour.lens, p)
         if not self.by_cells:
-            return self._light_of_rays(parts, colour.system, p)
+            return self._light_of_rays(parts)
         cells = parts.cells(self._cells_of(parts))
         image, fates = traced_cells(
-            self.tracer_of(parts, colour.system, p), self.screen, cells, self.backend, CORNERS_AT_ONCE
+            self.trace_through(parts), self.screen, cells, self.backend, CORNERS_AT_ONCE
         )
         if not cells.parallel:  # such rays do not know of the light that has none
             fates = replace(fates, beside_lens=fates.beside_lens + cells.missed)
         return image, fates
 
-    def _light_of_rays(
-        self, parts: PerturbedParts, system: OpticalSystem, p: Perturbation
-    ) -> tuple[Floats, SequentialFates]:
+    def _light_of_rays(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
         for part, errors in zip(self._rays_of(parts), self._errors):
             rays = single_rays(part, self.lens)
-            tracer, landing = self.tracer_of(parts, system, p, errors)(parts.rays(rays))
+            tracer, landing = self.trace_through(parts, errors)(parts.rays(rays))
             with self.backend.dr.suspend_grad():
                 light = splat(landing.x, landing.y, landing.flux).numpy()
             image += light.reshape(self.screen.shape, order="F")
@@ -220,8 +203,7 @@ class PerturbedLight:
 
     def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
         """Return random errors of the slopes where rays meet front and rear."""
-        front, rear = (fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms)
-        return SlopeErrors(front, rear)
+        return [fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms]
 
     def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
         """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
@@ -242,7 +224,7 @@ class PerturbedLight:
 
         wider : times the rectangle in which the front lies there.
         """
-        hx, hy = parts.lens.front.half_width
+        hx, hy = parts.half_width
         box = np.meshgrid((-hx, hx), (-hy, hy), self._heights)
         x, y, _ = parts.source.inverse().points((box[0], box[1], box[2]))
         (a, b), (c, d) = ((v.min() / parts.size, v.max() / parts.size) for v in (x, y))

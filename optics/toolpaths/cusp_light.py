@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import coloured, rel_l2, unit_mean
 from optics.target import MappedCells
-from optics.toolpaths.response_to_slopes import crossings, traced_points
-from optics.tracing import SlopeErrors
+from optics.toolpaths.response_to_slopes import crossings, slope_errors, traced_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -86,7 +85,7 @@ def _by_phase(
     field = slopes(*crossings(system, lens, backend, name, rays))
 
     def light(phase: float) -> Floats:
-        errors = SlopeErrors(**{name: phase * field}) if phase else SlopeErrors()
+        errors = slope_errors(name, phase * field if phase else None)
         points, flux = traced_points(system, lens, backend, rays, errors)
         x, y, passing = map(backend.array, (*points, flux))
         with backend.dr.suspend_grad():

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing import SMOOTH, SlopeErrors, Tracer
-from thbcad.hierarchy import THBSpace
-from thbcad.lens import Lens
-from thbcad.splines import KnotVector
-from thbcad.surfaces import THBSurface
+from optics.sources import single_rays
+from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.sources import RayGrid, Rays
     from optics.system import OpticalSystem
+    from optics.tracing import SlopeErrors
+    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 
+SURFACES = ("front", "rear")
 TILT = 1e-5  # of the central differences: their error is its square, 1e-10, times the third derivative
 
 
@@ -55,7 +55,7 @@ def landing_response(
     for tilt in np.eye(2) * TILT:
         ends = []
         for sign in (1.0, -1.0):
-            errors = SlopeErrors(**{name: sign * tilt[:, None]})
+            errors = slope_errors(name, sign * tilt[:, None])
             points, flux = traced_points(system, lens, backend, rays, errors)
             # light off the target blurs no picture; near total reflection it would outweigh all other
             alive &= (flux > 0) & (np.abs(points) <= np.array(half_width)[:, None]).all(axis=0)
@@ -70,7 +70,7 @@ def traced_points(
     lens: Lens,
     backend: Backend,
     rays: RayGrid | Rays,
-    errors: SlopeErrors = SMOOTH,
+    errors: SlopeErrors = (None, None),
 ) -> tuple[Floats, Floats]:
     """Return (landing points (2, n), flux (n,)) of rays refracted by slopes with errors."""
     tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
@@ -87,26 +87,18 @@ def crossings(
     system: OpticalSystem, lens: Lens, backend: Backend, name: str, rays: RayGrid | Rays
 ) -> tuple[Floats, Floats]:
     """Return x and y, (n,) each, where rays cross a surface, inside it."""
-    if name == "front":
-        lens = _with_front_sag(lens)
-    tracer = Tracer(backend, system.path(lens), rays)
+    surface = SURFACES.index(name)
+    tracer = Tracer(backend, system.path(lens), rays if surface else single_rays(rays, lens))
     with backend.dr.suspend_grad():
-        meet = tracer.at_front if name == "front" else tracer.at_rear
-        hits, _, _ = meet()
+        hits, _, _ = tracer.at(surface)
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         arrays = [hits.x + every, hits.y + every]
         backend.dr.eval(arrays)
-    surface = lens.front if name == "front" else lens.rear
-    x, y = (np.clip(a.numpy(), -h, h) for a, h in zip(arrays, surface.half_width))
+    half_width = (lens.front, lens.rear)[surface].half_width
+    x, y = (np.clip(a.numpy(), -h, h) for a, h in zip(arrays, half_width))
     return x, y
 
 
-def _with_front_sag(lens: Lens) -> Lens:
-    """Return the lens with a sag of zeros on a front without one; the tracer then tells its hits."""
-    if lens.front.sag is not None:
-        return lens
-    line = KnotVector.uniform(3, 1)
-    space = THBSpace(line, line)
-    return Lens(
-        lens.front.with_sag(THBSurface(space, np.zeros(space.dim))), lens.rear, lens.thickness, lens.index
-    )
+def slope_errors(name: str, error: Floats | None) -> SlopeErrors:
+    """Return errors of the slopes of one surface, None is none."""
+    return [error if name == surface else None for surface in SURFACES]

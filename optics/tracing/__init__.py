@@ -25,7 +25,11 @@ if TYPE_CHECKING:
         RayTracer as RayTracer,
     )
     from optics.tracing.light_path import (
+        AIR as AIR,
         LightPath as LightPath,
+        Medium as Medium,
+        SlopeErrors as SlopeErrors,
+        Surface as Surface,
     )
     from optics.tracing.nonsequential import (
         RayPath as RayPath,
@@ -34,11 +38,13 @@ if TYPE_CHECKING:
         trace_nonsequential as trace_nonsequential,
         trace_paths as trace_paths,
     )
+    from optics.tracing.path_faults import (
+        path_faults as path_faults,
+    )
     from optics.tracing.refraction import (
-        SMOOTH as SMOOTH,
-        SlopeErrors as SlopeErrors,
         critical_angle as critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,
+        reflect as reflect,
         refract as refract,
         traced_transmittance as traced_transmittance,
         transmittances as transmittances,
@@ -48,6 +54,9 @@ if TYPE_CHECKING:
     )
     from optics.tracing.sequential import (
         Tracer as Tracer,
+    )
+    from optics.tracing.traced_surface import (
+        Passage as Passage,
     )
 
 _FILES = {
@@ -70,7 +79,13 @@ _FILES = {
         "LandingPoints",
         "RayTracer",
     ),
-    "light_path": ("LightPath",),
+    "light_path": (
+        "AIR",
+        "LightPath",
+        "Medium",
+        "SlopeErrors",
+        "Surface",
+    ),
     "nonsequential": (
         "RayPath",
         "TargetPlane",
@@ -78,16 +93,17 @@ _FILES = {
         "trace_nonsequential",
         "trace_paths",
     ),
+    "path_faults": ("path_faults",),
     "refraction": (
-        "SMOOTH",
-        "SlopeErrors",
         "critical_angle",
         "normal_incidence_transmittance",
+        "reflect",
         "refract",
         "traced_transmittance",
         "transmittances",
     ),
     "searched_intersections": ("SearchedHits",),
     "sequential": ("Tracer",),
+    "traced_surface": ("Passage",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -15,18 +17,17 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from optics.runtime import DrArray
+    from optics.tracing.traced_surface import Passage
     from thbcad.splines import KnotVector
 
 
 @dataclass(eq=False)
 class Landing:
-    """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
+    """Where rays meet the receiver: x, y in mm or degrees, flux in W, zero unless they arrive.
 
-    p, q : direction cosines along x and y behind the lens.
-    entering : flux behind the front.  reaching : what absorption leaves of it at the rear.
-    decided, met : of the front, as `found` and `hit` of Hits.
-    found, hit : of the rear, as in Hits.
-    refracted : the ray leaves the rear surface forward.
+    p, q : direction cosines there, along x and y of the receiver.
+    definite : rays whose x and y are meant, on the surfaces or on what continues them beyond the rims.
+    passages : what became of the rays at every surface.
     """
 
     x: DrArray
@@ -34,18 +35,13 @@ class Landing:
     p: DrArray
     q: DrArray
     flux: DrArray
-    entering: DrArray
-    reaching: DrArray
-    decided: DrArray
-    met: DrArray
-    found: DrArray
-    hit: DrArray
-    refracted: DrArray
+    definite: DrArray | bool
+    passages: Sequence[Passage] = ()
 
     @property
-    def definite(self) -> DrArray:
-        """Rays whose x and y are meant, on the surfaces or on what continues them beyond the rims."""
-        return self.refracted & self.found & self.decided
+    def arrives(self) -> DrArray | bool:
+        """Rays that are definite and met every surface within its rim."""
+        return reduce(and_, (p.hit for p in self.passages), self.definite)
 
 
 @dataclass(frozen=True, eq=False)

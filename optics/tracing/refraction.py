@@ -1,8 +1,7 @@
-"""Refraction: Snell's law, and what Fresnel's equations let through a smooth face."""
+"""Refraction and reflection at a smooth face: directions, and what Fresnel's equations let go on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -14,20 +13,6 @@ if TYPE_CHECKING:
     from optics.tracing.intersections import Vector
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class SlopeErrors:
-    """What is added to the slopes (dz/dx, dz/dy) of front and rear, by which rays are refracted.
-
-    front, rear : (2, 1) for all rays alike, or (2, n); None is a smooth surface.
-    """
-
-    front: Array | None = None
-    rear: Array | None = None
-
-
-SMOOTH = SlopeErrors()
 
 
 def refract(
@@ -57,6 +42,28 @@ def refract(
     s, p = eta * cos_i + cos_t, cos_i + eta * cos_t  # of s- and of p-polarised light
     transmittance = 2 * eta * cos_i * cos_t * (1 / (s * s) + 1 / (p * p))
     return refracted, dr.select(passes, transmittance, 0), passes
+
+
+def reflect(
+    dr: ModuleType, direction: Vector, slope: tuple[DrArray, DrArray], eta: DrArray
+) -> tuple[Vector, DrArray, DrArray]:
+    """Reflect unit directions at the graph z(x, y), met going to +z: d - 2 (d . n) n.
+
+    eta : index before / index behind.  The rest is as of `refract`.
+
+    Returns
+    -------
+    (dx, dy, dz) unit direction, reflectance for unpolarised light, 1 beyond the critical angle, and the mask
+    of rays that meet the surface from before it.
+    """
+    dx, dy, dz = direction
+    zx, zy = slope
+    _, transmittance, refracts = refract(dr, direction, slope, eta)
+    square = 1 + zx * zx + zy * zy
+    across = dz - dx * zx - dy * zy
+    twice = 2 * across / square
+    reflected = (dx + twice * zx, dy + twice * zy, dz - twice)
+    return reflected, dr.select(refracts, 1 - transmittance, 1), across > 0
 
 
 def transmittances(before: float, behind: float, angle: ArrayLike) -> tuple[Array, Array]:

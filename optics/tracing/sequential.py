@@ -1,141 +1,169 @@
-"""Sequential tracing: source, front, rear, target.
+"""Sequential tracing: rays from a source over the surfaces of a light path to its receiver.
 
-A front surface that carries no sag is treated once.  Behind a plane one at normal incidence the
-rays are still parallel to z, so that their meeting points with the rear are known; otherwise
-they are searched for.  Every ray ends in exactly one of the fates that `SequentialFates` names.
+What no change of coefficients reaches is traced once: the surfaces before the first that carries a sag.
+Light along z that comes through a plane is still parallel, so that its meeting points with the next surface
+are known; all others are searched for.  Every ray ends in exactly one of the fates that `SequentialFates`
+names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import cache, partial, reduce
+from itertools import pairwise, takewhile
+from operator import and_
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import RayGrid, Rays, single_rays
+from optics.sources import RayGrid, Rays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import (
-    DeviceRays,
-    Hits,
-    KnownHits,
-    device_flux,
-    on_device,
-    raised_hits,
-    rim_fade,
-)
+from optics.tracing.intersections import DeviceRays, Hits, KnownHits, device_flux, on_device
 from optics.tracing.landings import Landing
-from optics.tracing.refraction import refract
 from optics.tracing.searched_intersections import SearchedHits
-from thbcad.poses import Pose
+from optics.tracing.traced_surface import Passage, TracedSurface, knots_of
+from thbcad.poses import IDENTITY
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.tracing.intersections import Vector
     from optics.tracing.light_path import LightPath
-    from thbcad.lens import FreeformSurface
     from thbcad.splines import KnotVector
 
 Coefficients: TypeAlias = "Sequence[NDArray[np.float64]]"
-
-RAISING_STEPS = 6  # at most: an error of 1 um with slopes of 1e-3 takes one, a gross one of 0.01 mm three
+LOSSES = (
+    "beside_lens",
+    "front_reflected",
+    "missed_rear",
+    "unresolved",
+    "total_internal",
+    "rear_reflected",
+    "absorbed",
+)
+Step: TypeAlias = "tuple[Hits | None, Passage]"  # no Hits where light along z passes a plane
 
 
 class Tracer:
-    """Rays of one source along a path through a lens whose sags may change.
+    """Rays of one source along a path over surfaces whose sags may change.
+
+    Coefficients are those of the sags, (dim,) each, in the order of the path; None are the path's own.
 
     sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
     """
 
     def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, sure: bool = True) -> None:
-        lens, errors = path.lens, path.slope_errors
-        self._backend, self._path, self._lens = backend, path, lens
-        dr, Float = backend.dr, backend.Float
-        self._emitted = rays.total
-        self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
+        self._backend, self._path, self._sure = backend, path, sure
+        self._emitted = path.share * rays.total
+        self._missed = path.share * rays.missed if isinstance(rays, RayGrid) else 0.0
         self._width = rays.flux.size
-        # opaque numbers do not become part of the kernels, which then serve every source and lens
-        self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
-        self._receiver = path.receiver.seen_from(Pose.at((0.0, 0.0, lens.thickness)))  # the rear's vertex
-        self._number = cache(partial(dr.opaque, Float))
-        self._absorption = dr.opaque(Float, path.absorption) if path.absorption else None
-        self._flux = device_flux(backend, rays.flux)
-        self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
-        self._rear: KnownHits | SearchedHits
-        self._behind: tuple[Hits | None, DeviceRays] | None = None  # of a front that never changes
-        knots = _knots(lens.rear)
-        self._errors = [e if e is None else [*map(backend.array, e)] for e in (errors.front, errors.rear)]
-        plane = lens.front.is_plane and errors.front is None and path.height_errors[0] is None
-        if isinstance(rays, RayGrid) and plane and path.front.is_identity and knots is not None:
-            self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
-            self._behind = None, self._parallel(self._rear)
+        self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
+        self._embeddings = [s.shape.sag.space.embedding for s in path.surfaces if s.shape.sag is not None]
+        frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
+        self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
+        self._receiver = path.receiver.seen_from(frames[-1])
+        self._number = cache(partial(backend.dr.opaque, backend.Float))
+        grid = rays if isinstance(rays, RayGrid) and _stays_parallel(path) else None
+        self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
+        self._fixed: list[Step] = []  # over surfaces that no coefficients change
+        if grid is not None:
+            self._fixed, self._behind = self._through_plane()
             return
-        self._source = on_device(backend, single_rays(rays, lens), self._flux)
-        self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure)
-        self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, knots, sure)
-        if lens.front.sag is None:
-            self._behind = self._through_front(None)
-            behind = self._behind[1]
-            dr.eval(behind.origin, behind.direction, behind.flux)
+        single = rays if isinstance(rays, Rays) else rays.rays(path.before)
+        self._source = self._behind = on_device(backend, single.posed(frames[0].inverse()), self._flux)
+        for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
+            step, self._behind = self._over(k, self._behind, None)
+            self._fixed.append(step)
+            backend.dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
 
     def trace(self, coefficients: Coefficients | None = None) -> tuple[list[Hits], Landing]:
-        """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves.
+        """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves."""
+        every, landing = self.trace_all(coefficients)
+        pairs = zip(every, self._path.surfaces)
+        return [hits for hits, s in pairs if hits is not None and s.shape.sag is not None], landing
 
-        coefficients : of the sags, (dim,) each, front first; None are those of the lens.
+    def trace_all(self, coefficients: Coefficients | None = None) -> tuple[list[Hits | None], Landing]:
+        """Return (Hits of every surface, Landing).
+
+        There are no Hits of a plane through which light along z goes on to known meeting points.
         """
-        front, rear, landing = self.trace_all(coefficients)
-        surfaces = (front, self._lens.front), (rear, self._lens.rear)
-        changing = [hits for hits, surface in surfaces if hits is not None and surface.sag is not None]
-        return changing, landing
+        steps, rays = self._follow(coefficients, len(self._surfaces))
+        return [hits for hits, _ in steps], self._landing([passage for _, passage in steps], rays)
 
-    def trace_all(self, coefficients: Coefficients | None = None) -> tuple[Hits | None, Hits, Landing]:
-        """Return (Hits of the front, None where parallel light passes a plane, Hits of the rear, Landing)."""
-        front, behind, rear = self._meet(coefficients)
-        return front, rear, self._landing(front, behind, rear)
+    def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
+        """Return (Hits of a surface, directions before it, flux before it, zero for rays that miss).
 
-    def at_front(self, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
-        """Return (Hits of a free front, directions before it, flux before it, zero for rays that miss)."""
-        net, rays = self._nets(coefficients)[0], self._source
-        hits = self._front.meet(rays.origin, rays.direction, net)
+        surface : its number along the path; directions are in its frame.
+
+        Raises
+        ------
+        ValueError : light along z passes it without being traced; give rays one by one.
+        """
+        if surface < len(self._fixed):
+            if self._fixed[surface][0] is None:
+                raise ValueError("parallel light is not traced to a plane; give rays one by one")
+            rays = self._source
+            for k in range(surface):
+                _, rays = self._over(k, rays, None)
+        else:
+            _, rays = self._follow(coefficients, surface)
+        hits = self._surfaces[surface].meet(rays, self._nets(coefficients)[surface])
         return hits, rays.direction, self._backend.dr.select(hits.hit, rays.flux, 0)
 
-    def at_rear(self, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
-        """Return (Hits of the rear, directions inside the lens, flux inside the lens).
+    def _follow(self, coefficients: Coefficients | None, stop: int) -> tuple[list[Step], DeviceRays]:
+        """Return the steps over the surfaces before number `stop`, and the rays behind them."""
+        nets, steps, rays = self._nets(coefficients), list(self._fixed), self._behind
+        for k in range(len(steps), stop):
+            step, rays = self._over(k, rays, nets[k])
+            steps.append(step)
+        return steps, rays
 
-        The flux is zero for rays that miss.
+    def _over(self, k: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> tuple[Step, DeviceRays]:
+        """Return the step over a surface, and the rays behind it in the frame of the next one."""
+        surface = self._surfaces[k]
+        hits = surface.meet(rays, net)
+        passage, direction = surface.passed(rays, hits)
+        point: Vector = (hits.x, hits.y, hits.z)
+        for ahead in self._ahead[k : k + 1]:
+            point, direction = ahead.points(point), ahead.directions(direction)
+        return (hits, passage), DeviceRays(point, direction, passage.leaving)
+
+    def _through_plane(self) -> tuple[list[Step], DeviceRays]:
+        """Return the step of light along z through a plane, and the rays behind it.
+
+        Their meeting points with the next surface are known, so that no ray is beside the plane.
         """
-        _, behind, hits = self._meet(coefficients)
-        return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
+        dr, Float, second = self._backend.dr, self._backend.Float, self._surfaces[1].hits
+        assert isinstance(second, KnownHits)
+        direction = (0.0, 0.0, 1.0)
+        _, share, _ = self._surfaces[0].turned(direction, (Float(0), Float(0)))
+        entering = self._flux * share
+        dr.make_opaque(entering)
+        origin = second.x, second.y, self._ahead[0].shift[2].item()
+        before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
+        step = None, Passage(before, True, True, True, self._flux, entering)
+        return [step], DeviceRays(origin, direction, entering)
 
-    def _meet(self, coefficients: Coefficients | None) -> tuple[Hits | None, DeviceRays, Hits]:
-        """Return (Hits of the front, None where they are known, the rays behind it, Hits of the rear)."""
-        nets = self._nets(coefficients)
-        front, behind = self._behind or self._through_front(nets[0])
-        net = None if self._lens.rear.sag is None else nets[-1]
-        return front, behind, self._met(1, behind, net)
+    def _landing(self, passages: list[Passage], rays: DeviceRays) -> Landing:
+        dr = self._backend.dr
+        goes_on = reduce(and_, (p.goes_on for p in passages[-1:]), True)
+        x, y, z = rays.direction
+        # where nothing goes on no denominator may vanish
+        landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
+        absorption, flux = self._path.media[-1].absorption, rays.flux
+        if absorption:
+            flux = flux * dr.exp(-self._number(absorption) * landed.length)
+        known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
+        return Landing(
+            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, flux, 0), known, passages
+        )
 
-    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64]]:
-        """Return the nets of the sags on the tensor-product meshes that are traced."""
-        if coefficients is None:
-            coefficients = [sag.coefficients for sag in self._lens.sags]
-        return [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
-
-    def _met(self, surface: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
-        """Return the Hits of rays with a surface.  surface : 0 is the front, 1 the rear."""
-        hits, error = (self._rear if surface else self._front), self._path.height_errors[surface]
-
-        def meet(height: DrArray | float) -> Hits:
-            if isinstance(hits, KnownHits):
-                assert net is not None
-                return hits.meet(net)
-            x, y, z = rays.origin
-            return hits.meet((x, y, z - height), rays.direction, net)
-
-        if error is None:
-            return meet(0.0)
-        return raised_hits(self._backend, error, meet, 0 if isinstance(hits, KnownHits) else RAISING_STEPS)
+    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64] | None]:
+        """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
+        every = self._path.coefficients if coefficients is None else coefficients
+        nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, every)])
+        return [None if s.shape.sag is None else next(nets) for s in self._path.surfaces]
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
@@ -162,43 +190,42 @@ class Tracer:
 
     @property
     def _changing(self) -> list[KnownHits | SearchedHits]:
-        """The surfaces that carry a sag, front first."""
-        front = [] if self._lens.front.sag is None else [self._front]
-        rear = [] if self._lens.rear.sag is None else [self._rear]
-        return [*front, *rear]
+        """What meets the surfaces that carry a sag."""
+        return [s.hits for s in self._surfaces if s.surface.shape.sag is not None]
 
     def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
-        """Return the flux of a traced landing by fate, for a target rectangle."""
+        """Return the flux of a traced landing by fate, for a target rectangle.
+
+        What happens behind the first surface is summed over all of these; light that does not meet the
+        receiver is beside the target.
+        """
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
-        def total(values: DrArray, mask: DrArray) -> float:
+        def total(values: DrArray, mask: DrArray | bool) -> float:
             every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
             return float(dr.sum(every).numpy()[0])
 
-        lost_before = total(self._flux, dr.select(landing.decided, False, True))
-        lost_inside = total(landing.entering, dr.select(landing.found, False, True))
-        met = total(self._flux, landing.met)
-        inside = total(landing.entering, True)
-        found = total(landing.entering, landing.found)
-        hit = total(landing.entering, landing.hit)
-        at_rear = hit if self._absorption is None else total(landing.reaching, landing.hit)
-        refracted = total(landing.reaching, landing.hit & landing.refracted)
-        arriving = total(landing.flux, True)
+        coming, lost = self._missed + self._emitted, dict.fromkeys(LOSSES, 0.0)
+        before = self._flux
+        for k, p in enumerate(landing.passages):
+            first = k == 0
+            unresolved, hit = total(before, dr.select(p.found, False, True)), total(before, p.hit)
+            absorbing = self._path.media[k].absorption
+            reaching = total(p.reaching, p.hit) if absorbing else hit
+            going = reaching if first else total(p.reaching, p.hit & p.goes_on)
+            leaving = total(p.leaving, True)
+            lost["unresolved"] += unresolved
+            lost["beside_lens" if first else "missed_rear"] += coming - unresolved - hit
+            lost["absorbed"] += hit - reaching
+            lost["total_internal"] += reaching - going
+            lost["front_reflected" if first else "rear_reflected"] += going - leaving
+            coming, before = leaving, p.leaving
         on_target = total(landing.flux, onto)
-        differences = {
-            "beside_lens": self._missed + self._emitted - lost_before - met,
-            "front_reflected": met - inside,
-            "missed_rear": found - hit,
-            "total_internal": at_rear - refracted,
-            "rear_reflected": refracted - arriving,
-            "off_target": arriving - on_target,
-            "absorbed": hit - at_rear,
-        }
         return SequentialFates(
-            unresolved=lost_before + lost_inside,
             on_target=on_target,
-            **{fate: max(0.0, flux) for fate, flux in differences.items()},  # rounding is no negative light
+            off_target=max(0.0, coming - on_target),
+            **{fate: max(0.0, flux) for fate, flux in lost.items()},  # rounding is no negative light
         )
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
@@ -207,102 +234,49 @@ class Tracer:
         Reflected light is not counted: it splits off rays that go on.
         """
         dr = self._backend.dr
-        every = dr.ones(dr.mask_t(self._backend.Float), self._width)
-        decided, met, found = (every & mask for mask in (landing.decided, landing.met, landing.found))
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
-        at_rear = met & found & landing.hit
-        arrives = at_rear & landing.refracted
-        masks = {
-            "beside_lens": decided & ~met,
-            "missed_rear": met & found & ~landing.hit,
-            "unresolved": ~decided | (met & ~found),
-            "total_internal": at_rear & ~landing.refracted,
-            "on_target": arrives & onto,
-            "off_target": arrives & ~onto,
-        }
-        return {name: int(dr.count(mask).numpy()[0]) for name, mask in masks.items()}
+        alive = dr.ones(dr.mask_t(self._backend.Float), self._width)
+        counts = dict.fromkeys(("beside_lens", "missed_rear", "unresolved", "total_internal"), 0)
 
-    def _parallel(self, rear: KnownHits) -> DeviceRays:
-        """Return the rays of a collimated beam behind a plane front, in the frame of the rear's vertex."""
-        dr, Float = self._backend.dr, self._backend.Float
-        direction = (0.0, 0.0, 1.0)
-        _, transmittance, _ = self._refracted(direction, (Float(0), Float(0)), self._inverse)
-        entering = self._flux * transmittance
-        dr.make_opaque(entering)
-        return DeviceRays((rear.x, rear.y, -self._lens.thickness), direction, entering)
+        def count(mask: DrArray) -> int:
+            return int(dr.count(mask).numpy()[0])
 
-    def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, DeviceRays]:
-        """Return the front's Hits and the rays behind it, in the frame of the rear's vertex."""
-        rays = self._source
-        hits = self._met(0, rays, net)
-        dr = self._backend.dr
-        direction, transmittance, _ = self._refracted(rays.direction, self._slopes(hits, 0), self._inverse)
-        passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
-        flux = dr.select(hits.hit, passing, 0)
-        point: Vector = self._path.front.points((hits.x, hits.y, hits.z))
-        direction = self._path.front.directions(direction)
-        return hits, DeviceRays((point[0], point[1], point[2] - self._lens.thickness), direction, flux)
+        for k, p in enumerate(landing.passages):
+            found, hit = alive & p.found, alive & p.found & p.hit
+            counts["unresolved"] += count(alive & ~found)
+            counts["missed_rear" if k else "beside_lens"] += count(found & ~hit)
+            alive = hit & p.goes_on
+            counts["total_internal"] += count(hit & ~alive)
+        return counts | {"on_target": count(alive & onto), "off_target": count(alive & ~onto)}
 
-    def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
-        dr = self._backend.dr
-        (dx, dy, dz), transmittance, refracted = self._refracted(
-            behind.direction, self._slopes(hits, 1), self._index
-        )
-        forward = refracted & (dz > 0)
-        arrives = hits.hit & forward
-        reaching = self._left(behind, hits)
-        flux = dr.select(arrives, reaching * transmittance * self._rim(hits, self._lens.rear), 0)
-        dz = dr.select(forward, dz, 1)
-        landed = self._receiver.land((hits.x, hits.y, hits.z), (dx, dy, dz), dr, self._number)
-        return Landing(
-            x=landed.u,
-            y=landed.v,
-            p=landed.p,
-            q=landed.q,
-            flux=flux,
-            entering=behind.flux,
-            reaching=reaching,
-            decided=True if front is None else front.found,
-            met=True if front is None else front.hit,
-            found=hits.found,
-            hit=hits.hit,
-            refracted=forward,
+    def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
+        """Return a surface of the path.  grid : of light along z, which meets it behind a plane."""
+        path, backend = self._path, self._backend
+        surface, hits = path.surfaces[k], None
+        shape, knots = surface.shape, knots_of(surface.shape)
+        changes = any(s.shape.sag is not None for s in path.surfaces[: k + 1])
+        if grid is not None and knots is not None:
+            hits = KnownHits(backend, grid, shape.conic, shape.half_width, knots)
+        return TracedSurface(
+            backend,
+            surface,
+            (path.media[k], path.media[k + 1]),
+            hits or SearchedHits(backend, shape.conic, shape.half_width, knots, self._sure),
+            path.soft_rim if changes else 0.0,
         )
 
-    def _left(self, behind: DeviceRays, hits: Hits) -> DrArray:
-        """Return the flux that absorption leaves of rays on their way to the rear, exp(-a t)."""
-        if self._absorption is None:
-            return behind.flux
-        dr = self._backend.dr
-        path = (hits.z - behind.origin[2]) / behind.direction[2]
-        return behind.flux * dr.exp(-self._absorption * dr.select(hits.hit, path, 0))
 
-    def _slopes(self, hits: Hits, surface: int) -> tuple[DrArray, DrArray]:
-        """Return the slopes by which rays are refracted.  surface : 0 is the front, 1 the rear."""
-        errors = self._errors[surface]
-        return (hits.zx, hits.zy) if errors is None else (hits.zx + errors[0], hits.zy + errors[1])
-
-    def _refracted(
-        self, direction: Vector, slope: tuple[DrArray, DrArray], eta: DrArray
-    ) -> tuple[Vector, DrArray, DrArray]:
-        """Return what `refract` does, all light passing where Fresnel's losses are left out."""
-        out, transmittance, passes = refract(self._backend.dr, direction, slope, eta)
-        if not self._path.reflection:
-            transmittance = self._backend.dr.select(passes, self._backend.Float(1), 0)
-        return out, transmittance, passes
-
-    def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
-        """Return 1 inside a surface, falling to 0 at its rim, see `rim_fade`."""
-        fixed = surface.sag is None and (surface is self._lens.front or self._lens.front.sag is None)
-        if not self._path.soft_rim or fixed or isinstance(self._rear, KnownHits):
-            return 1.0
-        return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._path.soft_rim)
-
-
-def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
-    """Return the knots in mm of a sag's tensor-product form."""
-    if surface.sag is None:
-        return None
-    embedding = surface.sag.space.embedding
-    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), surface.half_width))
-    return kv_x, kv_y
+def _stays_parallel(path: LightPath) -> bool:
+    """Whether light along z is still along z where it meets the second surface, which carries a sag."""
+    if len(path.surfaces) < 2:
+        return False
+    first, second = path.surfaces[:2]
+    return (
+        second.shape.sag is not None
+        and first.kind == "refract"
+        and first.shape.is_plane
+        and first.slope_error is None
+        and first.height_error is None
+        and first.pose.is_identity
+        and not (second.pose.rotates or second.pose.shift[:2].any())
+    )

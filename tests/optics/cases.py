@@ -215,7 +215,7 @@ def moved_point(text, point, change):
 
 def tracer_to(backend, lens, rays, target_z, soft_rim=0.0, sure=True, fresnel=True, absorption=0.0):
     """Return the Tracer of a lens alone, to a plane; inf is the far field."""
-    path = LightPath(lens, receiver_at(target_z), absorption).with_soft_rims(soft_rim)
+    path = LightPath.through(lens, receiver_at(target_z), absorption).with_soft_rims(soft_rim)
     return Tracer(backend, path if fresnel else path.without_reflection(), rays, sure)
 
 

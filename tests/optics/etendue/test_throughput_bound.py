@@ -277,7 +277,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     tracer = tracer_to(backend, lens, rays, problem.target_z)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at_rear(coefficients)
+        hits, _, _ = tracer.at(1, coefficients)
         _, landing = tracer.trace(coefficients)
         x, y, z, p, q, flux = (
             a.numpy() for a in (hits.x, hits.y, hits.z, landing.p, landing.q, landing.flux)

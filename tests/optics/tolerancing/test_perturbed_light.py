@@ -61,7 +61,7 @@ def test_rays_land_where_numpy_has_them_in_the_frame_of_the_world(light, backend
     p = EVERYTHING
     parts = PerturbedParts.of(light.system, light.lens, p)
     rays = single_rays(light.system.source.rays((4, 5)), light.lens)
-    _, landing = light.tracer_of(parts, light.system, p)(parts.rays(rays))
+    _, landing = light.trace_through(parts)(parts.rays(rays))
     made = perturbed_lens(light.system, light.lens, p)
     expected = [
         traced_by_numpy(made, p, o, d, TARGET_Z, SOURCE_Z) for o, d in zip(rays.origin.T, rays.direction.T)
@@ -74,7 +74,7 @@ def test_a_front_of_waves_alone_keeps_what_is_exact(light, backend):
     p = Perturbation(rear_error=Waves(5e-3, 2.0))  # light parallel to z meets it without a search
     parts = PerturbedParts.of(light.system, light.lens, p)
     grid = light.system.source.rays((4, 5))
-    _, landing = light.tracer_of(parts, light.system, p)(grid)
+    _, landing = light.trace_through(parts)(grid)
     rays = single_rays(grid, light.lens)
     expected = [
         traced_by_numpy(light.lens, p, o, d, TARGET_Z, SOURCE_Z)
@@ -129,7 +129,7 @@ def test_a_wedge_bends_light_as_a_prism(tmp_path, backend):
     p = Perturbation(front_tilt=(0.0, angle, 0.0))
     parts = PerturbedParts.of(light.system, light.lens, p)
     rays = single_rays(light.system.source.rays((4, 5)), light.lens)
-    _, landing = light.tracer_of(parts, light.system, p)(parts.rays(rays))
+    _, landing = light.trace_through(parts)(parts.rays(rays))
     assert np.abs(landing.p.numpy()) == pytest.approx(np.sin(out), rel=1e-9)
     assert np.abs(landing.q.numpy()).max() < 1e-12
 

@@ -7,7 +7,6 @@ from optics.analysis import measure
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 from optics.toolpaths import ToolOrder, cusp_blur, landing_response, light_with_cusps, traced_points
-from optics.tracing import SlopeErrors
 from tests.optics.cases import WIDE, small_lens, write_problem
 from tests.optics.toolpaths.cases import bowl_lens
 from thbcad.sags import Conic
@@ -55,8 +54,7 @@ def test_the_exact_trace_of_the_cusps_spreads_light_by_the_blur(tmp_path, backen
     cusps = ball_cusps(air_side(lens, "rear"), response.x, response.y, 8.0, step, rows)
     rays = system.source.rays((25, 25))
     ends = [
-        traced_points(system, lens, backend, rays, SlopeErrors(rear=sign * cusps.slopes / 2))[0]
-        for sign in (-1.0, 1.0)
+        traced_points(system, lens, backend, rays, (None, sign * cusps.slopes / 2))[0] for sign in (-1.0, 1.0)
     ]
     spread = np.hypot(*(ends[1] - ends[0])) / PIXEL
     assert spread == pytest.approx(step * blur.pixels, rel=1e-3)
@@ -71,7 +69,7 @@ def test_scallops_at_every_ray_move_light_within_the_blur_and_fill_it(tmp_path, 
     phase = response.y / step - np.round(response.y / step)
     rays = system.source.rays((129, 129))
     smooth, _ = traced_points(system, lens, backend, rays)
-    rough, _ = traced_points(system, lens, backend, rays, SlopeErrors(rear=phase * cusps.slopes))
+    rough, _ = traced_points(system, lens, backend, rays, (None, phase * cusps.slopes))
     moved = np.hypot(*(rough - smooth)) / PIXEL / (step * blur.pixels)
     assert moved.max() <= 0.5 * (1 + 1e-3)
     assert moved.max() > 0.49

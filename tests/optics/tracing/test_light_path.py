@@ -7,11 +7,12 @@ from optics.problem import load_problem
 from optics.receivers import FarField, Plane, receiver_at
 from optics.sources import point_rays
 from optics.system import OpticalSystem
-from optics.tracing import SMOOTH, LightPath, SlopeErrors, Tracer
-from tests.optics.cases import TARGET_Z, coefficients, small_lens, write_problem
+from optics.tracing import AIR, LightPath, Medium, Surface, Tracer
+from tests.optics.cases import TARGET_Z, small_lens, write_problem
 from thbcad import Conic, Pose
 
 LENS = small_lens(Conic(60.0))
+TILT = np.zeros((2, 1))
 
 
 class Bump:
@@ -23,13 +24,13 @@ class Bump:
 
 @pytest.fixture
 def path():
-    return LightPath(LENS, receiver_at(TARGET_Z), 0.01)
+    return LightPath.through(LENS, receiver_at(TARGET_Z), 0.01)
 
 
 def landed(backend, path, rays):
     """x, y and flux on the receiver, (3, n), of rays that arrive; NaN of others."""
     with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, path, rays).trace(coefficients(path.lens))
+        _, landing = Tracer(backend, path, rays).trace()
     flux = landing.flux.numpy()
     return np.where(flux > 0, [landing.x.numpy(), landing.y.numpy(), flux], np.nan)
 
@@ -45,43 +46,90 @@ def test_maps_of_nothing_return_the_path_itself(path):
     assert clear.without_absorption() is clear.without_reflection() is clear
     for same in (
         path.onto(path.receiver),
-        path.with_slope_errors(SMOOTH),
-        path.with_height_errors(None, None),
-        path.with_front_at(Pose.at()),
+        path.with_slope_errors((None, None)),
+        path.with_height_errors((None, None)),
+        path.moved(0, Pose.at()),
+        path.seen_from(Pose.at()),
         path.with_soft_rims(0.0),
     ):
         assert same is path
 
 
-def test_a_map_of_nothing_takes_back_what_was_there(path):
-    errors = SlopeErrors(rear=np.zeros((2, 1)))
-    assert path.with_slope_errors(errors).with_slope_errors(SMOOTH).slope_errors is SMOOTH
-    assert path.with_height_errors(None, Bump()).with_height_errors(None, None).height_errors == (None, None)
-    assert path.with_front_at(Pose.at((0.1, 0, 0))).with_front_at(Pose.at()).front.is_identity
-    assert path.with_soft_rims(0.05).with_soft_rims(0.0).soft_rim == 0
-
-
-def test_every_map_changes_one_thing(path):
-    errors, bump, pose = SlopeErrors(rear=np.zeros((2, 1))), Bump(), Pose.at((0.1, 0, 0))
-    changed = {
-        "receiver": path.onto(FarField()),
-        "absorption": path.without_absorption(),
-        "reflection": path.without_reflection(),
-        "slope_errors": path.with_slope_errors(errors),
-        "height_errors": path.with_height_errors(None, bump),
-        "front": path.with_front_at(pose),
-        "soft_rim": path.with_soft_rims(0.05),
+def changed(path, other):
+    """Return what differs between two paths: names, of surfaces with their numbers."""
+    names = {
+        name for name in ("media", "receiver", "share", "soft_rim") if vars(path)[name] != vars(other)[name]
     }
-    for name, other in changed.items():
-        assert [key for key, value in vars(path).items() if vars(other)[key] is not value] == [name]
+    for k, (a, b) in enumerate(zip(path.surfaces, other.surfaces)):
+        names |= {f"{name} {k}" for name in vars(a) if vars(a)[name] is not vars(b)[name]}
+    return names
+
+
+def test_every_map_changes_one_thing_and_takes_it_back(path):
+    shift, bump = Pose.at((0.1, 0, 0)), Bump()
+    maps = {
+        ("receiver",): (lambda p: p.onto(FarField()), lambda p: p.onto(path.receiver)),
+        ("media",): (lambda p: p.without_absorption(), None),
+        ("share 0", "share 1"): (lambda p: p.without_reflection(), None),
+        ("slope_error 1",): (
+            lambda p: p.with_slope_errors((None, TILT)),
+            lambda p: p.with_slope_errors((None, None)),
+        ),
+        ("height_error 0",): (
+            lambda p: p.with_height_errors((bump, None)),
+            lambda p: p.with_height_errors((None, None)),
+        ),
+        ("pose 1",): (lambda p: p.moved(1, shift), None),
+        ("soft_rim",): (lambda p: p.with_soft_rims(0.05), lambda p: p.with_soft_rims(0.0)),
+    }
+    for names, (there, back) in maps.items():
+        assert changed(path, there(path)) == set(names)
+        assert back is None or changed(path, back(there(path))) == set()
+
+
+def test_errors_are_given_for_every_surface(path):
+    for wrong in ((), (None,), (None, None, None)):
+        with pytest.raises(ValueError, match="one slope_error for each surface, got"):
+            path.with_slope_errors(wrong)
+
+
+def test_a_path_that_is_none_is_refused():
+    surface, mirror = Surface(LENS.front), Surface(LENS.front, kind="reflect")
+    glass = Medium(1.5)
+    with pytest.raises(ValueError, match="1 surfaces lie between 2 media, got 1"):
+        LightPath((surface,), (AIR,), FarField())
+    with pytest.raises(ValueError, match=r"surface 0 reflects light, but from .* into"):
+        LightPath((mirror,), (AIR, glass), FarField())
+    for share in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValueError, match="a share of light lies from 0 to 1"):
+            LightPath((surface,), (AIR, glass), FarField(), share)
+        with pytest.raises(ValueError, match="a share of light lies from 0 to 1"):
+            LightPath((Surface(LENS.front, share=share),), (AIR, glass), FarField())
 
 
 def test_the_path_of_a_system_absorbs_what_its_lens_does(tmp_path):
     system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.absorption": 0.02})))
     path = system.path(system.lens)
-    assert path.absorption == 0.02
-    assert path.lens is system.lens
+    assert [medium.absorption for medium in path.media] == [0.0, 0.02, 0.0]
+    assert [medium.index for medium in path.media] == [1.0, system.lens.index, 1.0]
+    assert [surface.shape for surface in path.surfaces] == [system.lens.front, system.lens.rear]
     assert path.receiver.pose.shift[2] == system.target.z
+
+
+def test_a_path_and_all_light_seen_from_elsewhere_lands_the_same(backend, path):
+    """Rays, surfaces and receiver as another body sees them."""
+    pose = Pose.at((30.0, -20.0, 10.0), (0.3, -0.7, 2.0))
+    here = landed(backend, path, cone())
+    there = landed(backend, path.seen_from(pose), cone().posed(pose.inverse()))
+    assert np.isfinite(here[2]).sum() > 100
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-10)
+
+
+def test_a_share_of_the_source_takes_a_path(backend, path):
+    half = LightPath(path.surfaces, path.media, path.receiver, 0.5)
+    whole = [landed(backend, p, cone()) for p in (path, half)]
+    np.testing.assert_array_equal(whole[1][:2], whole[0][:2])
+    np.testing.assert_allclose(whole[1][2], whole[0][2] / 2, rtol=1e-15)
 
 
 def test_a_tilted_receiver_is_met_where_the_ray_meets_its_plane(backend, path):
@@ -97,6 +145,19 @@ def test_a_tilted_receiver_is_met_where_the_ray_meets_its_plane(backend, path):
     assert np.nanmax(np.abs(found[:2] - wanted[:2])) < 1e-11
     assert np.nanmax(np.abs(wanted[2])) < 1e-11
     assert np.isfinite(found[2]).sum() > 100
+
+
+def test_light_from_behind_a_receiver_does_not_arrive_and_is_accounted_for(backend, path):
+    """A receiver that is turned round: everything that leaves the lens is beside the target."""
+    backward = Plane(Pose.at((0.0, 0.0, TARGET_Z), (0.0, np.pi, 0.0)))
+    tracer = Tracer(backend, path.onto(backward), cone())
+    with backend.dr.suspend_grad():
+        _, landing = tracer.trace()
+    fates = tracer.fates(landing, (1e3, 1e3))
+    assert fates.on_target == 0
+    assert fates.off_target > 0.5
+    assert not landing.arrives.numpy().any()
+    assert sum(vars(fates).values()) == pytest.approx(cone().total, rel=1e-12)
 
 
 def test_what_is_left_out_is_what_is_not_lost(backend, path):

@@ -353,8 +353,8 @@ def test_a_soft_rim_fades_the_light_of_a_rear_behind_a_free_front(backend):
     _, hard = tracer_to(backend, lens, rays, TARGET_Z).trace(coefficients(lens))
     tracer = tracer_to(backend, lens, rays, TARGET_Z, share)
     _, soft = tracer.trace(coefficients(lens))
-    hits, _, _ = tracer.at_rear(coefficients(lens))
-    front, _, _ = tracer.at_front(coefficients(lens))
+    hits, _, _ = tracer.at(1, coefficients(lens))
+    front, _, _ = tracer.at(0, coefficients(lens))
     fade = np.ones(1 << 11)
     for at, half in ((hits, 8.0), (front, 5.0)):
         for a in (at.x.numpy(), at.y.numpy()):

@@ -102,7 +102,7 @@ def rough_300(seed):
 def landing(backend, lens, rays, target_z):
     """Return (x, y, flux, found) of the rays, (n,) each."""
     _, end = tracer_to(backend, lens, rays, target_z).trace(coefficients(lens))
-    return [a.numpy() for a in (end.x, end.y, end.flux, end.found)]
+    return [a.numpy() for a in (end.x, end.y, end.flux, end.passages[1].found)]
 
 
 def scaled(lens, k):
