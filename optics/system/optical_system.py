@@ -189,9 +189,14 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
+    def paths(self, lens: Lens) -> tuple[LightPath, ...]:
+        """Return the paths of light of the source's own wavelength through a lens, one to each target."""
+        return tuple(LightPath.through(lens, target.receiver, self.absorption) for target in self.targets)
+
     def path(self, lens: Lens) -> LightPath:
-        """Return the path of light of the source's own wavelength through a lens to the target."""
-        return LightPath.through(lens, self.target.receiver, self.absorption)
+        """Return the path through a lens, where there is one."""
+        (path,) = self.paths(lens)
+        return path
 
     @cached_property
     def parallel(self) -> bool:
