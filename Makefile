@@ -99,7 +99,7 @@ QUICK = \
 	tests/optics/toolpaths \
 	tests/optics/tracing/test_light_path.py \
 	tests/optics/tracing/test_sequential.py \
-	tests/optics/tracing/test_span_search.py \
+	tests/optics/intersections/test_span_search.py \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
 	tests/optics/view \

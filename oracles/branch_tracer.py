@@ -113,9 +113,9 @@ def escape(origin, d, left, target):
     last exit."""
     if left is None or left == "outside":
         return "beside_lens" if left is None else "reflected_outside"
-    if d[2] <= 0 or origin[2] > target.z:
+    if d[2] <= 0 or origin[2] > target.receiver.pose.shift[2]:
         return "back"
-    x, y = (origin + d * (target.z - origin[2]) / d[2])[:2]
+    x, y = (origin + d * (target.receiver.pose.shift[2] - origin[2]) / d[2])[:2]
     return left + (
         "on_target" if abs(x) <= target.half_width[0] and abs(y) <= target.half_width[1] else "off_target"
     )

@@ -50,6 +50,7 @@ FLOORS = [
         "optics.transport",
         "optics.workers",
     ],
+    ["optics.intersections"],
     ["optics.tracing"],
     ["optics.system", "optics.shape"],
     ["optics.blur", "optics.heights"],

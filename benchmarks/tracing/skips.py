@@ -8,7 +8,7 @@ states.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from importlib.util import find_spec
 from time import perf_counter
@@ -27,7 +27,7 @@ from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
 from optics.sources import RayGrid, collimated_beam, single_rays
 from optics.system import OpticalSystem
 from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Splat
-from optics.tracing import TargetPlane, Tracer, trace_nonsequential
+from optics.tracing import TargetArea, Tracer, trace_nonsequential
 from thbcad import Lens, THBSurface
 
 COUNT, REPEATS = 449, 9
@@ -44,13 +44,11 @@ Evaluate = Callable[[], tuple[float, Gradients]]
 
 
 class FrontAgain(Tracer):
-    """A Tracer that traces the frozen front in every evaluation."""
+    """A tracer that traces the frozen front in every evaluation."""
 
-    def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> Any:
-        self._behind = self._through_front(None)
-        rays = self._behind[1]
-        self._backend.dr.eval(rays.origin, rays.direction, rays.flux)
-        return super()._meet(coefficients)
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._fixed, self._behind = [], self._source
 
 
 class Literals:
@@ -178,7 +176,7 @@ def _edges(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Light forward only; the closed lens has no gradient."""
     beam, c = system.source.rays((129, 129)), [sag.coefficients for sag in lens.sags]
     tracer, half = Tracer(backend, system.path(lens), beam), system.target.settings.half_width
-    rays, plane = single_rays(beam, lens), TargetPlane(system.target.z, half)
+    rays, plane = single_rays(beam, lens), TargetArea(system.target.receiver, half)
     found = trace_nonsequential(backend, lens, rays, plane)
     flux = found.landings.flux
     onto = (abs(found.landings.x) <= half[0]) & (abs(found.landings.y) <= half[1])
@@ -256,7 +254,7 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
 def _front(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     rays = system.source.rays((512, 512))
-    tracers = (kind(backend, lens, rays, system.target.z, sure=False) for kind in (Tracer, FrontAgain))
+    tracers = (kind(backend, system.path(lens), rays, sure=False) for kind in (Tracer, FrontAgain))
     return _tracers(system, lens, backend, "front", tracers)
 
 
@@ -283,7 +281,7 @@ def _converged(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
     """Steps until the residual is a five-hundredth of what settles, the last above rounding."""
     rays = system.source.rays((512, 512))
     tracers = [Tracer(backend, system.path(lens), rays, sure=False) for _ in range(2)]
-    tracers[1]._rear.settled = 1e-3
+    tracers[1]._surfaces[1].hits.settled = 1e-3
     return _tracers(system, lens, backend, "converged rays", tracers)
 
 

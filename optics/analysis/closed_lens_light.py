@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.sources import single_rays
-from optics.tracing import FATES, Fates, TargetPlane, Tracer, trace_nonsequential
+from optics.tracing import FATES, Fates, TargetArea, Tracer, trace_nonsequential
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -76,7 +76,7 @@ def _replicate(
 ) -> tuple[Floats, Fates, SequentialFates]:
     """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
     rays = single_rays(system.source.rays(RAYS, rng), lens)
-    plane = TargetPlane(system.target.z, screen.half_width)
+    plane = TargetArea(system.target.receiver, screen.half_width)
     every = trace_nonsequential(
         backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
     )

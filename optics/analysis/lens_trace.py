@@ -14,7 +14,7 @@ from optics.analysis.phase_space import PhaseSpace, at_target, jacobian_determin
 from optics.sources import single_rays
 from optics.target import BoxWindow, Splat
 from optics.tracing import (
-    TargetPlane,
+    TargetArea,
     Tracer,
     flux_by_fate,
     normal_incidence_transmittance,
@@ -76,7 +76,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     """
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    plane = TargetPlane(system.target.z, half_width)
+    plane = TargetArea(system.target.receiver, half_width)
     result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)

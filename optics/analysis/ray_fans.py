@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.sources import Rays
-from optics.tracing import RayPath, TargetPlane, trace_paths
+from optics.tracing import RayPath, TargetArea, trace_paths
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -37,5 +37,5 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
     return out
 
 
-def _plane(system: OpticalSystem) -> TargetPlane:
-    return TargetPlane(system.target.z, system.target.settings.half_width)
+def _plane(system: OpticalSystem) -> TargetArea:
+    return TargetArea(system.target.receiver, system.target.settings.half_width)

@@ -158,6 +158,6 @@ def _differences(landing: Callable[[Floats], Floats]) -> Floats:
 def _landing(system: OpticalSystem, lens: Lens, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
     """Return where light lands, (2, n, m): mm, or degrees in the far field."""
     along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
-    rear = ShapedRear(lens.index, system.target.z)
+    rear = ShapedRear(lens.index, system.target.receiver)
     with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
         return np.array(rear.landing((*here.u, lens.thickness + here.z), along, list(slopes)))

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.receivers import receiver_at
 from optics.sources import single_rays
-from optics.tracing import RayPath, TargetPlane, trace_paths
+from optics.tracing import RayPath, TargetArea, trace_paths
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -26,7 +27,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     backend : of double precision
     """
     rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
-    plane = TargetPlane(target.z, target.settings.half_width)
+    plane = TargetArea(target.receiver, target.settings.half_width)
     if target.far_field:
-        plane = TargetPlane(lens.thickness + FAR * max(lens.rear.half_width), (np.inf, np.inf))
+        plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
     return trace_paths(backend, lens, rays, plane)

@@ -13,11 +13,11 @@ from optics.target import MappedCells
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
+    from optics.intersections import HeightError
     from optics.runtime import Backend, DrArray
     from optics.sources import SourceCells
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import HeightError
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]

@@ -33,10 +33,10 @@ from optics.form_errors.form_trace import ConstantJet, FormTrace, Traced, form_t
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
+    from optics.intersections import HeightError
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import HeightError
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]

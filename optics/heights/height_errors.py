@@ -8,8 +8,8 @@ from math import cos, pi, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.intersections import HeightError
 from optics.runtime import UserError
-from optics.tracing import HeightError
 from thbcad.checks import half_widths, read_only, require_number
 
 Floats = NDArray[np.float64]

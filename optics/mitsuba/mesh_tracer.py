@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.engines import TracedModel
+from optics.intersections import device_flux, rim_fade
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
 from optics.receivers import receiver_at
 from optics.sources import RayGrid, Rays
-from optics.tracing import Landing, device_flux, refract, rim_fade
+from optics.tracing import Landing, refract
 
 if TYPE_CHECKING:
     from optics.mitsuba.surface_vertices import Jet

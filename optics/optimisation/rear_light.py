@@ -70,10 +70,10 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
 
 def refraction_of(system: OpticalSystem) -> ShapedRear | ShapedFront:
     """Return how the surface that a transport map shapes sends light to the target."""
-    lens, z = system.lens, system.target.z
+    lens, receiver = system.lens, system.target.receiver
     if system.shaped == "rear":
-        return ShapedRear(lens.index, z)
-    return ShapedFront(FixedRear(lens.index, lens.rear.conic, lens.thickness, z))
+        return ShapedRear(lens.index, receiver)
+    return ShapedFront(FixedRear(lens.index, lens.rear.conic, lens.thickness, receiver))
 
 
 def centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:

@@ -14,8 +14,9 @@ import numpy as np
 
 from optics.analysis import ROULETTE, plane_behind
 from optics.luminaires import IntensityGrid, Luminaire, Opening
+from optics.receivers import receiver_at
 from optics.sources import single_rays
-from optics.tracing import TargetPlane, trace_nonsequential
+from optics.tracing import TargetArea, trace_nonsequential
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -53,7 +54,7 @@ def outgoing_intensity(
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     side = isqrt(max(1, count // REPLICATES) - 1) + 1
-    plane = TargetPlane(plane_behind(system, lens), lens.rear.half_width)
+    plane = TargetArea(receiver_at(plane_behind(system, lens)), lens.rear.half_width)
     total, flux = [], 0.0
     for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
         nodes = np.zeros((grid.turns, grid.tilts + 1))

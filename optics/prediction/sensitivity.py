@@ -90,6 +90,6 @@ def _shift_by_front(system: OpticalSystem, light: RearLight, slopes: Sequence[Fl
     points = x, y, system.lens.front.conic(x, y)
     landings = []
     for index in (system.lens.index, system.lens.index + INDEX):
-        rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.z)
+        rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
         landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
     return np.hypot(*(b - a for a, b in zip(*landings)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optics.heights import HeightSum
 
 if TYPE_CHECKING:
-    from optics.tracing import HeightError
+    from optics.intersections import HeightError
 
 Floats = NDArray[np.float64]
 Triple = tuple[float, float, float]

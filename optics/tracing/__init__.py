@@ -12,13 +12,6 @@ if TYPE_CHECKING:
         SequentialFates as SequentialFates,
         flux_by_fate as flux_by_fate,
     )
-    from optics.tracing.intersections import (
-        HeightError as HeightError,
-        Hits as Hits,
-        KnownHits as KnownHits,
-        device_flux as device_flux,
-        rim_fade as rim_fade,
-    )
     from optics.tracing.landings import (
         Landing as Landing,
         LandingPoints as LandingPoints,
@@ -33,13 +26,10 @@ if TYPE_CHECKING:
     )
     from optics.tracing.nonsequential import (
         RayPath as RayPath,
-        TargetPlane as TargetPlane,
+        TargetArea as TargetArea,
         seen_branches as seen_branches,
         trace_nonsequential as trace_nonsequential,
         trace_paths as trace_paths,
-    )
-    from optics.tracing.path_faults import (
-        path_faults as path_faults,
     )
     from optics.tracing.refraction import (
         critical_angle as critical_angle,
@@ -49,14 +39,14 @@ if TYPE_CHECKING:
         traced_transmittance as traced_transmittance,
         transmittances as transmittances,
     )
-    from optics.tracing.searched_intersections import (
-        SearchedHits as SearchedHits,
-    )
     from optics.tracing.sequential import (
         Tracer as Tracer,
     )
     from optics.tracing.traced_surface import (
         Passage as Passage,
+    )
+    from optics.tracing.unreachable_light import (
+        path_faults as path_faults,
     )
 
 _FILES = {
@@ -66,13 +56,6 @@ _FILES = {
         "SENTENCES",
         "SequentialFates",
         "flux_by_fate",
-    ),
-    "intersections": (
-        "HeightError",
-        "Hits",
-        "KnownHits",
-        "device_flux",
-        "rim_fade",
     ),
     "landings": (
         "Landing",
@@ -88,12 +71,11 @@ _FILES = {
     ),
     "nonsequential": (
         "RayPath",
-        "TargetPlane",
+        "TargetArea",
         "seen_branches",
         "trace_nonsequential",
         "trace_paths",
     ),
-    "path_faults": ("path_faults",),
     "refraction": (
         "critical_angle",
         "normal_incidence_transmittance",
@@ -102,8 +84,8 @@ _FILES = {
         "traced_transmittance",
         "transmittances",
     ),
-    "searched_intersections": ("SearchedHits",),
     "sequential": ("Tracer",),
     "traced_surface": ("Passage",),
+    "unreachable_light": ("path_faults",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.intersections import DeviceRays
+from optics.intersections import DeviceRays
 from optics.tracing.lens_faces import lens_faces
 from optics.tracing.refraction import refract
 
 if TYPE_CHECKING:
+    from optics.intersections import Vector
     from optics.runtime import Backend, DrArray
     from optics.sources import Rays
-    from optics.tracing.intersections import Vector
     from thbcad.lens import Lens
 
 # what a branch in air met last: nothing, a face that it did not pass, the face it left by

@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.intersections import DeviceRays
-from optics.tracing.ray_roots import first_crossing, last_root
-from optics.tracing.spline_table import PlacedSurface
+from optics.intersections import DeviceRays, PlacedSurface, first_crossing, last_root
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray

@@ -13,8 +13,8 @@ from optics.sources import BEFORE
 from thbcad.poses import IDENTITY, Pose
 
 if TYPE_CHECKING:
+    from optics.intersections import HeightError
     from optics.receivers import Receiver
-    from optics.tracing.intersections import HeightError
     from thbcad.lens import FreeformSurface, Lens
 
 Array = NDArray[np.float64]

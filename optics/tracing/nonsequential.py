@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.receivers import receiver_at
 from optics.sources import require_rays
 from optics.tracing.branches import (
     FRONT,
@@ -30,16 +29,17 @@ from optics.tracing.fates import FATES, Fates
 from optics.tracing.landings import LandingPoints
 
 if TYPE_CHECKING:
+    from optics.receivers import Receiver
     from optics.runtime import Backend
     from optics.sources import Rays
     from thbcad.lens import Lens
 
 
 @dataclass(frozen=True)
-class TargetPlane:
-    """The rectangle |x| <= half_width[0], |y| <= half_width[1] in the plane z, mm, behind the lens."""
+class TargetArea:
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens."""
 
-    z: float
+    receiver: Receiver
     half_width: tuple[float, float]
 
 
@@ -81,7 +81,7 @@ def trace_nonsequential(
     backend: Backend,
     lens: Lens,
     rays: Rays,
-    target: TargetPlane,
+    target: TargetArea,
     bounces: int = 64,
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
@@ -176,7 +176,7 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: Rays, target: TargetPlane, bounces: int = 64
+    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
@@ -193,7 +193,8 @@ def trace_paths(
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
         stub = (gone.origin + lens.thickness * gone.direction).T
-        ends = np.where(reaches[:, None], np.column_stack([x, y, np.full_like(x, target.z)]), stub)
+        there = target.receiver.pose.points(np.stack([x, y, np.zeros_like(x)])).T
+        ends = np.where(reaches[:, None], there, stub)
         for ray, end, which in zip(gone.ray, ends, fate):
             points[ray].append(end)
             fates[ray] = FATES[which]
@@ -208,14 +209,14 @@ def trace_paths(
 
 
 def _fates(
-    gone: Branches, undecided: NDArray[np.bool_], target: TargetPlane
+    gone: Branches, undecided: NDArray[np.bool_], target: TargetArea
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Return (fates, x, y, crossing) of branches that meet no face, or none for sure.
 
     x, y : mm, in the target plane.  crossing : the mask of those that cross it.
     """
     failed = gone.inside | undecided
-    landed = receiver_at(target.z).land(gone.origin, gone.direction)
+    landed = target.receiver.land(gone.origin, gone.direction)
     x, y, reaches = landed.u, landed.v, landed.met & (landed.length >= 0) & ~failed
     onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
     on, off = (

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from optics.intersections import Vector
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import Vector
 
 Array = NDArray[np.float64]
 

@@ -17,17 +17,16 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.intersections import DeviceRays, Hits, KnownHits, SearchedHits, device_flux, on_device
 from optics.sources import RayGrid, Rays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import DeviceRays, Hits, KnownHits, device_flux, on_device
 from optics.tracing.landings import Landing
-from optics.tracing.searched_intersections import SearchedHits
 from optics.tracing.traced_surface import Passage, TracedSurface, knots_of
 from thbcad.poses import IDENTITY
 
 if TYPE_CHECKING:
+    from optics.intersections import Vector
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import Vector
     from optics.tracing.light_path import LightPath
     from thbcad.splines import KnotVector
 

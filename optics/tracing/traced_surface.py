@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.tracing.intersections import DeviceRays, Hits, KnownHits, raised_hits, rim_fade
+from optics.intersections import DeviceRays, Hits, KnownHits, raised_hits, rim_fade
 from optics.tracing.refraction import reflect, refract
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from optics.intersections import SearchedHits, Vector
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import Vector
     from optics.tracing.light_path import Medium, Surface
-    from optics.tracing.searched_intersections import SearchedHits
     from thbcad.lens import FreeformSurface
     from thbcad.splines import KnotVector
 

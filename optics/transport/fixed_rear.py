@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isinf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.receivers import receiver_at
+from optics.receivers import Receiver
 from optics.transport.surface_slopes import refracted
 from thbcad.sags import Conic
 
@@ -31,13 +30,13 @@ class FixedRear:
     """The rear that light leaves by.
 
     index : of the glass.  thickness : mm, its vertex on the z axis.
-    target_z : mm, inf is the far field, where landings are degrees.
+    receiver : of the light behind it.
     """
 
     index: float
     conic: Conic
     thickness: float
-    target_z: float
+    receiver: Receiver
 
     def landing(self, points: Sequence[Floats], slopes: Sequence[Floats]) -> list[Floats]:
         """Return where rays from points (x, y, z) along (p, q, 1) land, mm or degrees.
@@ -53,7 +52,7 @@ class FixedRear:
         along = [p / length, q / length, 1 / length]
         tilt = [self.conic(x, y, derivative) for derivative in ((1, 0), (0, 1))]
         dx, dy, dz = refracted(self.index, along, tilt)
-        landed = receiver_at(self.target_z).land((x, y, z + drop), (dx, dy, np.maximum(dz, DIFFERENCE)))
+        landed = self.receiver.land((x, y, z + drop), (dx, dy, np.maximum(dz, DIFFERENCE)))
         return [landed.u, landed.v]
 
     def _meeting(self, points: Sequence[Floats], slopes: Sequence[Floats]) -> Floats:
@@ -75,15 +74,11 @@ class FixedRear:
 
         wanted : x and y, mm or degrees.
         """
-        far = isinf(self.target_z)
-        throw = np.degrees(1.0) if far else self.target_z - self.thickness
+        apart = self.receiver.pose.shift - (0.0, 0.0, self.thickness)
+        throw = np.degrees(1.0) if self.receiver.far_field else float(np.linalg.norm(apart))
         most = STEEPEST / np.sqrt(self.index**2 - 1)
-        p, q = (
-            np.tan(np.radians(w)) / self.index
-            if far
-            else (w - a) / (self.index * (self.target_z - points[2]))
-            for w, a in zip(wanted, points)
-        )
+        dx, dy, dz = self.receiver.toward(points, *wanted)
+        p, q = dx / (self.index * dz), dy / (self.index * dz)
         for _ in range(NEWTON_STEPS):
             p, q = _within(most, p, q)
             missing = [w - a for w, a in zip(wanted, self.landing(points, (p, q)))]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.receivers import receiver_at
+from optics.receivers import Receiver
 from optics.transport.fixed_rear import FixedRear
 from optics.transport.surface_slopes import refracted, refracting_slopes
 
@@ -23,22 +23,22 @@ Slopes = tuple[tuple[Floats, Floats], NDArray[np.bool_], NDArray[np.bool_]]
 
 @dataclass(frozen=True)
 class ShapedRear:
-    """A rear that is looked for.  index : of the glass.  target_z : mm, inf is the far field."""
+    """A rear that is looked for.  index : of the glass.  receiver : of the light behind it."""
 
     index: float
-    target_z: float
+    receiver: Receiver
 
     def slopes(self, points: Sequence[Floats], along: Sequence[Floats], wanted: Sequence[Floats]) -> Slopes:
         """Return the slopes (zx, zy) that send light where it is wanted, where they are gentle, and where
         light refracts so far.
         """
-        return refracting_slopes(self.index, along, receiver_at(self.target_z).toward(points, *wanted))
+        return refracting_slopes(self.index, along, self.receiver.toward(points, *wanted))
 
     def landing(
         self, points: Sequence[Floats], along: Sequence[Floats], slopes: Sequence[Floats]
     ) -> list[Floats]:
         """Return where light lands that slopes refract."""
-        landed = receiver_at(self.target_z).land(points, refracted(self.index, along, slopes))
+        landed = self.receiver.land(points, refracted(self.index, along, slopes))
         return [landed.u, landed.v]
 
 

@@ -22,10 +22,11 @@ from examples.thesis.small_figures import (
     plates,
     weights,
 )
+from optics.receivers import receiver_at
 from optics.runtime import load_backend
 from optics.sources import Rays
 from optics.tracing import (
-    TargetPlane,
+    TargetArea,
     critical_angle,
     normal_incidence_transmittance,
     trace_nonsequential,
@@ -111,7 +112,7 @@ def efficiency() -> Found:
     face = FreeformSurface((50.0, 50.0))
     ray = Rays(np.array([[0.0], [0.0], [-10.0]]), np.array([[0.0], [0.0], [1.0]]), np.ones(1))
     plate = Lens(face, face, thickness=20.0, index=INDEX)
-    target = TargetPlane(100.0, (50.0, 50.0))
+    target = TargetArea(receiver_at(100.0), (50.0, 50.0))
     traced = trace_nonsequential(load_backend(), plate, ray, target, threshold=0.0)
     one = normal_incidence_transmittance(INDEX)
     reflectance = 1 - float(np.sqrt(one))

@@ -12,7 +12,7 @@ from optics.analysis.metrics import measure
 from optics.problem import load_problem
 from optics.sources import single_rays
 from optics.system import OpticalSystem
-from optics.tracing import TargetPlane, trace_nonsequential
+from optics.tracing import TargetArea, trace_nonsequential
 from tests.optics.cases import DOME, rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -46,7 +46,7 @@ def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     system, lens, other = found
     screen = system.target.screen()
     rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), lens)
-    every = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, screen.half_width))
+    every = trace_nonsequential(backend, lens, rays, TargetArea(system.target.receiver, screen.half_width))
     points, flux = every.landings.points[~every.direct], every.landings.flux[~every.direct]
     through = np.isin(every.fate[~every.direct], THROUGH)
     image, square = (screen.binned(points[through], flux[through] ** k) for k in (1, 2))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from optics.engines import ExactEngine, Film
+from optics.intersections import Hits
 from optics.problem import load_problem
 from optics.runtime import load_backend
 from optics.system import OpticalSystem
 from optics.target import BSplineWindow
-from optics.tracing import Hits
 from tests.optics.cases import THREADS, on_threads, rough, write_problem
 from thbcad.surfaces import THBSurface
 

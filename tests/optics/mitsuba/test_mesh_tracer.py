@@ -69,7 +69,7 @@ def test_far_field_and_flux(backend, lens, rays):
     assert distance(exact, mesh) < 0.02  # degrees: the interpolation of the normals again
     flux = [landing.flux.numpy() for landing in (exact, mesh)]
     assert np.abs(flux[0] - flux[1]).max() < 1e-3 * flux[0].max()
-    assert mesh.hit.numpy().sum() == exact.hit.numpy().sum()
+    assert (flux[1] > 0).sum() == (flux[0] > 0).sum()
 
 
 def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_file):

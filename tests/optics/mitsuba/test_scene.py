@@ -12,11 +12,12 @@ from optics.mitsuba.loading import load_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.scene import camera_irradiance, mitsuba_scene
 from optics.problem import load_problem
+from optics.receivers import receiver_at
 from optics.runtime import UserError
 from optics.sources import Rays, single_rays
 from optics.system import OpticalSystem
 from optics.target import PixelWindow, Splat
-from optics.tracing import TargetPlane, trace_nonsequential
+from optics.tracing import TargetArea, trace_nonsequential
 from tests.optics.cases import coefficients, picture, rough, tracer_to
 from thbcad.surfaces import THBSurface
 
@@ -136,7 +137,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
     rays = single_rays(OpticalSystem(problem).source.rays((101, 101)), lens)
     rays = Rays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.flux))
     fates = trace_nonsequential(
-        backend, lens, rays, TargetPlane(problem.target_z, problem.target.half_width)
+        backend, lens, rays, TargetArea(receiver_at(problem.target_z), problem.target.half_width)
     ).fates
     wanted = fates.on_target + fates.edges_on_target + fates.front_on_target
     error = np.std(fluxes, ddof=1) / np.sqrt(8)

@@ -6,9 +6,10 @@ import pytest
 import optics
 from optics.outgoing import outgoing_intensity
 from optics.problem import load_problem
+from optics.receivers import receiver_at
 from optics.runtime import load_backend
 from optics.sources import single_rays
-from optics.tracing import TargetPlane, trace_nonsequential
+from optics.tracing import TargetArea, trace_nonsequential
 from tests.optics.cases import rough, write_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.1, 0.1], "source.distance": 2.0}
@@ -65,7 +66,7 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
             load_backend("double"),
             lens,
             single_rays(system.optical.source.rays((64, 64)), lens),
-            TargetPlane(66.0, (20.0, 20.0)),
+            TargetArea(receiver_at(66.0), (20.0, 20.0)),
         ).fates
     )
     left = sum(fates.values()) - sum(

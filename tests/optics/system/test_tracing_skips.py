@@ -7,13 +7,13 @@ import pytest
 from scipy.integrate import quad
 
 from optics.engines import TracedModel
+from optics.intersections import KnownHits
 from optics.optimisation import Objective, stage_window, stages
 from optics.problem import load_problem
 from optics.sources import single_rays
 from optics.system import OpticalSystem
 from optics.system.tracing_skips import gaussian_tail, skip_lines
 from optics.target import BSplineWindow, GaussianWindow
-from optics.tracing import KnownHits
 from oracles.light_formulas import window_value
 from tests.optics.cases import rough, tracer_to
 
@@ -65,7 +65,7 @@ def test_the_tracer_leaves_out_what_is_listed(backend, case):
     lens, rays = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((16, 16))
     tracer = tracer_to(backend, lens, rays, problem.target_z)
     hits, _ = tracer.trace([sag.coefficients for sag in lens.sags])
-    assert isinstance(tracer._rear, KnownHits) == ("meeting points" in applying)
+    assert isinstance(tracer._surfaces[1].hits, KnownHits) == ("meeting points" in applying)
     assert (len(hits) == 1) == ("gradients" in applying)
     if problem.source.kind == "collimated":
         whole = problem.source.half_width[0] * (1 - 1 / 16)

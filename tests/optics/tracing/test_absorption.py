@@ -7,9 +7,10 @@ import pytest
 
 from optics.analysis import measure
 from optics.problem import load_problem
+from optics.receivers import receiver_at
 from optics.sources import Rays, point_rays
 from optics.system import OpticalSystem
-from optics.tracing import FATES, TargetPlane, flux_by_fate, trace_nonsequential
+from optics.tracing import FATES, TargetArea, flux_by_fate, trace_nonsequential
 from tests.optics.cases import (
     PARABOLOID,
     PLANE,
@@ -131,7 +132,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
     """Normal incidence with all reflections: T^2 u / (1 - R^2 u^2) passes, where u = exp(-a d)."""
     one = np.ones(1)
     rays = Rays(np.array([[0.3], [0.2], [-1.0]]), np.array([[0.0], [0.0], [1.0]]), one)
-    plane = TargetPlane(TARGET_Z, (20.0, 20.0))
+    plane = TargetArea(receiver_at(TARGET_Z), (20.0, 20.0))
     result = trace_nonsequential(backend, WINDOW, rays, plane, threshold=1e-15, absorption=A)
     r, u = 0.04, np.exp(-A * 6.0)
     passing = (1 - r) ** 2 * u / (1 - r**2 * u**2)

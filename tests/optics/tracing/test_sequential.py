@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optics.intersections import KnownHits, SearchedHits
 from optics.runtime import load_backend
 from optics.sources import Profile, collimated_beam, single_rays
-from optics.tracing.intersections import KnownHits
-from optics.tracing.searched_intersections import SearchedHits
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import (
     PLANE,

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.optimize import brentq
 
+from optics.receivers import receiver_at
 from optics.transport import FixedRear, ShapedFront
 from oracles.light_formulas import refracted_vector
 from thbcad.sags import Conic
@@ -29,16 +30,16 @@ def landing_by_hand(rear, point, slopes):
     along, normal = np.array([p, q, 1.0]), np.array([-zx, -zy, 1.0])
     units = (v[None, :] / np.linalg.norm(v) for v in (along, normal))
     (out,) = refracted_vector(*units, rear.index)
-    if rear.target_z == FAR:
+    if rear.receiver.far_field:
         return np.degrees(np.arctan2(out[:2], out[2]))
-    return at[:2] + out[:2] / out[2] * (rear.target_z - at[2])
+    return at[:2] + out[:2] / out[2] * (rear.receiver.pose.shift[2] - at[2])
 
 
 @pytest.mark.parametrize("target_z", [20.0, FAR])
 @pytest.mark.parametrize("conic", CONICS.values(), ids=CONICS)
 @given(st.tuples(*[st.floats(-4.0, 4.0)] * 2), st.tuples(*[st.floats(-0.25, 0.25)] * 2), st.floats(-1.0, 1.0))
 def test_rays_land_where_the_vector_law_says(conic, target_z, place, slopes, height):
-    rear = FixedRear(1.57, conic, 2.0, target_z)
+    rear = FixedRear(1.57, conic, 2.0, receiver_at(target_z))
     point = (*place, height)
     found = rear.landing([np.array([[a]]) for a in point], [np.array([[a]]) for a in slopes])
     np.testing.assert_allclose(np.ravel(found), landing_by_hand(rear, point, slopes), rtol=0, atol=1e-10)
@@ -46,14 +47,14 @@ def test_rays_land_where_the_vector_law_says(conic, target_z, place, slopes, hei
 
 @pytest.mark.parametrize(("place", "slopes"), [((5.0, 4.0), (0.8, 0.5)), ((6.0, -1.0), (1.1, 0.0))])
 def test_rays_as_flat_as_the_rear_meet_it_too(place, slopes):
-    rear = FixedRear(1.5, Conic(-10.0, -1.0), 5.0, 1000.0)
+    rear = FixedRear(1.5, Conic(-10.0, -1.0), 5.0, receiver_at(1000.0))
     point = (*place, 0.5)
     found = rear.landing([np.array([[a]]) for a in point], [np.array([[a]]) for a in slopes])
     np.testing.assert_allclose(np.ravel(found), landing_by_hand(rear, point, slopes), rtol=1e-9)
 
 
 def test_rays_that_miss_the_rear_land_nowhere():
-    rear = FixedRear(1.5, Conic(-10.0), 5.0, 1000.0)
+    rear = FixedRear(1.5, Conic(-10.0), 5.0, receiver_at(1000.0))
     found = rear.landing([np.array([[a]]) for a in (15.0, 0.0, 0.0)], [np.zeros((1, 1))] * 2)
     assert np.isnan(found).all()
 
@@ -62,7 +63,7 @@ def test_rays_that_miss_the_rear_land_nowhere():
 @pytest.mark.parametrize("conic", CONICS.values(), ids=CONICS)
 def test_aimed_light_lands_where_it_is_wanted(conic, target_z):
     rng = np.random.default_rng(5)
-    rear = FixedRear(1.57, conic, 2.0, target_z)
+    rear = FixedRear(1.57, conic, 2.0, receiver_at(target_z))
     points = rng.uniform([[-4], [-4], [-0.5]], [[4], [4], [0.5]], (3, 400))
     wanted = rng.uniform(-8, 8, (2, 400))
     inside, reached = rear.aimed(points, wanted)
@@ -74,7 +75,7 @@ def test_aimed_light_lands_where_it_is_wanted(conic, target_z):
 
 def test_what_a_plane_cannot_reach_is_told():
     """Behind a plane light leaves by less than 90 degrees, and the aim stops shortly before."""
-    rear = FixedRear(1.5, Conic(), 2.0, 3.0)
+    rear = FixedRear(1.5, Conic(), 2.0, receiver_at(3.0))
     point = [np.zeros(2), np.zeros(2), np.zeros(2)]
     inside, reached = rear.aimed(point, [np.array([1.0, 50.0]), np.zeros(2)])
     assert reached.tolist() == [True, False]
@@ -83,7 +84,7 @@ def test_what_a_plane_cannot_reach_is_told():
 
 @pytest.mark.parametrize("conic", CONICS.values(), ids=CONICS)
 def test_slopes_of_a_front_send_light_to_where_it_is_wanted(conic):
-    front = ShapedFront(FixedRear(1.57, conic, 2.0, 20.0))
+    front = ShapedFront(FixedRear(1.57, conic, 2.0, receiver_at(20.0)))
     rng = np.random.default_rng(6)
     points = rng.uniform([[-4], [-4], [-0.5]], [[4], [4], [0.5]], (3, 400))
     along, wanted = rng.uniform(-0.05, 0.05, (3, 400)), rng.uniform(-6, 6, (2, 400))

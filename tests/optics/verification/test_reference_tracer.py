@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from optics.intersections import SearchedHits
 from optics.sources import Rays
-from optics.tracing import SearchedHits
 from optics.verification.reference_tracer import ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
 from tests.optics.cases import coefficients, grazing_rays, landing_points, tracer_to

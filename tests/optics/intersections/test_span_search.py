@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from optics.tracing.spline_table import Cells
+from optics.intersections.spline_table import Cells
 
 
 def expected(breaks, points):

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optics.intersections.proven_steps import FINEST, ROOM, _finest_bounds
 from optics.runtime import load_backend
 from optics.sources import Rays
-from optics.tracing.branches import FRONT, UNDECIDED, Branches, ClosedLens
-from optics.tracing.proven_steps import FINEST, ROOM, _finest_bounds
 from oracles.exact_meetings import ExactGraph
 from oracles.exact_rays import Quadric
 from oracles.first_meetings import BEHIND, MEETS, MISSES, first_meetings
-from oracles.rough_fronts import SAME, SOURCES, disagreeing, judge, rough_front
+from oracles.rough_fronts import SOURCES, disagreeing, judge, rough_front
 from tests.optics.cases import coefficients, tracer_to
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 
@@ -60,24 +59,6 @@ def test_the_referees_know_the_meeting_with_a_paraboloid():
     assert found.fate[0] == fate == MEETS
     for a, b in ((found.low[0], found.high[0]), (float(low), float(high))):
         assert a - 1e-12 <= exact <= b + 1e-12
-
-
-@pytest.mark.parametrize("name", ["point source", "oblique rays"])
-def test_with_all_reflections_a_rough_front_is_met_first_where_it_is(backend, name):
-    """The walls of the lens stand on the rims: what meets the front meets no other face before."""
-    front = rough_front(2.0)
-    rays = SOURCES[name](front, 3000, 4)
-    solid = ClosedLens(backend, Lens(front, FreeformSurface((5.0, 5.0)), 50.0, 1.5))
-    meetings, found = (
-        solid.meet(Branches.start(rays)),
-        first_meetings(front, rays.origin, rays.direction),
-    )
-    meets = found.fate == MEETS
-    np.testing.assert_array_equal(meetings.face == FRONT, meets)
-    assert not (meetings.face == UNDECIDED).any()
-    path = ((meetings.point - rays.origin) * rays.direction).sum(axis=0)[meets]
-    assert (path >= found.low[meets] - SAME).all()
-    assert (path <= found.high[meets] + SAME).all()
 
 
 # What rounding decides

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.ray_roots import conic_jet
+from optics.intersections.ray_roots import conic_jet
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

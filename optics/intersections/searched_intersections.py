@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.intersections import Hits, Vector
-from optics.tracing.proven_steps import box_bounds, first_fall, rounding_errors
-from optics.tracing.ray_roots import conic_distance, conic_jet
-from optics.tracing.spline_table import PolynomialTable, steepest_along
+from optics.intersections.hits import Hits, Vector
+from optics.intersections.proven_steps import box_bounds, first_fall, rounding_errors
+from optics.intersections.ray_roots import conic_distance, conic_jet
+from optics.intersections.spline_table import PolynomialTable, steepest_along
 
 if TYPE_CHECKING:
+    from optics.intersections.proven_steps import Bounds, Fall
     from optics.runtime import Backend, DrArray
-    from optics.tracing.proven_steps import Bounds, Fall
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
 

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from optics.intersections.proven_steps import Fall, box_bounds, first_fall, rounding_errors
+from optics.intersections.ray_roots import conic_jet
 from optics.runtime import PACKED, OrderFreeSums
-from optics.tracing.proven_steps import Fall, box_bounds, first_fall, rounding_errors
-from optics.tracing.ray_roots import conic_jet
 from thbcad.splines import KnotVector
 
 if TYPE_CHECKING:
+    from optics.intersections.hits import DeviceRays, Vector
+    from optics.intersections.proven_steps import Bounds
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import DeviceRays, Vector
-    from optics.tracing.proven_steps import Bounds
     from thbcad.lens import FreeformSurface
 
 MOST_BINS = 1 << 16

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from optics.tracing.ray_roots import conic_distance
-from optics.tracing.searched_intersections import SearchedHits
+from optics.intersections.ray_roots import conic_distance
+from optics.intersections.searched_intersections import SearchedHits
 from tests.optics.cases import grazing_rays, hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic

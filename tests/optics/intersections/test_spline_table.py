@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.tracing.spline_table import PolynomialTable
+from optics.intersections.spline_table import PolynomialTable
 from tests.optics.cases import THREADS, on_threads
 from thbcad.splines import BSplineSurface, KnotVector
 
