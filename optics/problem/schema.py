@@ -27,10 +27,8 @@ FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 
 
 class SourceKeys(NamedTuple):
-    """Which keys a kind of source has.
-
-    area : a half_width above 0.  profiles : values of profile.  diverges : a divergence.  file : file, shift,
-    tilt, turn.  own_flux : 0 as flux, for that of the file.  nearest : the least distance, mm.
+    """Which keys a kind of source has: a half_width above 0 (area), values of profile, a divergence, those of
+    light of a file (file), 0 as flux for that of the file (own_flux); and its least distance, mm (nearest).
     """
 
     area: bool = False
