@@ -13,14 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import (
-    CollimatedBeam,
-    LambertianArea,
-    LuminaireSource,
-    PointSource,
-    RayFileSource,
-    Rays,
-)
+from optics.sources import CollimatedBeam, FileSource, LambertianArea, LuminaireSource, PointSource, Rays
 
 if TYPE_CHECKING:
     from optics.sources import LightSource, Profile
@@ -43,13 +36,12 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
-    match source:
-        case RayFileSource():
-            given = source.placed
-            chosen = fresh.choice(len(given.flux), len(flux), p=given.flux / given.flux.sum())
-            return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
-        case LuminaireSource():
-            return _of_luminaire(source, flux, fresh)
+    if isinstance(source, LuminaireSource):
+        return _of_luminaire(source, flux, fresh)
+    if isinstance(source, FileSource):
+        given = source.sample()
+        chosen = fresh.choice(len(given.flux), len(flux), p=given.flux / given.flux.sum())
+        return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
     origin, direction = np.zeros((3, len(flux))), np.zeros((3, len(flux)))
     origin[2] = start if source.collimated else -source.distance
     if isinstance(source, CollimatedBeam | LambertianArea):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Divergence as Divergence,
     )
     from optics.sources.file_sources import (
+        FileSource as FileSource,
         RayFileSource as RayFileSource,
     )
     from optics.sources.light_source import (
@@ -61,7 +62,10 @@ _FILES = {
     ),
     "collimated": ("collimated_beam",),
     "divergence": ("Divergence",),
-    "file_sources": ("RayFileSource",),
+    "file_sources": (
+        "FileSource",
+        "RayFileSource",
+    ),
     "light_source": ("LightSource",),
     "luminaire_source": ("LuminaireSource",),
     "plain_sources": (

@@ -38,6 +38,10 @@ class FileSource(LightSource):
     from_file = True
 
     @property
+    def symmetric(self) -> bool:
+        return False
+
+    @property
     def middle(self) -> tuple[float, float, float]:
         return *self.shift, -self.distance
 
@@ -60,7 +64,20 @@ class FileSource(LightSource):
 
     @abstractmethod
     def sample(self) -> Rays:
-        """Return rays enough to tell where the light is nearest to."""
+        """Return rays that stand for all of the light: those of a ray file."""
+
+    def starts(self) -> Floats:
+        return self.sample().origin
+
+    def envelope(self) -> tuple[Stack, float]:
+        rays = self.sample()
+        forward = (rays.direction[2] > 0) & (rays.flux > 0)
+        if not forward.any():
+            return Stack(np.array([-self.distance]), np.zeros((1, len(DIRECTIONS)))), 0.0
+        points = rays.origin[:, forward]
+        steepest = float(np.degrees(np.arccos(np.clip(rays.direction[2, forward].min(), 0.0, 1.0))))
+        supports = np.array([(d @ points[:2]).max() for d in DIRECTIONS])
+        return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports])), steepest
 
     def without_extent(self) -> PointSource:
         """Return a point on the axis from which light comes about as from the file's.
@@ -90,10 +107,6 @@ class FileSource(LightSource):
 class RayFileSource(FileSource):
     """The rays of a file."""
 
-    @property
-    def symmetric(self) -> bool:
-        return False
-
     @cached_property
     def placed(self) -> Rays:
         """All rays of the file in the scene.
@@ -108,19 +121,6 @@ class RayFileSource(FileSource):
 
     def sample(self) -> Rays:
         return self.placed
-
-    def starts(self) -> Floats:
-        return self.placed.origin
-
-    def envelope(self) -> tuple[Stack, float]:
-        rays = self.placed
-        forward = (rays.direction[2] > 0) & (rays.flux > 0)
-        if not forward.any():
-            return Stack(np.array([-self.distance]), np.zeros((1, len(DIRECTIONS)))), 0.0
-        points = rays.origin[:, forward]
-        steepest = float(np.degrees(np.arccos(np.clip(rays.direction[2, forward].min(), 0.0, 1.0))))
-        supports = np.array([(d @ points[:2]).max() for d in DIRECTIONS])
-        return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports])), steepest
 
     def parts(
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS

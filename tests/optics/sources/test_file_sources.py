@@ -8,12 +8,10 @@ import pytest
 from optics.analysis import sequential
 from optics.problem import load_problem
 from optics.runtime import load_backend
-from optics.sources import PointSource, Rays
-from optics.sources.file_sources import FileSource
+from optics.sources import FileSource, PointSource, Rays
 from optics.system import OpticalSystem, advice
 from optics.tolerancing import tolerances_of
 from tests.optics.cases import write_problem
-from thbcad.certified import Stack, supports_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,13 +27,6 @@ class Torch(FileSource):
     def parts(self, counts, fresh=None, most=1000, aperture=None, centre=(0.0, 0.0)):
         yield from self.sample().slices(most)
 
-    def starts(self):
-        return self.sample().origin
-
-    def envelope(self):
-        corners = self.starts()[:2].T
-        return Stack(np.array([-self.distance]), supports_of(corners)[None]), 15.0
-
 
 def test_a_source_of_a_new_kind_is_all_that_its_class_says(tmp_path):
     """Traced, judged and held against tolerances without a word about it elsewhere."""
@@ -49,6 +40,7 @@ def test_a_source_of_a_new_kind_is_all_that_its_class_says(tmp_path):
     point = torch.without_extent()
     assert isinstance(point, PointSource)
     assert point.distance == pytest.approx(21.0, rel=1e-12)  # its rays meet 1 mm behind the square
+    assert torch.envelope()[1] == pytest.approx(np.degrees(np.arctan(0.16 * np.sqrt(2))), rel=1e-12)
     assert torch.cone == pytest.approx(np.degrees(np.arctan(0.16 * np.sqrt(2))), rel=0.1)
     names = {tolerance.name for tolerance in tolerances_of(system)}
     assert "source.defocus" in names
