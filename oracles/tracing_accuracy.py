@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.problem import SUN
-from optics.ray_files import RaySet, placed_rays
+from optics.ray_files import RaySet
 from optics.receivers import receiver_at
 from optics.runtime import Backend
 from optics.sources import (
@@ -26,6 +26,7 @@ from optics.sources import (
     Rays,
     area_parts,
     lambertian_parts,
+    placed_rays,
     point_rays,
 )
 from optics.tracing import LightPath, Tracer

@@ -166,4 +166,4 @@ def grid_rays(case: Case, count: int) -> RayGrid | Rays:
     if case.system.source.collimated:
         side = round(count**0.5)
         return case.system.source.rays((side, side))
-    return sampled_rays(case.system.source.settings, case.lens, grid_points, count)
+    return sampled_rays(case.system.problem.source, case.lens, grid_points, count)

@@ -103,7 +103,7 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
                 rays = (
                     grid_rays(case, count)
                     if name == "grid"
-                    else sampled_rays(case.system.source.settings, case.lens, SAMPLINGS[name], count)
+                    else sampled_rays(case.system.problem.source, case.lens, SAMPLINGS[name], count)
                 )
                 tracer = Tracer(backend, case.system.path(case.lens), rays)
                 out.append(_point(case, truth, backend, tracer, f"ours, {name}, {short}", rays.flux.size))
@@ -121,7 +121,7 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
         rays = (
             grid_rays(case, count)
             if collimated
-            else sampled_rays(case.system.source.settings, case.lens, sobol_points, count)
+            else sampled_rays(case.system.problem.source, case.lens, sobol_points, count)
         )
         tracer = MeshTracer(mesh, rays, case.system.target.z)
         out.append(_point(case, truth, tracer.backend, tracer, "Mitsuba mesh + splat", rays.flux.size))

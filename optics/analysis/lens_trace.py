@@ -126,7 +126,7 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
     behind = 2 * lens.thickness
     size = source.half_width[1] or 1.0
     y = np.linspace(-1, 1, LINES) * source.half_width[1]
-    q = np.linspace(-1, 1, LINES) * WIDEST * np.sin(np.radians(_half_angle(system)))
+    q = np.linspace(-1, 1, LINES) * WIDEST * np.sin(np.radians(system.source.cone))
     points = np.zeros((4, LINES * LINES))
     points[1], points[3] = (a.ravel() for a in np.meshgrid(y, q))
     start = -source.distance - (max(lens.front.half_width) if collimated else 0.0)
@@ -143,11 +143,3 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
             1.1 * target.settings.half_width[1],
         )
     return planes
-
-
-def _half_angle(system: OpticalSystem) -> float:
-    """Return the half-angle of the cone about the axis into which the source shines, degrees."""
-    source = system.problem.source
-    if source.kind == "collimated":
-        return source.half_divergence
-    return system.source.without_extent().settings.half_angle

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from optics.blur import Blur, LandingShifts
     from optics.runtime import Backend
-    from optics.sources import SourceCells
     from optics.system import OpticalSystem
     from optics.target import Screen
     from optics.tracing import SequentialFates, SlopeErrors
@@ -71,10 +70,8 @@ def beam_irradiance(
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for samples in _sets(system):
-            parts = [
-                cell_irradiance(system, lens, screen, _cells(system, counts, sample), backend, sample.errors)
-                for sample in samples
-            ]
+            beams = ((system.source.cells(counts, direction=s.direction), s.errors) for s in samples)
+            parts = [cell_irradiance(system, lens, screen, cells, backend, errors) for cells, errors in beams]
             by_fate = reduce(add, (part for _, part in parts)) / len(parts)
             fates.append(by_fate)
             image = reduce(add, (image for image, _ in parts)) / len(parts) + rest.beside(samples)
@@ -129,7 +126,7 @@ class _Rest:
             cell_irradiance(system.sharp, lens, wide, cells, backend)[0]
             for cells in (
                 system.sharp.source.cells(many),
-                _cells(system, _beam_cells(screen), _Sample(middle, (None, None))),
+                system.source.cells(_beam_cells(screen), direction=middle),
             )
         )
         return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
@@ -149,12 +146,6 @@ class _Rest:
 def _beam_cells(screen: Screen) -> list[int]:
     """Return the cells of a beam in x and y."""
     return [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
-
-
-def _cells(system: OpticalSystem, counts: Sequence[int], sample: _Sample) -> SourceCells:
-    if sample.direction is None:
-        return system.source.cells(counts)
-    return system.source.beam(counts, sample.direction)
 
 
 def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:

@@ -43,8 +43,8 @@ class DesignFigures:
         from optics.figures import scene_paths
         from optics.view import lens_sight, photo_caption
 
-        from_a_point = system.source.settings.kind in ("point", "lambertian") and system.by_edges
-        fans = ray_fans(system, lens, backend) if from_a_point else {}
+        placed = not (system.source.from_afar or system.source.from_file)
+        fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)
         self._light = self.process.ask("optics.figures", "light_figures", plain, lens, measurement, fans)

@@ -27,7 +27,6 @@ from optics.etendue import (
     universal_sentence,
     usual_efficiency,
 )
-from optics.problem import OF_FILES
 from optics.results import ResultFolder
 from optics.runtime import UserError
 from optics.tracing import normal_incidence_transmittance
@@ -93,7 +92,7 @@ def etendue(options: Namespace) -> Outcome:
 
 def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
-    if system.problem.source.kind in OF_FILES:
+    if system.source.from_file:
         return UNKNOWN
     return "" if passing.source else NO_LIMIT
 
@@ -181,7 +180,7 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
         f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
         f"incidence leaves {transmittance:.4f} of it",
     ]
-    return lines[OF_SOURCE:] if system.problem.source.kind in OF_FILES else lines
+    return lines[OF_SOURCE:] if system.source.from_file else lines
 
 
 def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:

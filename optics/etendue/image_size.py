@@ -29,7 +29,7 @@ def image_half_width(
     """
     profile, (hx, hy) = system.source.image
     of_unit = profile.area * hx * hy
-    if system.source.settings.kind == "collimated":  # the etendue of a beam counts its brightest direction
+    if system.source.diverging:  # the etendue of a beam counts its brightest direction
         of_unit /= brightest(profile)
     scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / of_unit)
     return float(scale * hx), float(scale * hy)

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import Rays
+from optics.sources import CollimatedBeam, FileSource, LambertianArea, LuminaireSource, PointSource, Rays
 
 if TYPE_CHECKING:
-    from optics.sources import Profile
-    from optics.system import LightSource
+    from optics.sources import LightSource, Profile
 
     Floats = NDArray[np.float64]
 
@@ -30,39 +29,37 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
     start : z from where collimated light comes, mm.
     """
     fresh = np.random.default_rng(seed)
-    each = source.settings.flux / count
+    each = source.flux / count
     for first in range(0, count, most):
         size = min(most, count - first)
         yield _drawn(source, start, np.full(size, each), fresh)
 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
-    settings, n = source.settings, len(flux)
-    if settings.kind == "rays":
-        given = source.of_file
-        chosen = fresh.choice(len(given.flux), n, p=given.flux / given.flux.sum())
-        return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
-    if settings.kind == "luminaire":
+    if isinstance(source, LuminaireSource):
         return _of_luminaire(source, flux, fresh)
-    origin, direction = np.zeros((3, n)), np.zeros((3, n))
-    origin[2] = start if source.collimated else -settings.distance
-    if settings.kind != "point":
-        s, t = _positions(source.profile, n, fresh)
-        origin[0], origin[1] = settings.half_width[0] * s, settings.half_width[1] * t
+    if isinstance(source, FileSource):
+        given = source.sample()
+        chosen = fresh.choice(len(given.flux), len(flux), p=given.flux / given.flux.sum())
+        return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
+    origin, direction = np.zeros((3, len(flux))), np.zeros((3, len(flux)))
+    origin[2] = start if source.collimated else -source.distance
+    if isinstance(source, CollimatedBeam | LambertianArea):
+        s, t = _positions(source.profile, len(flux), fresh)
+        origin[0], origin[1] = source.half_width[0] * s, source.half_width[1] * t
     if source.collimated:
         direction[2] = 1.0
     else:
-        beam = settings.kind == "collimated"
-        cosine = _diverging(source, n, fresh) if beam else _cosines(source, fresh.random(n))
-        sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, n)
+        cosine = _cosines(source, len(flux), fresh)
+        sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, len(flux))
         direction[:] = sine * np.cos(turn), sine * np.sin(turn), cosine
     return Rays(origin, direction, flux)
 
 
-def _of_luminaire(source: LightSource, flux: Floats, fresh: np.random.Generator) -> Rays:
+def _of_luminaire(lamp: LuminaireSource, flux: Floats, fresh: np.random.Generator) -> Rays:
     """Return rays of a luminaire: directions of the full sphere, kept with the probability of their light."""
-    lamp, light = source.luminaire, source.luminaire.directions.light
-    s, t = _positions(source.profile, len(flux), fresh)
+    light = lamp.directions.light
+    s, t = _positions(lamp.profile, len(flux), fresh)
     opening = np.stack([s * lamp.half_width[0], t * lamp.half_width[1], np.zeros(len(flux))])
     kept = np.zeros((3, 0))
     while kept.shape[1] < len(flux):
@@ -73,27 +70,31 @@ def _of_luminaire(source: LightSource, flux: Floats, fresh: np.random.Generator)
     return Rays(opening, kept[:, : len(flux)], flux).posed(lamp.pose)
 
 
-def _cosines(source: LightSource, u: Floats) -> Floats:
-    """Return the cosines of angles to the axis at quantiles u, (n,) each.
+def _cosines(source: LightSource, n: int, fresh: np.random.Generator) -> Floats:
+    """Return the cosines of independent angles to the axis, (n,).
 
     Lambert's law: sin^2 is uniform up to that of the half-angle.  A point of intensity cos^m: so is
     cos^(m + 1), from that of the half-angle up to 1.
     """
-    widest = radians(source.settings.half_angle)
-    if source.settings.kind == "lambertian":
-        return np.sqrt(1 - u * sin(widest) ** 2)
-    power = source.settings.exponent + 1
-    least = cos(widest) ** power
-    return (least + u * (1 - least)) ** (1 / power)
+    widest = radians(source.cone)
+    match source:
+        case CollimatedBeam():
+            return _diverging(source.divergence.kind, widest, n, fresh)
+        case LambertianArea():
+            return np.sqrt(1 - fresh.random(n) * sin(widest) ** 2)
+        case PointSource():
+            power = source.exponent + 1
+            least = cos(widest) ** power
+            return (least + fresh.random(n) * (1 - least)) ** (1 / power)
+    raise TypeError(f"no random rays are known of a {type(source).__name__}")
 
 
-def _diverging(source: LightSource, n: int, fresh: np.random.Generator) -> Floats:
-    """Return the cosines of independent angles of a diverging beam to its axis, (n,).
+def _diverging(kind: str, widest: float, n: int, fresh: np.random.Generator) -> Floats:
+    """Return the cosines of independent angles of a diverging beam to its axis, (n,).  widest : radians.
 
     The sun's disk is drawn evenly; a point of it is kept with the probability of its radiance over the
     greatest.
     """
-    kind, widest = source.settings.divergence_profile, radians(source.settings.half_divergence)
     if kind == "uniform":
         return fresh.uniform(cos(widest), 1, n)
     if kind == "theta_uniform":

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from optics.mitsuba.loading import current_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.scene_screen import screen_rectangle, square_pixels, watching_camera
-from optics.problem import OF_FILES
 from optics.runtime import UserError
+from optics.sources import CollimatedBeam, LambertianArea, PointSource
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
-    from optics.problem import Source
     from optics.sources import Profile
     from optics.system import OpticalSystem
     from optics.target import Screen
@@ -107,32 +106,31 @@ def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, 
 
     lowest : z of the lowest point of the front, before which parallel light starts, mm.
     """
-    source = system.problem.source
-    if source.kind == "point":
+    source = system.source
+    if isinstance(source, PointSource):
         return _point(source)
-    if source.kind in OF_FILES:
+    if not isinstance(source, CollimatedBeam | LambertianArea):
         raise UserError("Mitsuba has no light of ray and luminaire files; take another source.kind there")
-    if source.kind == "lambertian" and source.half_angle < 90:
+    if not source.from_afar and source.cone < 90:
         raise UserError(
             "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "
-            f"{source.half_angle:g}"
+            f"{source.cone:g}"
         )
-    if system.source.extended and source.kind == "collimated":
+    if source.diverging:
         raise UserError(
             "Mitsuba's beams are parallel: source.divergence must be 0 there, with a profile other than sun"
         )
-    collimated = source.kind == "collimated"
-    z = lowest - source.distance if collimated else -source.distance
-    (hx, hy), disk = source.half_width, source.profile == "round"
+    z = lowest - source.distance if source.collimated else -source.distance
+    (hx, hy), disk = source.half_width, source.shape == "round"
     area = pi * hx * hy if disk else 4 * hx * hy
-    radiance = source.flux / (area if collimated else pi * area)
+    radiance = source.flux / (area if source.collimated else pi * area)
     return {
         "type": "disk" if disk else "rectangle",
         "to_world": mi.ScalarTransform4f().translate([0, 0, z]).scale([hx, hy, 1]),
         "bsdf": {"type": "null"},
         "emitter": {
-            "type": "directionalarea" if collimated else "area",
-            "radiance": _radiance(mi, system.source.profile, radiance),
+            "type": "directionalarea" if source.collimated else "area",
+            "radiance": _radiance(mi, source.profile, radiance),
         },
     }
 
@@ -148,7 +146,7 @@ def _radiance(mi: ModuleType, profile: Profile, mean: float) -> dict[str, Any]:
     return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "nearest"}
 
 
-def _point(source: Source) -> dict[str, Any]:
+def _point(source: PointSource) -> dict[str, Any]:
     if source.exponent:
         raise UserError(
             f"Mitsuba's points light their cone uniformly: source.exponent must be 0, got {source.exponent:g}"

@@ -177,7 +177,7 @@ class TransportStart:
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
         """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
         source, lens = self._system.source, self._lens
-        size = source.settings.half_width
+        size = self._system.problem.source.half_width
         half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
         relative = [b / s for b, s in zip(half, size)]
 

@@ -132,8 +132,8 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
         found.append(on_plane(closest.x))
     light, disk, behind = on_plane(max(found)[2], SEARCHED_LAST)
     times = light / bundle.front
-    beam = system.problem.source.kind == "collimated"
-    return Concentration(times, light, SUNLIGHT * times if beam else None, behind, disk, float(farthest))
+    far = system.source.from_afar
+    return Concentration(times, light, SUNLIGHT * times if far else None, behind, disk, float(farthest))
 
 
 def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:

@@ -20,7 +20,6 @@ from thbcad.certified import (
     DIRECTIONS,
     ConvexRegion,
     Stack,
-    ellipse_supports,
     rectangle_supports,
     region_between,
     supports_of,
@@ -28,7 +27,7 @@ from thbcad.certified import (
 from thbcad.splines import KnotVector, tensor_apply
 
 if TYPE_CHECKING:
-    from optics.system import LightSource, LightTarget, OpticalSystem
+    from optics.system import LightTarget, OpticalSystem
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import BSplineSurface
 
@@ -38,7 +37,6 @@ CELLS = 16  # of a surface in each direction, between which its heights are boun
 CONIC = 1e-11  # mm, of a conic from its spline
 BEYOND = 1.0  # mm before and behind all of a part
 STEEPEST = 89.9  # degrees, beyond which light is taken to go everywhere
-SIGMAS, WIDEST = 6.0, 89.0  # at which a Gaussian divergence is cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
         return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, same)
     low, high = heights[0] - BEYOND, heights[1] + BEYOND
     whole = _surfaces(lens, full)
-    source, steepest = _source(system.source)
+    source, steepest = system.source.envelope()
     up = [float(whole["front"].heights.max() - z) for z in (source.heights.min(), source.heights.max())]
     lit = {"front": np.minimum(full["front"], source.supports.max(axis=0) + _grown(steepest, up[0]))}
     deep = float(whole["rear"].heights.max() - whole["front"].heights.min())
@@ -83,7 +81,7 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
     lit["rear"] = np.minimum(full["rear"], lit["front"] + inside)
     surfaces = _surfaces(lens, lit)
     source = Stack(source.heights, np.minimum(source.supports, lit["front"] + _grown(steepest, up[0])))
-    if system.source.settings.kind == "collimated":  # it comes from before all of the part
+    if system.source.from_afar:  # it comes from before all of the part
         back = min(low, float(source.heights.min()))
         source = Stack(np.array([back]), source.supports + _grown(steepest, float(source.heights[0]) - back))
     if source.heights.max() < low < surfaces["front"].heights.min():
@@ -170,37 +168,6 @@ def _active(kv: KnotVector, low: float, high: float) -> slice:
     """Return the splines that are not zero somewhere between two parameters."""
     first = int(np.searchsorted(kv.knots[kv.degree + 1 :], low, side="right"))
     return slice(first, int(np.searchsorted(kv.knots[: kv.dim], high, side="left")))
-
-
-def _source(source: LightSource) -> tuple[Stack, float]:
-    """Return the points from which light comes, and its greatest angle from z, degrees."""
-    settings = source.settings
-    plane = np.array([-settings.distance])
-    if settings.kind == "rays":
-        rays = source.of_file
-        forward = (rays.direction[2] > 0) & (rays.flux > 0)
-        if not forward.any():
-            return Stack(plane, np.zeros((1, len(DIRECTIONS)))), 0.0
-        points = rays.origin[:, forward]
-        steepest = float(np.degrees(np.arccos(np.clip(rays.direction[2, forward].min(), 0.0, 1.0))))
-        supports = np.array([(d @ points[:2]).max() for d in DIRECTIONS])
-        return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports])), steepest
-    if settings.kind == "luminaire":
-        lamp = source.luminaire
-        corners = np.array([(x, y, 0.0) for x in (-1, 1) for y in (-1, 1)]) * [*lamp.half_width, 0.0]
-        points = lamp.pose.points(corners.T).T
-        supports = supports_of(points[:, :2])
-        return Stack(np.array([points[:, 2].min(), points[:, 2].max()]), np.array([supports, supports])), 90.0
-    if settings.kind == "point":
-        return Stack(plane, np.zeros((1, len(DIRECTIONS)))), settings.half_angle
-    figure = ellipse_supports if source.profile.round else rectangle_supports
-    return Stack(plane, figure(settings.half_width)[None]), _spread(source)
-
-
-def _spread(source: LightSource) -> float:
-    """Return the greatest angle from z of the light of an area or a beam, degrees."""
-    spread = source.spread
-    return min(SIGMAS * spread.half_angle, WIDEST) if spread.kind == "gaussian" else spread.half_angle
 
 
 def _lit_target(target: LightTarget) -> Floats:

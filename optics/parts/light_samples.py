@@ -17,7 +17,7 @@ from optics.tracing import Tracer
 from thbcad.certified import DIRECTIONS
 
 if TYPE_CHECKING:
-    from optics.system import LightSource, OpticalSystem
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -129,24 +129,24 @@ def _light(system: OpticalSystem, side: int, low: float) -> Iterator[Rays]:
         grid = source.rays((side, side))
         assert isinstance(grid, RayGrid)
         for _ in range(SETS):
-            yield _scattered(grid, source, low, fresh)
+            yield _scattered(grid, system, low, fresh)
         return
     for parts in source.replicates(SETS, (side, side), fresh, RAYS):
         for part in parts:
             assert isinstance(part, Rays)
-            beam = source.settings.kind == "collimated"
-            back = np.maximum(part.origin[2] - low, 0.0) / part.direction[2] if beam else 0.0
+            far = source.from_afar
+            back = np.maximum(part.origin[2] - low, 0.0) / part.direction[2] if far else 0.0
             yield Rays(part.origin - back * part.direction, part.direction, part.flux)
 
 
-def _scattered(grid: RayGrid, source: LightSource, low: float, fresh: np.random.Generator) -> Rays:
+def _scattered(grid: RayGrid, system: OpticalSystem, low: float, fresh: np.random.Generator) -> Rays:
     """Return the rays of a grid, each at a random place between its neighbours: bars along the grid are met
     as often as others."""
     rays = grid.rays(low)
     for row, line in zip(rays.origin, (grid.x, grid.y)):
         row += fresh.uniform(-0.5, 0.5, row.size) * (line[1] - line[0])
-    x, y = (row / half for row, half in zip(rays.origin, source.settings.half_width))
-    return Rays(rays.origin, rays.direction, np.asarray(source.profile(x, y)))
+    x, y = (row / half for row, half in zip(rays.origin, system.problem.source.half_width))
+    return Rays(rays.origin, rays.direction, np.asarray(system.source.profile(x, y)))
 
 
 def _paths(rays: Rays, met: Floats, thickness: float, target: Floats, far: bool, ahead: float) -> Paths:

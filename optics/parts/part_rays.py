@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.problem import OF_FILES
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification import occt_trace, optiland_trace, trace_step
@@ -65,18 +64,11 @@ def _rays(part: PartLight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     grid = grid[(grid @ DIRECTIONS.T <= WITHIN * part.hulls.lit["front"]).all(axis=1)]
     points = np.column_stack([grid, front(*grid.T)])
     onward = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-    if part.system is None or part.system.source.settings.kind != "collimated":
-        onward = points - _middle(part)
+    if part.system is None or not part.system.source.from_afar:
+        size = max(part.lens.front.half_width)
+        onward = points - (SOURCE * size if part.system is None else np.array(part.system.source.middle))
         onward = onward / np.linalg.norm(onward, axis=1, keepdims=True)
     return points - BEFORE * onward, onward
-
-
-def _middle(part: PartLight) -> NDArray[np.float64]:
-    if part.system is None:
-        return SOURCE * max(part.lens.front.half_width)
-    settings = part.system.source.settings
-    shift = settings.shift if settings.kind in OF_FILES else (0.0, 0.0)
-    return np.array([*shift, -settings.distance])
 
 
 def _compared(name: str, found: LandingPoints, wanted: LandingPoints, by_fate: bool) -> list[Check]:

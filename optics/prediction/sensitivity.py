@@ -59,7 +59,7 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
     if system.shaped == "front":
         shift = _shift_by_front(system, light, slopes)
     lit = light.weight > LIT
-    if source.kind == "collimated":
+    if system.source.from_afar:
         decentre = 0.0 if far else DECENTRE
     else:
         decentre = throw * DECENTRE / (source.distance + spec.thickness / spec.known_index)

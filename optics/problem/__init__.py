@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from optics.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
         ILLUMINANTS as ILLUMINANTS,
-        OF_FILES as OF_FILES,
         SUN as SUN,
         Freeform as Freeform,
         Front as Front,
@@ -113,7 +112,6 @@ _FILES = {
     "schema": (
         "FINEST_AUTO",
         "ILLUMINANTS",
-        "OF_FILES",
         "SUN",
         "Freeform",
         "Front",

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from optics.problem.key_changes import with_changes
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.problem.schema import LEAST_FLUX, OF_FILES, SHORTEST, LensSpec, Rows, Source, Target
+from optics.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
 from optics.problem.toml_records import AUTO, checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.receivers import receiver_at
@@ -208,7 +208,7 @@ def _require_placed(source: Source) -> None:
             "leave one of them out"
         )
     for key in ("shift", "tilt", "turn"):
-        if source.kind not in OF_FILES and any(getattr(source, key)):
+        if not SOURCES[source.kind].file and any(getattr(source, key)):
             raise UserError(
                 f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
                 "shines along +z"
@@ -216,43 +216,43 @@ def _require_placed(source: Source) -> None:
 
 
 def _require_source(source: Source) -> None:
+    kind, has = source.kind, SOURCES[source.kind]
     if source.profile == "image" and not source.image:
         raise UserError("the key source.image is missing; add it")
-    if source.kind == "point" and source.distance < SHORTEST:
+    if source.distance < has.nearest:
         raise UserError(
-            f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
+            f"source.distance must be at least {has.nearest} for a {kind}, which would lie in the lens, "
             f"got {source.distance!r}"
         )
-    if source.kind in OF_FILES and not source.file:
+    if has.file and not source.file:
         raise UserError("the key source.file is missing; add it")
-    if source.file and source.kind not in OF_FILES:
-        kinds = " and ".join(f'"{kind}"' for kind in OF_FILES)
-        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {source.kind!r}")
+    if source.file and not has.file:
+        kinds = " and ".join(f'"{name}"' for name, keys in SOURCES.items() if keys.file)
+        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {kind!r}")
     _require_placed(source)
-    if not source.flux and source.kind != "luminaire":
+    if not source.flux and not has.own_flux:
         raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
-    if source.kind not in ("point", *OF_FILES) and min(source.half_width) < SHORTEST:
+    if has.area and min(source.half_width) < SHORTEST:
         got = list(source.half_width)
+        raise UserError(f"source.half_width must be at least {SHORTEST} for a {kind} source, got {got}")
+    if has.profiles[1:] and source.profile not in has.profiles:
+        known = " or ".join(f'"{name}"' for name in has.profiles)
         raise UserError(
-            f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
-        )
-    if source.kind == "luminaire" and source.profile not in ("uniform", "round"):
-        raise UserError(
-            f'source.profile of a luminaire must be "uniform" or "round", got {source.profile!r}: '
+            f"source.profile of a {kind} must be {known}, got {source.profile!r}: "
             "the same intensity from every point is all that its file tells"
         )
-    if source.kind != "collimated" and (source.divergence or source.divergence_profile != "uniform"):
+    if not has.diverges and (source.divergence or source.divergence_profile != "uniform"):
         raise UserError(
             "source.divergence and source.divergence_profile are those of collimated light; a "
-            f"{source.kind} source has source.half_angle"
+            f"{kind} source has source.half_angle"
         )
     if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
         raise UserError(
             f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
         )
-    if source.kind in ("point", "rays") and source.profile != "uniform":
+    if source.profile not in has.profiles:
         raise UserError(
-            f"source.profile is that of an area, the kind {source.kind!r} has none; got {source.profile!r}"
+            f"source.profile is that of an area, the kind {kind!r} has none; got {source.profile!r}"
         )
     if source.profile in ("gaussian", "round_gaussian") and min(source.sigma) < LEAST_SIGMA:
         raise UserError(

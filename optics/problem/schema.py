@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
-OF_FILES = ("rays", "luminaire")  # kinds of source that a file describes
 LEAST_FLUX = 1e-12  # of source.unit
 ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 SUN = 0.2665  # degrees: the mean half-angle of its disk
@@ -27,10 +26,32 @@ GREATEST_CONIC = 1e6  # in size
 FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 
 
+class SourceKeys(NamedTuple):
+    """Which keys a kind of source has: a half_width above 0 (area), values of profile, a divergence, those of
+    light of a file (file), 0 as flux for that of the file (own_flux); and its least distance, mm (nearest).
+    """
+
+    area: bool = False
+    profiles: tuple[str, ...] = ("uniform",)
+    diverges: bool = False
+    file: bool = False
+    own_flux: bool = False
+    nearest: float = 0.0
+
+
+SOURCES = {
+    "collimated": SourceKeys(area=True, profiles=PROFILES, diverges=True),
+    "lambertian": SourceKeys(area=True, profiles=PROFILES),
+    "point": SourceKeys(nearest=SHORTEST),
+    "rays": SourceKeys(file=True),
+    "luminaire": SourceKeys(profiles=("uniform", "round"), file=True, own_flux=True),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Source:
     kind: str = option(
-        choices=("collimated", "lambertian", "point", "rays", "luminaire"),
+        choices=tuple(SOURCES),
         note="parallel rays along +z, a glowing area, a point, rays or a luminaire's intensity of a file",
     )
     half_width: tuple[float, float] = option(
@@ -99,13 +120,11 @@ class Source:
     @property
     def data(self) -> str:
         """The key of the file that the source is read from, where it names one."""
-        return "file" if self.kind in OF_FILES else "image"
+        return "file" if self.file else "image"
 
     @property
     def half_divergence(self) -> float:
         """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
-        if self.kind != "collimated":
-            return 0.0
         return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
 
 
@@ -270,10 +289,7 @@ class Target:
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
     )
 
-    @property
-    def data(self) -> str:
-        """The key of the file that the target is read from, where it names one."""
-        return "image"
+    data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
 
     @property
     def placing(self) -> str:

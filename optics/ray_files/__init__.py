@@ -11,10 +11,6 @@ if TYPE_CHECKING:
         require_ray_suffix as require_ray_suffix,
         write_rays as write_rays,
     )
-    from optics.ray_files.ray_placement import (
-        PlacedRays as PlacedRays,
-        placed_rays as placed_rays,
-    )
     from optics.ray_files.ray_set import (
         RaySet as RaySet,
     )
@@ -25,10 +21,6 @@ _FILES = {
         "read_rays",
         "require_ray_suffix",
         "write_rays",
-    ),
-    "ray_placement": (
-        "PlacedRays",
-        "placed_rays",
     ),
     "ray_set": ("RaySet",),
 }

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from optics.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
 from optics.runtime import UserError
+from optics.system import source_of
 from thbcad.sags import Conic
 
 LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
@@ -29,7 +30,7 @@ def other_source(words: str, problem: Problem) -> Source:
     """
     own = problem.source
     if words.lower() == "sun":
-        beam = own if own.kind == "collimated" else _beam(problem)
+        beam = own if source_of(problem).from_afar else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         return _led(found, problem)
@@ -65,7 +66,7 @@ def _beam(problem: Problem) -> Source:
 
 def _led(found: re.Match[str], problem: Problem) -> Source:
     own, size = problem.source, _number(found, "size")
-    half_angle = 90.0 if own.kind == "collimated" else own.half_angle
+    half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
     return Source(
         kind="lambertian",
         half_width=(size / 2, size / 2),
@@ -81,7 +82,7 @@ def _distance(found: re.Match[str], problem: Problem) -> float:
     """Return where a lamp stands before the front vertex, mm."""
     if found["distance"]:
         return _number(found, "distance")
-    if problem.source.kind == "collimated":
+    if source_of(problem).from_afar:
         raise UserError(
             "the lens is made for parallel light, which has no place: say where the light is, "
             f"{found[0]}@30mm"

@@ -1,4 +1,4 @@
-"""Rays of every kind of source."""
+"""Sources of every kind: their rays, where these start, and what may be left out for them."""
 
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,6 @@ if TYPE_CHECKING:
         beam_cells as beam_cells,
         cone_cells as cone_cells,
         corner_flux as corner_flux,
-        tilted_cells as tilted_cells,
     )
     from optics.sources.collimated import (
         collimated_beam as collimated_beam,
@@ -18,8 +17,26 @@ if TYPE_CHECKING:
     from optics.sources.divergence import (
         Divergence as Divergence,
     )
+    from optics.sources.file_sources import (
+        FileSource as FileSource,
+        RayFileSource as RayFileSource,
+    )
+    from optics.sources.light_source import (
+        LightSource as LightSource,
+    )
+    from optics.sources.luminaire_source import (
+        LuminaireSource as LuminaireSource,
+    )
+    from optics.sources.plain_sources import (
+        CollimatedBeam as CollimatedBeam,
+        LambertianArea as LambertianArea,
+        PointSource as PointSource,
+    )
     from optics.sources.profile import (
         Profile as Profile,
+    )
+    from optics.sources.ray_placement import (
+        placed_rays as placed_rays,
     )
     from optics.sources.rays import (
         BEFORE as BEFORE,
@@ -29,12 +46,10 @@ if TYPE_CHECKING:
         single_rays as single_rays,
     )
     from optics.sources.spreading import (
-        MIRRORS as MIRRORS,
         area_parts as area_parts,
         concentric as concentric,
         lambertian_parts as lambertian_parts,
         mirror_half as mirror_half,
-        mirror_images as mirror_images,
         point_rays as point_rays,
     )
 
@@ -44,11 +59,22 @@ _FILES = {
         "beam_cells",
         "cone_cells",
         "corner_flux",
-        "tilted_cells",
     ),
     "collimated": ("collimated_beam",),
     "divergence": ("Divergence",),
+    "file_sources": (
+        "FileSource",
+        "RayFileSource",
+    ),
+    "light_source": ("LightSource",),
+    "luminaire_source": ("LuminaireSource",),
+    "plain_sources": (
+        "CollimatedBeam",
+        "LambertianArea",
+        "PointSource",
+    ),
     "profile": ("Profile",),
+    "ray_placement": ("placed_rays",),
     "rays": (
         "BEFORE",
         "RayGrid",
@@ -57,12 +83,10 @@ _FILES = {
         "single_rays",
     ),
     "spreading": (
-        "MIRRORS",
         "area_parts",
         "concentric",
         "lambertian_parts",
         "mirror_half",
-        "mirror_images",
         "point_rays",
     ),
 }

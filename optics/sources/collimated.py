@@ -12,13 +12,13 @@ from optics.sources.rays import RayGrid
 
 
 def collimated_beam(
-    half_width: tuple[float, float],
+    half_width: Sequence[float],
     flux: float,
-    aperture: tuple[float, float],
+    aperture: Sequence[float],
     rays: Sequence[int],
     shift: Sequence[float] | NDArray[np.float64] = (0.0, 0.0),
     profile: Profile = UNIFORM,
-    centre: tuple[float, float] = (0.0, 0.0),
+    centre: Sequence[float] = (0.0, 0.0),
 ) -> RayGrid:
     """Return the part of a rectangular beam that meets an aperture.
 

@@ -29,7 +29,8 @@ Floats = NDArray[np.float64]
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut
-WIDEST = radians(89.0)  # to which it is cut too
+CUT = 89.0  # degrees, to which it is cut too
+WIDEST = radians(CUT)
 SEEN = 3.0  # sigmas of a Gaussian that its picture shows
 PIXELS = 64  # of the sun's picture, in each direction: blurs are some pixels wide
 STEPS = 12  # of Newton's method; six reach the last digit but near the limb
@@ -82,6 +83,11 @@ class Divergence:
         return 1 / (2 * pi * a**2 * (1 - exp(-(min(FARTHEST, WIDEST / a) ** 2) / 2)))
 
     @property
+    def widest(self) -> float:
+        """The greatest angle from the axis, degrees."""
+        return min(FARTHEST * self.half_angle, CUT) if self.kind == "gaussian" else self.half_angle
+
+    @property
     def picture(self) -> Profile:
         """What a point of the source looks like in angles, as far as `half_angle`, or SEEN sigmas."""
         if self.kind == "gaussian":
@@ -91,6 +97,9 @@ class Divergence:
         at = (2 * np.arange(PIXELS) + 1) / PIXELS - 1
         mu = np.sqrt(np.maximum(1 - at**2 - at[:, None] ** 2, 0.0))
         return Profile("image", light=np.where(mu > 0, np.polyval(LIMB[::-1], mu), 0.0))
+
+
+PARALLEL = Divergence("uniform", 0.0)
 
 
 def _limb_total() -> float:

@@ -62,6 +62,28 @@ class Rays:
             chosen = slice(start, start + most)
             yield Rays(self.origin[:, chosen], self.direction[:, chosen], self.flux[chosen])
 
+    def thinned(self, count: int, offset: float) -> Rays:
+        """Return `count` rays of equal flux, one from each of as many equal parts of the flux.
+
+        Where there are no more they stay as they are.
+        offset : of the chosen points in their parts, in [0, 1).
+        """
+        if count >= len(self.flux):
+            return self
+        ends = np.cumsum(self.flux)
+        at = (np.arange(count) + offset) * (ends[-1] / count)
+        chosen = np.minimum(np.searchsorted(ends, at, side="right"), len(ends) - 1)
+        each = np.full(count, ends[-1] / count)
+        return Rays(self.origin[:, chosen], self.direction[:, chosen], each)
+
+    def dealt(self, hands: int) -> Iterator[Rays]:
+        """Yield sets that make up all rays: every `hands`-th ray, with the flux of all."""
+        total = self.flux.sum()
+        for k in range(hands):
+            flux = self.flux[k::hands]
+            scaled = flux * (total / flux.sum()) if flux.any() else flux
+            yield Rays(self.origin[:, k::hands], self.direction[:, k::hands], scaled)
+
 
 def require_rays(rays: Rays) -> None:
     """Check the numbers of rays that come from outside.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         solvable_system as solvable_system,
     )
     from optics.system.source import (
-        LightSource as LightSource,
+        source_of as source_of,
     )
     from optics.system.target import (
         target_irradiance as target_irradiance,
@@ -38,7 +38,7 @@ _FILES = {
         "load_system",
         "solvable_system",
     ),
-    "source": ("LightSource",),
+    "source": ("source_of",),
     "target": ("target_irradiance",),
     "tracing_skips": ("skip_lines",),
 }

@@ -16,7 +16,7 @@ from optics.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.system.source import LightSource
+from optics.system.source import source_of
 from optics.system.target import LightTarget
 from optics.system.tracing_skips import Skip, skips
 from optics.tracing import LightPath
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from optics.materials import Material
     from optics.photometry import Density, Units
     from optics.problem import Freeform, Problem
+    from optics.sources import LightSource
     from thbcad.lens import Lens, Product
 
 
@@ -117,7 +118,7 @@ class OpticalSystem:
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
-        return (LightSource(self.problem.source, self.problem.lens.front.half_width),)
+        return (source_of(self.problem),)
 
     @cached_property
     def wavelengths(self) -> tuple[Wavelength, ...]:
@@ -214,4 +215,4 @@ class OpticalSystem:
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
         """What tracing leaves out."""
-        return tuple(skips(self.problem, self.parallel))
+        return tuple(skips(self.problem, self.source, self.parallel))

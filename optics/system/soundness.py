@@ -11,9 +11,8 @@ import numpy as np
 
 from optics.problem import freedom_of, limit_advice, load_problem, require_limits
 from optics.runtime import UserError, speaking_of
-from optics.sources import Rays
-from optics.system.luminaire_rays import with_numbers_of_file
 from optics.system.optical_system import OpticalSystem
+from optics.system.source import source_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
     from optics.problem import Problem
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
-SAME_FLUX = 1e-9  # relative: problem files hold every digit
-TRIED = (32, 32)  # rays of a luminaire, of which none may start in the lens
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
@@ -50,7 +47,8 @@ def solvable_system(problem: Problem) -> OpticalSystem:
         not known.
     """
     require_limits(problem)
-    system = OpticalSystem(with_numbers_of_file(problem))
+    told = source_of(problem).told
+    system = OpticalSystem(problem.with_(**told) if told else problem)
     _ = (
         system.target.light,
         system.lens,
@@ -130,25 +128,15 @@ def require_room(system: OpticalSystem) -> None:
             f"and the front reaches to z = {front:.4g} mm there; "
             "make source.distance larger or source.half_width smaller"
         )
-    if source.kind == "rays":
-        _require_before(system, system.source.of_file.origin)
-    if source.kind == "luminaire":
-        rays = next(system.source.parts(TRIED))
-        assert isinstance(rays, Rays)
-        _require_forward(rays)
-        _require_before(system, rays.origin)
+    starts = system.source.starts()
+    if starts is not None:
+        _require_before(system, starts)
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
             f"got {distance:g}"
         )
-
-
-def _require_forward(rays: Rays) -> None:
-    """Refuse a luminaire that lights nothing in front of it."""
-    if rays.direction[2].max() <= 0:
-        raise UserError("no light of source.file goes to +z, where its gamma is 0; turn it with source.tilt")
 
 
 def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
@@ -168,33 +156,14 @@ def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
         )
 
 
-def _of_luminaire(system: OpticalSystem) -> list[str]:
-    """Return sentences about what is assumed of a luminaire; none of other sources."""
-    source = system.problem.source
-    if source.kind != "luminaire":
-        return []
-    sentences = [
-        "the same intensity from every point of the luminaire's opening is assumed: its file tells no "
-        "near field, so that no bound of etendue is given"
-    ]
-    own = system.source.luminaire.directions.light.flux
-    if abs(source.flux / own - 1) > SAME_FLUX:
-        sentences.append(
-            f"the flux of source.file, {own:.6g}, is scaled to source.flux = {source.flux:g}; 0 keeps it"
-        )
-    return sentences
-
-
 def advice(system: OpticalSystem) -> list[str]:
     """Return sentences about settings that do not suit the problem, and about missed limits.
 
     The limits are those that the lens misses before optimisation.
     """
     problem, lens = system.problem, system.lens
-    options, sentences = problem.optimizer, _of_luminaire(system)
-    if problem.source.kind in ("lambertian", "luminaire") and (
-        options.window in ("cells", "pixel") or options.lost_flux_weight > 1
-    ):
+    options, sentences = problem.optimizer, [*system.source.assumed]
+    if system.source.glowing and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"

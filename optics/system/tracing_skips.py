@@ -11,6 +11,7 @@ from optics.target import GaussianWindow
 
 if TYPE_CHECKING:
     from optics.problem import Problem
+    from optics.sources import LightSource
 
 ROUNDING = 1e-10  # relative, of loss and gradient: the resolution of meeting points in double precision
 
@@ -39,12 +40,13 @@ class Skip:
         return f"skips {self.what}: {self.why}{change}"
 
 
-def skips(problem: Problem, parallel: bool) -> list[Skip]:
+def skips(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
     """Return every Skip of a problem, those that do not apply too.
 
-    parallel : rays stay parallel in the lens.
+    source : its own.  parallel : rays stay parallel in the lens.
     """
-    return [*_of_rays(problem, parallel), *_of_surfaces(problem), *_of_measurement(problem)]
+    rays = _of_rays(problem, source, parallel)
+    return [*rays, *_of_surfaces(problem), *_of_measurement(problem, source)]
 
 
 def skip_lines(parts: Sequence[Skip]) -> list[str]:
@@ -52,11 +54,10 @@ def skip_lines(parts: Sequence[Skip]) -> list[str]:
     return [skip.line for skip in parts]
 
 
-def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
-    source, front = problem.source, problem.lens.front
-    collimated = source.kind == "collimated" and not source.half_divergence
-    wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
-    if not collimated:
+def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
+    size, front = problem.source.half_width, problem.lens.front
+    wider = source.collimated and any(s > f for s, f in zip(size, front.half_width))
+    if not source.collimated:
         aperture = "the source lights all around"
     elif wider:
         aperture = "the beam is wider than the lens"
@@ -91,15 +92,14 @@ def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
             None,
         ),
         _edges(problem, parallel),
-        *_of_light(problem),
+        *_of_light(problem, source),
     ]
 
 
-def _of_light(problem: Problem) -> list[Skip]:
+def _of_light(problem: Problem, source: LightSource) -> list[Skip]:
     """Return the skips of what one direction, smooth surfaces and one wavelength spare the measurement."""
-    source, lens = problem.source, problem.lens
-    blurs = source.half_divergence > 0 or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
-    colours = bool(source.spectrum)
+    lens, colours = problem.lens, bool(problem.source.spectrum)
+    blurs = source.diverging or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
     return [
         Skip(
             "blur",
@@ -149,7 +149,7 @@ def _of_surfaces(problem: Problem) -> list[Skip]:
     ]
 
 
-def _of_measurement(problem: Problem) -> list[Skip]:
+def _of_measurement(problem: Problem, source: LightSource) -> list[Skip]:
     return [
         Skip(
             "camera",
@@ -167,7 +167,7 @@ def _of_measurement(problem: Problem) -> list[Skip]:
             else "optimizer.fresnel = false; metrics and verify have them",
             None,
         ),
-        _far_pixels(problem),
+        _far_pixels(problem, source),
         Skip(
             "compilation",
             "compiling the kernels anew",
@@ -177,10 +177,10 @@ def _of_measurement(problem: Problem) -> list[Skip]:
     ]
 
 
-def _far_pixels(problem: Problem) -> Skip:
+def _far_pixels(problem: Problem, source: LightSource) -> Skip:
     """Return the Skip of pixels that a ray or a cell cannot light."""
-    window, extended = problem.optimizer.window, problem.source.kind == "lambertian"
-    if window == "cells" and not extended:
+    window = problem.optimizer.window
+    if window == "cells" and (source.diverging or not source.extended):  # the blur of a beam has no rays
         what = "all pixels that an edge of a cell does not cross"
         return Skip("taps", what, True, "what lies inside is summed once for all cells", ROUNDING)
     taps = {

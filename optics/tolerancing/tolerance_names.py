@@ -122,11 +122,10 @@ def _of_lens(system: OpticalSystem) -> list[Tolerance]:
 
 
 def _of_source(system: OpticalSystem) -> list[Tolerance]:
-    kind = system.problem.source.kind
-    defocus = 0.0 if kind == "collimated" else SOURCE_SEAT  # parallel light has no distance
-    turned = "xy" if kind == "point" else AXES
-    rows = _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, turned)
-    if kind in ("collimated", "lambertian"):
+    source = system.source
+    defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
+    rows = _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES)
+    if source.scalable:
         rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01)))
     return rows
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.system import source_of
 from optics.view.scene_layout import FACTORS, LONG, SHORT, corners, placed
 from optics.view.solid_renderer import solid_faces
 
@@ -92,7 +93,7 @@ def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
         lens=scene.lens,
         lamp=(float(lamp[0]), float(lamp[1]), float(scene.source[2, 0])),
         round_lamp=scene.source.shape[1] > CORNERS,
-        parallel=problem.source.kind == "collimated",
+        parallel=source_of(problem).from_afar,
         screen=(hx, hy, top + throw),
         angular=isinf(problem.target_z),
         table=-max(TALLER * hy, STANDING * size, -scene.lens[1, 0] + 0.1 * size),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.system import source_of
 from optics.view.solid_renderer import Face, oblique
 
 if TYPE_CHECKING:
@@ -70,14 +71,14 @@ def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
     """Return the scene of a problem, turned so that the target leaves the lens free."""
     points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
     box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
-    source, kind = problem.source, problem.source.kind
-    before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if kind == "collimated" else -source.distance
+    source, far = problem.source, source_of(problem).from_afar
+    before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if far else -source.distance
     circle = source.profile in ("round", "round_gaussian")
     around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
     size = 1.0 if circle else np.sqrt(2)
     extent = (
         np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
-        if kind == "collimated"
+        if far
         else source.half_width
     )
     outline = np.stack(

@@ -9,7 +9,7 @@ from optics.analysis.light_of_rays import ray_irradiance
 from optics.luminaires import Luminaire, Opening, write_ies
 from optics.problem import load_problem
 from optics.runtime import load_backend
-from optics.sources import mirror_half
+from optics.sources import PointSource, mirror_half
 from tests.optics.cases import rough, write_problem
 from tests.optics.luminaires.cases import asymmetric, lambertian, narrow
 
@@ -104,7 +104,7 @@ def test_fates_sum_to_the_flux(lamp, more):
     screen = system.optical.target.screen()
     _, fates = ray_irradiance(system.optical, system.optical.lens, screen, load_backend("double"))
     assert sum(vars(fates).values()) == pytest.approx(3.0, rel=1e-12)
-    light = system.optical.source.luminaire.directions.light
+    light = system.optical.source.directions.light
     below = light.flux_within(90.0) / light.flux
     back = below if "source.turn" in more else 1 - below
     assert fates.beside_lens > 3.0 * back
@@ -155,8 +155,8 @@ def test_a_lamp_that_leans_to_one_side_is_not_symmetric(c, symmetric):
 
 
 def test_a_point_stands_for_the_luminaire_before_there_is_a_lens(lamp):
-    point = lit(lamp).optical.source.without_extent().settings
-    assert point.kind == "point"
+    point = lit(lamp).optical.source.without_extent()
+    assert isinstance(point, PointSource)
     assert point.distance == pytest.approx(20.0, abs=0.1)
 
 

@@ -12,7 +12,8 @@ import pytest
 from optics.analysis import light_of_rays, metrics
 from optics.analysis.metrics import compare, measure
 from optics.problem import load_problem
-from optics.system import LightSource, OpticalSystem
+from optics.sources import LambertianArea
+from optics.system import OpticalSystem
 from tests.optics.cases import picture, write_problem
 
 GLOWING = {
@@ -89,7 +90,7 @@ def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypa
 
     No two replicates, nor the optimiser's set, share rays.
     """
-    parts, seeds = LightSource.parts, []
+    parts, seeds = LambertianArea.parts, []
 
     def watched(source, *arguments):
         made = list(parts(source, *arguments))
@@ -97,7 +98,7 @@ def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypa
         return iter(made)
 
     with monkeypatch.context() as patch:
-        patch.setattr(LightSource, "parts", watched)
+        patch.setattr(LambertianArea, "parts", watched)
         result = measured(tmp_path, backend, GLOWING)
         OpticalSystem(load_problem(write_problem(tmp_path, GLOWING))).source.rays((48, 48))
     for one, other in combinations(seeds, 2):

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
-from optics.problem import Source
 from optics.runtime import UserError
-from optics.system import LightSource
+from optics.sources import RayFileSource
 from tests.optics.cases import SMALL
 from tests.optics.problem.cases import load_text, load_values
 
@@ -17,7 +16,8 @@ OF_FILE = {"source.kind": "rays", "source.file": "lamp.tm25ray"}
 
 
 def rotation(**angles):
-    return LightSource(Source(kind="rays", file="lamp.tm25ray", **angles), (10.0, 10.0)).pose.rotation
+    place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)} | angles
+    return RayFileSource(flux=1.0, distance=2.0, file="lamp.tm25ray", **place).pose.rotation
 
 
 def turned_about(axis, degrees):

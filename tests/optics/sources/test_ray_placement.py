@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.ray_files import RaySet, placed_rays
-from optics.sources import Profile, lambertian_parts
+from optics.ray_files import RaySet
+from optics.sources import Profile, lambertian_parts, placed_rays
 from thbcad import Pose
 
 SQUARE = 1 << 14
