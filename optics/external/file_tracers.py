@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from math import isinf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from thbcad.doors import pip_command
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
+    from optics.receivers import Receiver
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification import StepFile
@@ -97,18 +97,18 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     UserError : Mitsuba cannot be loaded.
     OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
     """
-    index, target_z = index_of(file), system.target.z
+    index, target = index_of(file), system.target.receiver
     resolution = None
     coarser: Callable[[Rays], LandingPoints] | None = None
     trace: Callable[[Rays], LandingPoints]
     if name == "mitsuba":
         trace, coarser = _by_mitsuba(file, system, index, nodes)
         digits = PRECISIONS["single"][2]
-        resolution = float(np.degrees(digits)) if isinf(target_z) else digits * target_z
+        resolution = float(np.degrees(digits)) if target.far_field else digits * system.target.z
     elif name == "optiland":
-        trace = _by_optiland(file, index, target_z)
+        trace = _by_optiland(file, index, target)
     else:
-        trace = _by_occt(file, index, target_z)
+        trace = _by_occt(file, index, target)
     heights = [_lowest(face) for face in (file.solid.front, file.solid.rear)]
     return FileTracer(
         name=name,
@@ -150,29 +150,29 @@ def _by_mitsuba(
 
     nodes = optical_nodes(file, least)
     load_mitsuba(threads=system.problem.run.threads)
-    fine, coarse = (MeshedLens(n, index, system.target.z) for n in (nodes, nodes.coarser))
+    fine, coarse = (MeshedLens(n, index, system.target.receiver) for n in (nodes, nodes.coarser))
     return fine, coarse
 
 
-def _by_optiland(file: StepFile, index: float, target_z: float) -> Callable[[Rays], LandingPoints]:
+def _by_optiland(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
     from optics.verification import optiland_trace
 
     step = file.solid
 
     def trace(rays: Rays) -> LandingPoints:
-        landing = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, index, target_z)
+        landing = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, index, target)
         return LandingPoints(landing.points, landing.flux * rays.flux)
 
     return trace
 
 
-def _by_occt(file: StepFile, index: float, target_z: float) -> Callable[[Rays], LandingPoints]:
+def _by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
     from optics.verification import occt_trace, optical_faces
 
     optical, shape = optical_faces(file.text), file.solid.shape
 
     def trace(rays: Rays) -> LandingPoints:
-        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target_z)
+        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
         return LandingPoints(landing.points, landing.flux * rays.flux)
 
     return trace

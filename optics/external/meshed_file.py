@@ -11,7 +11,7 @@ second of equal steps differs from that between all by sqrt(10) times its error 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, isinf
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from optics.mitsuba import current_mitsuba, mitsuba_backend
 from optics.tracing import LandingPoints
-from optics.verification import optical_faces, optical_form
+from optics.verification import last_step, optical_faces, optical_form
 from thbcad.cad.exchange import FaceNodes, face_nodes
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
+    from optics.receivers import Receiver
     from optics.sources import Rays
     from optics.verification import StepFile
     from thbcad.splines import BSplineSurface, KnotVector
@@ -97,11 +98,11 @@ def _parameters(kv: KnotVector, steps: int) -> Floats:
 class MeshedLens:
     """Rays through the meshes of a STEP file by Mitsuba, in single precision.
 
-    index : of the lens.  target_z : mm, inf is the far field.
+    index : of the lens.  target : where the light is received.
     """
 
-    def __init__(self, nodes: OpticalNodes, index: float, target_z: float) -> None:
-        self._mitsuba, self._target_z = current_mitsuba(), target_z
+    def __init__(self, nodes: OpticalNodes, index: float, target: Receiver) -> None:
+        self._mitsuba, self._target = current_mitsuba(), target
         self._backend = mitsuba_backend(self._mitsuba, "single")
         self._index = self._backend.dr.opaque(self._backend.Float, index)
         self._scenes = [_scene(self._mitsuba, face) for face in (nodes.front, nodes.rear)]
@@ -122,18 +123,12 @@ class MeshedLens:
             passes = met.is_valid() & (cosine > 0 if outside else cosine < 0)
             flux = dr.select(passes, flux * (1 - reflected), 0)
             point, onward = met.p, mi.refract(-onward, normal, behind, ratio)
-        arrives = (flux > 0) & (onward.z > 0)
-        across = [a / dr.select(arrives, onward.z, 1) for a in (onward.x, onward.y)]
-        if isinf(self._target_z):
-            x, y = (dr.atan(a) * (180 / np.pi) for a in across)
-        else:
-            travel = dr.opaque(self._backend.Float, self._target_z) - point.z
-            x, y = point.x + travel * across[0], point.y + travel * across[1]
-        flux = dr.select(arrives, flux, 0)
-        dr.eval(x, y, flux)
-        weight = flux.numpy().astype(np.float64)
-        landing = np.column_stack([x.numpy(), y.numpy()]).astype(np.float64)
-        return LandingPoints(np.where(weight[:, None] > 0, landing, np.nan), weight)
+        every = (*(getattr(v, axis) for v in (point, onward) for axis in "xyz"), flux)
+        dr.eval(every)
+        *ends, weight = (a.numpy().astype(np.float64) for a in every)
+        landing, meets = last_step(np.stack(ends[:3], axis=1), np.stack(ends[3:], axis=1), self._target)
+        arrives = (weight > 0) & (ends[5] > 0) & meets
+        return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
 def _scene(mitsuba: Any, nodes: FaceNodes) -> Any:

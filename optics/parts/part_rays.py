@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification import occt_trace, optiland_trace, trace_step
@@ -42,7 +43,7 @@ def landing_checks(placed: PlacedLens, part: PartLight, by_optiland: bool) -> li
     """
     lens = part.lens
     origins, directions = _rays(part)
-    target = lens.thickness + DISTANCE
+    target = receiver_at(lens.thickness + DISTANCE)
     flux = np.ones(len(origins))
     wanted = trace_step(Surfaces(*optical_forms(lens)), origins, directions, flux, lens.index, target)
     programs = {

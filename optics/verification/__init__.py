@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from optics.verification.prescription import (
         prescription_checks as prescription_checks,
     )
+    from optics.verification.receiving import (
+        last_step as last_step,
+    )
     from optics.verification.reference_tracer import (
         trace_step as trace_step,
     )
@@ -71,6 +74,7 @@ _FILES = {
         "optiland_trace",
     ),
     "prescription": ("prescription_checks",),
+    "receiving": ("last_step",),
     "reference_tracer": ("trace_step",),
     "solid_text": ("whole_checks",),
     "step_checks": (

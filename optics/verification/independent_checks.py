@@ -47,7 +47,9 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     shape, optical = file.solid.shape, optical_faces(solid)
 
     def by_occt(rays: Rays) -> LandingPoints:
-        arriving = occt_trace(shape, optical, rays.origin.T, rays.direction.T, lens.index, system.target.z)
+        arriving = occt_trace(
+            shape, optical, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
+        )
         return LandingPoints(arriving.points, arriving.flux * rays.flux)
 
     difference = compared(system, lens, backend, RAYS, by_occt)

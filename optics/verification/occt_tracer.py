@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.tracing import LandingPoints
+from optics.verification.receiving import last_step
 from thbcad.cad.exchange import face_hits
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
+    from optics.receivers import Receiver
     from thbcad.cad.exchange import TopoDS_Shape
     from thbcad.io import Brep, BrepFace
     from thbcad.lens import OpticalForm
@@ -92,14 +93,12 @@ def occt_trace(
     origins: Rows,
     directions: Rows,
     index: float,
-    target_z: float,
+    target: Receiver,
 ) -> LandingPoints:
     """Trace rays of 1 W through the front and the rear of a solid, by OCCT's intersections.
 
-    They end in the plane z = target_z, or in the far field (degrees).
-
     optical : indices of front and rear among the faces.
-    origins, directions : (n, 3) float, mm and unit vectors.  target_z : mm, inf is the far field.
+    origins, directions : (n, 3) float, mm and unit vectors.
     """
     landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
     points, onward = origins, directions
@@ -110,14 +109,9 @@ def occt_trace(
         passes = (hits.faces == face) & (transmittance > 0)
         points, onward, lit = hits.points[passes], onward[passes], lit[passes]
         weight = weight[passes] * transmittance[passes]
-    forward = onward[:, 2] > 0
-    points, onward, lit = points[forward], onward[forward], lit[forward]
-    across = onward[:, :2] / onward[:, 2:]
-    if isinf(target_z):
-        landing[lit] = np.degrees(np.arctan(across))
-    else:
-        landing[lit] = points[:, :2] + (target_z - points[:, 2:]) * across
-    flux[lit] = weight[forward]
+    ends, meets = last_step(points, onward, target)
+    arrives = (onward[:, 2] > 0) & meets
+    landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
     return LandingPoints(landing, flux)
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification.independent_checks import RAYS
+from optics.verification.receiving import last_step
 from optics.verification.trace_comparison import compared
 from thbcad.sags import PlacedConic
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from optiland.geometries import BaseGeometry, NurbsGeometry, Plane, StandardGeometry
     from optiland.rays import RealRays
 
+    from optics.receivers import Receiver
     from optics.runtime import Backend
     from optics.sources import Rays
     from optics.system import OpticalSystem
@@ -69,7 +70,7 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
 
     def by_optiland(rays: Rays) -> LandingPoints:
         arriving = optiland_trace(
-            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.z
+            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
         )
         return LandingPoints(arriving.points, arriving.flux * rays.flux)
 
@@ -97,15 +98,15 @@ def optiland_trace(
     origins: Rows,
     directions: Rows,
     index: float,
-    target_z: float,
+    target: Receiver,
 ) -> LandingPoints:
-    """Trace rays of 1 W through two faces to the plane z = target_z, or to the far field, by optiland.
+    """Trace rays of 1 W through two faces to a target, by optiland.
 
     The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
     points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
 
     front, rear : as `optical_forms`, mm; splines have x along u and y along v.
-    origins, directions : (n, 3) float, mm and unit vectors.  target_z : mm, inf is the far field.
+    origins, directions : (n, 3) float, mm and unit vectors.
 
     Raises
     ------
@@ -120,14 +121,9 @@ def optiland_trace(
                 points, onward, transmittance = _through(surface, points, onward, indices)
                 passes, weight = transmittance > 0, weight * transmittance
                 points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
-            forward = onward[:, 2] > 0
-            points, onward, lit = points[forward], onward[forward], lit[forward]
-            across = onward[:, :2] / onward[:, 2:]
-            if isinf(target_z):
-                landing[lit] = np.degrees(np.arctan(across))
-            else:
-                landing[lit] = points[:, :2] + (target_z - points[:, 2:]) * across
-            flux[lit] = weight[forward]
+            ends, meets = last_step(points, onward, target)
+            arrives = (onward[:, 2] > 0) & meets
+            landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
     return LandingPoints(landing, flux)
 
 

@@ -16,9 +16,11 @@ from scipy.interpolate import NdBSpline
 from optics.runtime import NumericalError
 from optics.tracing import LandingPoints
 from optics.verification.conic_face import MEETS, ROOM, ConicFace
+from optics.verification.receiving import last_step
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
+    from optics.receivers import Receiver
     from optics.target import Screen
     from optics.verification.conic_face import Floats, Meetings
     from thbcad.lens import OpticalForm
@@ -161,11 +163,10 @@ def trace_step(
     directions: NDArray[np.float64],
     flux: ArrayLike,
     index: float,
-    target_z: float,
+    target: Receiver,
 ) -> LandingPoints:
-    """Trace rays through the two faces of a STEP file to the plane z = target_z, or to the far field.
+    """Trace rays through the two faces of a STEP file to a target.
 
-    target_z : mm, inf is the far field.
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
@@ -175,12 +176,8 @@ def trace_step(
         points, normals, met = _meet(surface, points, directions)
         directions, transmittance = _refract(directions, normals, eta)
         weight *= np.where(met, transmittance, 0.0)
-    arrives = (weight > 0) & (directions[:, 2] > 0)
-    across = directions[:, :2] / np.where(arrives, directions[:, 2], 1.0)[:, None]
-    if np.isinf(target_z):
-        landing = np.degrees(np.arctan(across))
-    else:
-        landing = points[:, :2] + (target_z - points[:, 2:]) * across
+    landing, meets = last_step(points, directions, target)
+    arrives = (weight > 0) & (directions[:, 2] > 0) & meets
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 

@@ -87,7 +87,9 @@ def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend:
     limits = system.problem.verify
 
     def by_scipy(rays: Rays) -> LandingPoints:
-        return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.z)
+        return trace_step(
+            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver
+        )
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
     return [

@@ -31,7 +31,9 @@ def step_irradiance(system: System, lens: Lens, rays: tuple[int, int], sigma: fl
         file = read_step(path)
     optical = system.optical
     sent = single_rays(optical.source.rays(rays), lens)
-    landing = trace_step(file, sent.origin.T, sent.direction.T, sent.flux, lens.index, optical.target.z)
+    landing = trace_step(
+        file, sent.origin.T, sent.direction.T, sent.flux, lens.index, optical.target.receiver
+    )
     return gaussian_image(landing.points, landing.flux, optical.target.screen(), sigma)
 
 

@@ -37,7 +37,7 @@ def step_loss(system: System, lens: Lens, wanted: Floats, rays: tuple[int, int],
         write_step(lens, path)
         solid = StepFile(path).solid
         landing = trace_step(
-            solid, bundle.origin.T, bundle.direction.T, bundle.flux, lens.index, optical.target.z
+            solid, bundle.origin.T, bundle.direction.T, bundle.flux, lens.index, optical.target.receiver
         )
     seen = gaussian_irradiance(landing, optical.target.screen(), sigma)
     return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))

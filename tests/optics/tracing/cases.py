@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from optics.receivers import receiver_at
 from optics.verification import trace_step
 from tests.optics.cases import TARGET_Z
 from thbcad import read_step, write_step
@@ -13,4 +14,4 @@ def step_trace(lens, rays, folder, target_z=TARGET_Z):
     """Return the ReferenceRays of the independent trace of the lens's STEP file."""
     write_step(lens, folder / "lens.step")
     step = read_step(folder / "lens.step")
-    return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, target_z)
+    return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, receiver_at(target_z))

@@ -9,6 +9,7 @@ import pytest
 
 from optics.engines import TracedModel
 from optics.optimisation import Objective
+from optics.receivers import receiver_at
 from optics.runtime import load_backend
 from optics.sources import Profile, Rays, collimated_beam, lambertian_parts
 from optics.target import BSplineWindow, Screen
@@ -221,7 +222,12 @@ def test_the_independent_tracer_agrees_in_any_units_and_from_the_front_itself(ba
     rays = next(lambertian_parts((0.5 * k, 0.5 * k), distance * k, 1.0, 60.0, Profile(), 1 << 10, 3, 1 << 10))
     write_step(lens, tmp_path / "lens.step")
     other = trace_step(
-        read_step(tmp_path / "lens.step"), rays.origin.T, rays.direction.T, rays.flux, 1.5, 100.0 * k
+        read_step(tmp_path / "lens.step"),
+        rays.origin.T,
+        rays.direction.T,
+        rays.flux,
+        1.5,
+        receiver_at(100.0 * k),
     )
     x, y, flux, _ = landing(backend, lens, rays, 100.0 * k)
     np.testing.assert_array_equal(flux > 0, other.flux > 0)

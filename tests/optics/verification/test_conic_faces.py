@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from optics.receivers import receiver_at
 from optics.system import OpticalSystem
 from optics.verification.conic_face import ConicFace
 from optics.verification.independent_checks import text_and_occt_checks
@@ -147,7 +148,7 @@ def test_closed_forms_meet_what_the_spline_meets(shape, seed):
     directions = np.column_stack([*rng.uniform(-0.6, 0.6, (2, 200)), np.ones(200)])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     by_form, by_spline = (
-        trace_step(SimpleNamespace(front=front, rear=rear), origins, directions, 1.0, 1.5, 60.0)
+        trace_step(SimpleNamespace(front=front, rear=rear), origins, directions, 1.0, 1.5, receiver_at(60.0))
         for front, rear in (optical_forms(lens), placed_surfaces(lens))
     )
     np.testing.assert_array_equal(by_form.flux > 0, by_spline.flux > 0)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from optics.receivers import receiver_at
 from optics.system import OpticalSystem
 from optics.verification.independent_checks import text_and_occt_checks
 from optics.verification.lone_file import _axis, bare_checks
@@ -100,7 +101,9 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
     at_rear = rays.to(6.0 - r**2 / 80)
     expected = at_rear.refracted(-r / 40, 1.5, 1.0).to(60.0).r
     origins = np.column_stack([r, np.zeros_like(r), np.full_like(r, -20.0)])
-    found = occt_trace(lens_solid(lens), (0, 1), origins, np.tile([0.0, 0.0, 1.0], (19, 1)), 1.5, 60.0)
+    found = occt_trace(
+        lens_solid(lens), (0, 1), origins, np.tile([0.0, 0.0, 1.0], (19, 1)), 1.5, receiver_at(60.0)
+    )
     np.testing.assert_allclose(found.points[:, 0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.points[:, 1], 0, rtol=0, atol=1e-12)
     # 0.96 = 4 n / (n + 1)^2 at the plane front; the oracle's Fresnel needs an angle, which r = 0 has not
@@ -115,7 +118,7 @@ def test_lost_rays_land_nowhere():
     origins = [[12.0, 0, -5], [9.9, 0, -5], [9.0, 0, -5], [0, 0, -5]]
     directions = np.array([[0, 0, 1.0], [0.1, 0, 1.0], [0, 0, 1.0], [0, 0, 1.0]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = occt_trace(lens_solid(lens), (0, 1), np.array(origins), directions, 1.5, 60.0)
+    found = occt_trace(lens_solid(lens), (0, 1), np.array(origins), directions, 1.5, receiver_at(60.0))
     np.testing.assert_array_equal(np.isfinite(found.points).all(axis=1), [False, False, False, True])
     np.testing.assert_array_equal(found.flux > 0, [False, False, False, True])
 

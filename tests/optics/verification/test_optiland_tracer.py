@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from optics.receivers import receiver_at
 from optics.sources import Profile, lambertian_parts
 from optics.system import OpticalSystem
 from optics.verification import optiland_tracer as module
@@ -92,7 +93,7 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
     inside = meridional(r).to(0.0).refracted(0.0, 1.0, 1.5)
     expected = inside.to(6.0 - r**2 / 80).refracted(-r / 40, 1.5, 1.0).to(60.0).r
     found = optiland_trace(
-        *placed_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, 60.0
+        *placed_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, receiver_at(60.0)
     )
     np.testing.assert_allclose(found.points[:, 0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.points[:, 1], 0, rtol=0, atol=1e-12)
@@ -103,7 +104,9 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
 def test_far_field_points_are_angles():
     faces = placed_surfaces(small_lens(rear=Conic(-40.0, -1.0)))
     rays = along_axis(np.linspace(-9, 9, 7), np.linspace(-5, 8, 7))
-    far, near = (optiland_trace(*faces, *rays, 1.5, z).points for z in (np.inf, 1e9))
+    far, near = (
+        optiland_trace(*faces, *rays, 1.5, receiver_at(z)).points for z in map(receiver_at, (np.inf, 1e9))
+    )
     # from 1e9 mm the lens is a point of 20 mm
     np.testing.assert_allclose(np.tan(np.radians(far)), near / 1e9, rtol=0, atol=2e-8)
 
@@ -115,8 +118,8 @@ def test_steep_rays_in_a_hollow_meet_as_ours_do(tmp_path, height, spans):
     write_step(lens, tmp_path / "lens.step")
     step = read_step(tmp_path / "lens.step")
     origins, directions = glowing(512)
-    ours = trace_step(step, origins, directions, 1.0, 1.5, 1005.0)
-    found = optiland_trace(step.front, step.rear, origins, directions, 1.5, 1005.0)
+    ours = trace_step(step, origins, directions, 1.0, 1.5, receiver_at(1005.0))
+    found = optiland_trace(step.front, step.rear, origins, directions, 1.5, receiver_at(1005.0))
     np.testing.assert_array_equal(found.flux > 0, ours.flux > 0)
     assert 256 < np.count_nonzero(found.flux) < 512
     # meetings are known to 1e-12 mm, normals on curvatures below 1 / mm as well; a metre away that is 1e-9
@@ -130,11 +133,11 @@ def test_steep_rays_in_a_hollow_meet_as_ours_do(tmp_path, height, spans):
 def test_starts_at_one_height_lose_steep_rays(monkeypatch):
     """What the search for a start is for: from the rim's height alone, Newton's method is held at the rim."""
     faces, rays = placed_surfaces(rough_hollow()), glowing(256)
-    searched = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    searched = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     monkeypatch.setattr(
         module, "_nearest", lambda surface, heights, points, directions: np.zeros(len(points), dtype=int)
     )
-    single = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    single = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     arrives = single.flux > 0
     assert np.count_nonzero(arrives) < np.count_nonzero(searched.flux)
     # those that still arrive are no strays: only rays held on the way are counted as lost
@@ -145,9 +148,9 @@ def test_an_iteration_that_has_not_ended_loses_the_ray(monkeypatch):
     """One step of Newton's method is not enough for steep rays; they must not go on from beside the face."""
     faces = placed_surfaces(rough_hollow())
     rays = glowing(64)
-    ended = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    ended = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     monkeypatch.setattr(module, "NEWTON_STEPS", 1)
-    found = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    found = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     arrives = found.flux > 0
     assert np.count_nonzero(arrives) < np.count_nonzero(ended.flux)
     np.testing.assert_allclose(found.flux[arrives], ended.flux[arrives], rtol=0, atol=1e-11)
@@ -159,7 +162,7 @@ def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
         np.array([11.0, 0.0, 0.0, 9.9, 0.0]), np.array([0.0, -10.5, 0.0, 9.9, 0.0])
     )
     directions[2] *= -1
-    found = optiland_trace(*faces, origins, directions, 1.5, 60.0)
+    found = optiland_trace(*faces, origins, directions, 1.5, receiver_at(60.0))
     np.testing.assert_array_equal(found.flux > 0, [False, False, False, False, True])
     np.testing.assert_array_equal(np.isfinite(found.points).all(axis=1), found.flux > 0)
 
@@ -167,7 +170,7 @@ def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
 def test_rays_beside_a_plane_front_do_not_reach_a_larger_rear():
     faces = placed_surfaces(small_lens(rear_half_width=(12.0, 12.0)))
     found = optiland_trace(
-        *faces, *along_axis(np.array([9.9, 11.0, 0.0]), np.array([9.9, 0.0, -10.1])), 1.5, 60.0
+        *faces, *along_axis(np.array([9.9, 11.0, 0.0]), np.array([9.9, 0.0, -10.1])), 1.5, receiver_at(60.0)
     )
     np.testing.assert_array_equal(found.flux > 0, [True, False, False])
 
@@ -185,15 +188,16 @@ def test_rays_that_start_behind_the_front_do_not_meet_it():
     apex = faces[0]([0.0], [0.0])[0]
     origins = apex + np.outer([-0.01, 0.01], ALONG)
     np.testing.assert_array_equal(
-        optiland_trace(*faces, origins, np.tile(ALONG, (2, 1)), 1.5, 60.0).flux > 0, [True, False]
+        optiland_trace(*faces, origins, np.tile(ALONG, (2, 1)), 1.5, receiver_at(60.0)).flux > 0,
+        [True, False],
     )
 
 
 def test_parts_of_the_rays_land_as_all(monkeypatch):
     faces, rays = placed_surfaces(rough_hollow()), glowing(64)
-    whole = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    whole = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     monkeypatch.setattr(module, "AT_ONCE", 7)
-    parts = optiland_trace(*faces, *rays, 1.5, 1005.0)
+    parts = optiland_trace(*faces, *rays, 1.5, receiver_at(1005.0))
     np.testing.assert_allclose(parts.points, whole.points, rtol=1e-11, atol=1e-8)
     np.testing.assert_allclose(parts.flux, whole.flux, rtol=1e-9, atol=0)
 
@@ -205,7 +209,7 @@ def test_knots_need_not_run_from_0_to_1():
         BSplineSurface(*(type(kv)(kv.degree, 3 * kv.knots + 7) for kv in (s.kv_u, s.kv_v)), s.coefficients)
         for s in faces
     ]
-    a, b = (optiland_trace(*s, *rays, 1.5, 1005.0).points for s in (faces, moved))
+    a, b = (optiland_trace(*s, *rays, 1.5, receiver_at(1005.0)).points for s in (faces, moved))
     np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-8)
 
 
@@ -213,12 +217,12 @@ def test_the_settings_of_optiland_are_put_back():
     from optiland import backend
 
     faces, rays = placed_surfaces(small_lens()), along_axis(np.linspace(-9, 9, 5), np.linspace(-7, 8, 5))
-    exact = optiland_trace(*faces, *rays, 1.5, 60.0).points
+    exact = optiland_trace(*faces, *rays, 1.5, receiver_at(60.0)).points
     backend.set_precision("float32")
     try:
-        np.testing.assert_array_equal(optiland_trace(*faces, *rays, 1.5, 60.0).points, exact)
+        np.testing.assert_array_equal(optiland_trace(*faces, *rays, 1.5, receiver_at(60.0)).points, exact)
         with pytest.raises(TypeError):
-            optiland_trace(*faces, *rays, "glass", 60.0)
+            optiland_trace(*faces, *rays, "glass", receiver_at(60.0))
         assert (backend.get_backend(), backend.get_precision()) == ("numpy", 32)
     finally:
         backend.set_precision("float64")

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from optics.intersections import SearchedHits
+from optics.receivers import receiver_at
 from optics.sources import Rays
 from optics.verification.reference_tracer import ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
@@ -176,7 +177,7 @@ def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, 
     chosen = np.flatnonzero(passes)[forward]
     assert len(chosen) > 300
     step = SimpleNamespace(**dict(zip(("front", "rear"), placed_surfaces(lens))))
-    reference = trace_step(step, origin, direction, 1.0, index, TARGET_Z)
+    reference = trace_step(step, origin, direction, 1.0, index, receiver_at(TARGET_Z))
     assert (reference.flux[chosen] > 0).all()
     # 1e-11 of the angle, by a slope of at most 1 / 0.05 and the cosine 0.05 of the direction out
     np.testing.assert_allclose(reference.points[chosen], expected, rtol=0, atol=1e-6)

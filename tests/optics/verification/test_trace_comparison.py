@@ -28,7 +28,7 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
     subnormal = []
 
     def flushing(rays):
-        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.z)
+        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.receiver)
         weak = seen.flux < np.finfo(float).tiny
         subnormal.append(int((weak & (seen.flux > 0)).sum()))
         return LandingPoints(seen.points, np.where(weak, 0.0, seen.flux))
@@ -45,7 +45,7 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
     faces = SimpleNamespace(front=front, rear=rear)
 
     def losing(rays):
-        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.z)
+        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.receiver)
         flux = seen.flux.copy()
         flux[:3] = 0.0
         flux[3] *= 1e-13
