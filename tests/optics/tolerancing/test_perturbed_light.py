@@ -8,6 +8,7 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from optics.analysis import cell_irradiance
+from optics.materials import MATERIALS
 from optics.runtime import load_backend
 from optics.sources import single_rays
 from optics.tolerancing import NOMINAL, Perturbation, PerturbedLight, perturbed_lens
@@ -222,6 +223,16 @@ def test_light_of_a_spectrum_is_that_of_its_wavelengths_one_by_one(tmp_path, bac
     np.testing.assert_allclose(found, image, rtol=1e-12, atol=1e-15)
     assert fates.absorbed == pytest.approx(absorbed, rel=1e-12)
     assert absorbed > 1e-4
+
+
+def test_a_lens_of_another_index_than_its_material_stays_cold_at_all_wavelengths(tmp_path, backend):
+    """Its table meets the catalogue at the lines, but not at the wavelength of the design."""
+    table = [[nm, MATERIALS["PMMA"].index(nm)] for nm in (450.0, 650.0)]
+    changes = {"lens.material": "PMMA", "lens.index": "auto", "lens.indices": table}
+    system, lens = small_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    assert system.material is None
+    light = PerturbedLight(system, lens, backend)
+    np.testing.assert_array_equal(light(Perturbation(temperature=60.0))[0], light(NOMINAL)[0])
 
 
 def test_perturbations_are_scaled_and_added_number_by_number():
