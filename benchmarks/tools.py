@@ -117,10 +117,11 @@ def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]:
     response = landing_response(system, lens, backend, "rear", RAYS)
     for step in (0.02, STEP):
         cusps = ball_cusps(found.graph, response.x, response.y, SMALL_BALL, step, "x")
-        rays = system.source.rays((RAYS, RAYS))
+        path, rays = system.path(lens), system.source.rays((RAYS, RAYS))
         added = np.zeros((2, len(response.landed)))
         added[:, response.landed] = cusps.slopes / 2
-        ends = [traced_points(system, lens, backend, rays, (None, sign * added))[0] for sign in (-1.0, 1.0)]
+        paths = (path.with_slope_errors((None, sign * added)) for sign in (-1.0, 1.0))
+        ends = [traced_points(erring, backend, rays)[0] for erring in paths]
         spread = np.hypot(*(ends[1] - ends[0])[:, response.landed]) / _pixel(system)
         wanted = step * _blur_of(system, lens, backend, SMALL_BALL).pixels
         off = float(np.abs(spread / wanted - 1).max())

@@ -52,7 +52,8 @@ def test_the_light_of_the_text_is_that_of_mapped_cells(lens, system, tmp_path):
     """Both errors fall with the cells' size squared: left is a third of what doubling them changes."""
     backend, screen = load_backend("double", 1), system.target.screen()
     text = images(lens, system, tmp_path / "lens.step")
-    cells = [cell_irradiance(system, lens, screen, system.source.cells((n, n)), backend)[0] for n in COUNTS]
+    path, source = system.path(lens), system.source
+    cells = [cell_irradiance(path, screen, source.cells((n, n)), backend)[0] for n in COUNTS]
     left = [relative(*pair) / 3 for pair in (text, cells)]
     assert max(left) < 0.01
     assert relative(text[1], cells[1]) < sum(left)

@@ -113,7 +113,7 @@ def _source_image(folder: Path) -> list[Row]:
     problem, lens, _ = ResultFolder(folder).read()
     system = OpticalSystem(problem)
     screen, rng = system.target.screen(), np.random.default_rng(0)
-    light, _ = ray_irradiance(system, lens, screen, load_backend("double"))
+    light, _ = ray_irradiance(system, system.path(lens), screen, load_backend("double"))
     target = system.target.irradiance(screen, light.on_target + light.off_target)
     blocks = np.argwhere(np.ones((BLOCKS, BLOCKS))) + rng.random((BLOCKS**2, 2))
     pixels = (blocks * np.divide(screen.shape, BLOCKS)).astype(int)

@@ -103,7 +103,7 @@ def _score(system: OpticalSystem, lens: Lens) -> dict[str, float]:
     """
     screen = system.target.screen()
     target = system.target.irradiance(screen, 1.0)
-    light, _ = ray_irradiance(system, lens, screen, load_backend("double", 0))
+    light, _ = ray_irradiance(system, system.path(lens), screen, load_backend("double", 0))
     e, t = light.irradiance / light.irradiance.mean(), target / target.mean()
     return {
         "rel_l2": rel_l2(e, t),

@@ -107,9 +107,8 @@ def _by_cells(case: Case, backend: Backend) -> Iterator[Light]:
     for count in OWN_CELLS:
         for _ in range(2):  # the first compiles
             start = perf_counter()
-            image, _ = cell_irradiance(
-                case.system, case.lens, screen, case.system.source.cells((count, count)), backend
-            )
+            path, cells = case.system.path(case.lens), case.system.source.cells((count, count))
+            image, _ = cell_irradiance(path, screen, cells, backend)
             seconds = perf_counter() - start
         yield Light(CELLS, f"{count}^2 cells", image, seconds)
 
@@ -181,8 +180,8 @@ def _rims(backend: Backend) -> list[Row]:
     for name, problem, missing in _cut_light():
         system = OpticalSystem(problem)
         for count in RIM_CELLS:
-            screen, counts = system.target.screen(), (count, count)
-            _, fates = cell_irradiance(system, system.lens, screen, system.source.cells(counts), backend)
+            path, screen = system.path(system.lens), system.target.screen()
+            _, fates = cell_irradiance(path, screen, system.source.cells((count, count)), backend)
             exact = missing * (problem.source.flux - fates.front_reflected)
             error = abs(fates.missed_rear - exact) / problem.source.flux
             title = f"{name}, {count}^2 cells: error of the flux past the rear"

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates, SlopeErrors
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath, SequentialFates, SlopeErrors
 
 Floats = NDArray[np.float64]
 
@@ -56,22 +55,31 @@ GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
 
 def beam_irradiance(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
-    """Return (irradiance through front and rear, W/mm^2, flux by fate).  backend : of double precision.
+    """Return (irradiance along a path, W/mm^2, flux by fate).
+
+    system : whose beam diverges, or whose surfaces are rough.  backend : of double precision.
 
     Raises
     ------
     UserError : see `Blur.widened`.
     """
     counts = _beam_cells(screen)
-    rest = _Rest.of(system, lens, screen, backend)
+    rest = _Rest.of(system, path, screen, backend)
     fates: list[SequentialFates] = []
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for samples in _sets(system):
-            beams = ((system.source.cells(counts, direction=s.direction), s.errors) for s in samples)
-            parts = [cell_irradiance(system, lens, screen, cells, backend, errors) for cells, errors in beams]
+            parts = [
+                cell_irradiance(
+                    path.with_slope_errors(s.errors),
+                    screen,
+                    system.source.cells(counts, direction=s.direction),
+                    backend,
+                )
+                for s in samples
+            ]
             by_fate = reduce(add, (part for _, part in parts)) / len(parts)
             fates.append(by_fate)
             image = reduce(add, (image for image, _ in parts)) / len(parts) + rest.beside(samples)
@@ -117,13 +125,13 @@ class _Rest:
     screen: Screen
 
     @classmethod
-    def of(cls, system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> _Rest:
-        blur = blur_of(system, lens, backend)
+    def of(cls, system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend) -> _Rest:
+        blur = blur_of(system, path, backend)
         wide = blur.widened(screen).finer(FINER)
         many = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in screen.pixels]
         middle = AXIS if system.source.diverging else None
         fine, coarse = (
-            cell_irradiance(system.sharp, lens, wide, cells, backend)[0]
+            cell_irradiance(path, wide, cells, backend)[0]
             for cells in (
                 system.sharp.source.cells(many),
                 system.source.cells(_beam_cells(screen), direction=middle),

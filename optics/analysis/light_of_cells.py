@@ -26,10 +26,8 @@ from optics.tracing import Tracer
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.sources import RayGrid, Rays, SourceCells
-    from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import Landing, SequentialFates, SlopeErrors
-    from thbcad.lens import Lens
+    from optics.tracing import Landing, LightPath, SequentialFates
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 BORDER_CELLS = (
@@ -94,18 +92,12 @@ class _CellTracer:
 
 
 def cell_irradiance(
-    system: OpticalSystem,
-    lens: Lens,
-    screen: Screen,
-    cells: SourceCells,
-    backend: Backend,
-    errors: SlopeErrors = (None, None),
+    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend
 ) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells.
+    """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells along a path.
 
-    backend : of double precision.  errors : of the slopes, the same for all rays.
+    backend : of double precision.
     """
-    path = system.path(lens).with_slope_errors(errors)
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
         tracer = Tracer(backend, path, rays)

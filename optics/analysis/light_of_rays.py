@@ -5,7 +5,7 @@ Every replicate traces another scrambling of the source's quasi-random points, w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from math import isqrt
 from operator import add
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from optics.sources import RayGrid, Rays
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath, SequentialFates
 
 REPLICATES = 8
 RAYS_PER_PIXEL = 240  # of all replicates together
@@ -35,16 +34,19 @@ Floats = NDArray[np.float64]
 
 
 def ray_irradiance(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
-    """Return (irradiance in box pixels through front and rear, W/mm^2, mean flux by fate)."""
+    """Return (irradiance in box pixels along a path, W/mm^2, mean flux by fate).
+
+    system : whose source shines, and whose surfaces are rough.
+    """
     side = isqrt(ray_count(screen) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
-            image, by_fate = _trace(system, lens, screen, parts, rng, backend)
+            image, by_fate = _trace(path, system.slope_rms, screen, parts, rng, backend)
             fates.append(by_fate)
             yield image, by_fate.on_target, by_fate.off_target
 
@@ -59,8 +61,8 @@ def ray_count(screen: Screen) -> int:
 
 
 def _trace(
-    system: OpticalSystem,
-    lens: Lens,
+    path: LightPath,
+    slope_rms: Sequence[float],
     screen: Screen,
     parts: Iterator[RayGrid | Rays],
     fresh: np.random.Generator,
@@ -71,8 +73,8 @@ def _trace(
     image: DrArray = 0.0
     fates = []
     for part in parts:
-        errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in system.slope_rms]
-        tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), part)
+        errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in slope_rms]
+        tracer = Tracer(backend, path.with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
             image = image + splat(landing.x, landing.y, landing.flux)

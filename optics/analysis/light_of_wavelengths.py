@@ -1,9 +1,9 @@
-"""The light of a spectrum: the sum over its wavelengths, each through the lens of its own index."""
+"""The light of a spectrum: the sum over its wavelengths, each along its own path."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Any
@@ -13,17 +13,18 @@ from numpy.typing import NDArray
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.colour import chromaticity_distance, spectral_lines, white_of
-from optics.tracing import Tracer
+from optics.tracing import Medium, Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath, SequentialFates
 
 Floats = NDArray[np.float64]
-Estimate = Callable[["OpticalSystem", "Lens", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]]
+Estimate = Callable[
+    ["OpticalSystem", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]
+]
 
 BLUE, RED = 450.0, 650.0  # nm, between which the shift of colours is told
 SHIFT_RAYS = (65, 65)
@@ -43,29 +44,28 @@ class SpectralLight:
     colour: Floats | None
 
 
-def coloured(system: OpticalSystem, lens: Lens) -> list[tuple[float, OpticalSystem, Lens]]:
-    """Return (share of the flux, system, lens) at every wavelength at which light is measured."""
+def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightPath]]:
+    """Return (share of the flux, path) of every wavelength at which light is measured."""
     if not system.spectral:
-        return [(1.0, system, lens)]
-    return [(w.weight, system.at(w), replace(lens, index=w.index)) for w in system.wavelengths]
+        return [(1.0, path)]
+    return [(w.weight, path.in_glass(w.medium)) for w in system.wavelengths]
 
 
 def spectral_light(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, estimate: Estimate
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, estimate: Estimate
 ) -> SpectralLight:
-    """Return the light of a lens in all of the source's wavelengths.
+    """Return the light along a path in all of the source's wavelengths.
 
     Errors of wavelengths add up, since the same rays or cells are traced at each.
 
     estimate : of light of one wavelength.  backend : of double precision.
     """
     if not system.spectral:
-        return SpectralLight(*estimate(system, lens, screen, backend), None)
+        return SpectralLight(*estimate(system, path, screen, backend), None)
     image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
     fates, on, off = [], 0.0, 0.0
     for wavelength in system.wavelengths:
-        coloured = replace(lens, index=wavelength.index)
-        light, by_fate = estimate(system.at(wavelength), coloured, screen, backend)
+        light, by_fate = estimate(system, path.in_glass(wavelength.medium), screen, backend)
         image += wavelength.weight * light.irradiance
         error += wavelength.weight * light.error
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
@@ -75,9 +75,9 @@ def spectral_light(
 
 
 def colour_metrics(
-    system: OpticalSystem, lens: Lens, colour: Floats, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, colour: Floats, screen: Screen, backend: Backend
 ) -> dict[str, Any]:
-    """Return how far a lens takes colours apart.
+    """Return how far a path takes colours apart.
 
     from_nm, to_nm, shift, shift_pixels : flux-weighted mean distance of the same rays of two wavelengths on
         the target, mm (degrees in the far field), and in pixels.
@@ -87,7 +87,7 @@ def colour_metrics(
     first, last = lines[0].nm, lines[-1].nm
     between = max(BLUE, first), min(RED, last)
     ends = between if between[0] < between[1] else (first, last)  # all of them on one side
-    shift = _shift(system, lens, ends, backend) if first < last else 0.0
+    shift = _shift(system, path, ends, backend) if first < last else 0.0
     distance = fringe(system, colour)
     shown = np.isfinite(distance)
     weight = colour[1][shown]
@@ -110,11 +110,12 @@ def fringe(system: OpticalSystem, colour: Floats) -> Floats:
     return np.where(colour[1] > DARK * colour[1].mean(), distance, np.nan)
 
 
-def _shift(system: OpticalSystem, lens: Lens, ends: tuple[float, float], backend: Backend) -> float:
+def _shift(system: OpticalSystem, path: LightPath, ends: tuple[float, float], backend: Backend) -> float:
     """Return the mean distance of the rays of two wavelengths on the target."""
     rays, landings = system.source.rays(SHIFT_RAYS), []
     for nm in ends:
-        tracer = Tracer(backend, system.path(replace(lens, index=system.index_at(nm))), rays)
+        glass = Medium(system.index_at(nm), system.absorption)
+        tracer = Tracer(backend, path.in_glass(glass), rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
         landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates
+    from optics.tracing import LightPath, SequentialFates
     from thbcad.lens import Lens
 
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
@@ -93,9 +93,9 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
-    screen = system.target.screen()
+    screen, path = system.target.screen(), system.path(lens)
     estimator = _estimator(system)
-    spectral = spectral_light(system, lens, screen, backend, ESTIMATES[estimator])
+    spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
     other = light_by_other_ways(system, lens, screen, backend) if _by_edges(system, fates) else None
     all_ways = other is not None and not other.negligible
@@ -126,14 +126,14 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
     sharp = colour = None
     if estimator == "beams":
-        clear = spectral_light(system.sharp, lens, screen, backend, _by_cells)
+        clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
     if spectral.colour is not None:
         colour = spectral.colour / shown
-        one, _ = ESTIMATES[estimator](system, lens, screen, backend)
+        one, _ = ESTIMATES[estimator](system, path, screen, backend)
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
-        metrics["colour"] = colour_metrics(system, lens, colour, screen, backend)
+        metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
 
 
@@ -173,19 +173,19 @@ def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
 
 
 def _by_cells(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
-    """Return (irradiance through front and rear, flux by fate)."""
+    """Return (irradiance along a path, flux by fate)."""
     spans = [0, 0]
-    for sag in lens.sags:
+    for sag in path.sags:
         embedding = sag.space.embedding
         spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
     wanted = [max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * k) for n, k in zip(screen.pixels, spans)]
     most = [max(LEAST_PER_PIXEL * n, MOST_CELLS) for n in screen.pixels]
     counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
     fewer = [_prime_from(round(n / COARSER)) for n in counts]
-    fine, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
-    coarse, _ = cell_irradiance(system, lens, screen, system.source.cells(fewer), backend)
+    fine, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
+    coarse, _ = cell_irradiance(path, screen, system.source.cells(fewer), backend)
     error = (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER)
     return LightEstimate(fine, error, fates.on_target, fates.off_target), fates
 

@@ -52,5 +52,5 @@ def shaping_by(
     chosen = engine_of(engine, sharp, backend)
     if sharp is system:
         return system, chosen
-    blur = blur_of(system, system.lens, backend)
+    blur = blur_of(system, system.path(system.lens), backend)
     return aimed_through(system, blur), BlurredEngine(chosen, blur)

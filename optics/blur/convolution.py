@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from optics.sources import Divergence
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath
 
 Floats = NDArray[np.float64]
 
@@ -238,7 +238,7 @@ def _size(matrix: Floats) -> float:
     return sqrt(abs(np.linalg.det(matrix)))
 
 
-def blur_of(system: OpticalSystem, lens: Lens, backend: Backend) -> Blur:
-    """Return the Blur of a lens in a system that blurs, see `OpticalSystem.blurred`."""
+def blur_of(system: OpticalSystem, path: LightPath, backend: Backend) -> Blur:
+    """Return the Blur of a path through the lens of a system that blurs, see `OpticalSystem.blurred`."""
     spread = system.source.spread if system.source.diverging else None
-    return Blur(spread, system.slope_rms, landing_shifts(system.sharp, lens, backend))
+    return Blur(spread, system.slope_rms, landing_shifts(system.sharp, path, backend))

@@ -43,7 +43,7 @@ def aimed(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     """Return the sharp system that stands for a blurred one, with its aim; another one as it is."""
     if not system.blurred:
         return system
-    return aimed_through(system, blur_of(system, system.lens, backend))
+    return aimed_through(system, blur_of(system, system.path(system.lens), backend))
 
 
 def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:

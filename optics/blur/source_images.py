@@ -55,7 +55,7 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     0 of a source without extent and divergence, behind smooth surfaces.  backend : of double precision.
     """
     if system.blurred:
-        return blur_of(system, lens, backend).rms
+        return blur_of(system, system.path(lens), backend).rms
     if not system.source.extended:
         return 0.0
     images = patch_images(system, lens, backend, FEWER_RAYS)
@@ -74,7 +74,7 @@ def spot_width(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     It is that of `Blur.width`; of an extended source that of an even spot with the deviation of `spot_rms`.
     """
     if system.blurred:
-        return blur_of(system, lens, backend).width
+        return blur_of(system, system.path(lens), backend).width
     return EVEN_WIDTH * spot_rms(system, lens, backend)
 
 

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import corner_flux
-from optics.tracing import SlopeErrors, Tracer
-from optics.transport import ShapedRear
+from optics.tracing import Tracer
+from optics.transport import refracted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.sources import Rays
     from optics.system import OpticalSystem
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath
 
 Floats = NDArray[np.float64]
 
@@ -64,21 +64,24 @@ class _Rear:
     flux: Floats
 
 
-def landing_shifts(system: OpticalSystem, lens: Lens, backend: Backend) -> LandingShifts:
-    """Return the LandingShifts of a lens.  system : without blur, of a source without extent."""
+def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> LandingShifts:
+    """Return the LandingShifts of a path through a lens.
+
+    system : without blur, of a source without extent.
+    """
     cells = system.source.cells((CELLS, CELLS))
     s, t = (v.ravel() for v in np.meshgrid(cells.s, cells.t, indexing="ij"))
     rays = cells.at(s, t, corner_flux(cells.emitted).ravel())
 
     def at_rear(turn: Sequence[float] = (0.0, 0.0), front: Sequence[float] = (0.0, 0.0)) -> _Rear:
-        errors = np.reshape(front, (2, 1)) if any(front) else None, None
-        return _at_rear(system, lens, backend, _turned(rays, turn), errors, (len(cells.s), len(cells.t)))
+        erring = path.with_slope_errors((np.reshape(front, (2, 1)) if any(front) else None, None))
+        return _at_rear(erring, backend, _turned(rays, turn), (len(cells.s), len(cells.t)))
 
     here = at_rear()
     inside_by_beam = _by_change(here, lambda d: at_rear(turn=d))
     inside_by_front = _by_change(here, lambda d: at_rear(front=d))
-    by_inside = _differences(lambda d: _landing(system, lens, here, here.a + d, here.slopes))
-    by_rear = _differences(lambda d: _landing(system, lens, here, here.a, here.slopes + d))
+    by_inside = _differences(lambda d: _landing(path, here, here.a + d, here.slopes))
+    by_rear = _differences(lambda d: _landing(path, here, here.a, here.slopes + d))
     known = here.flux > 0
     for field in (inside_by_beam, inside_by_front, by_inside, by_rear):
         known &= np.isfinite(field).all(axis=(0, 1))
@@ -104,15 +107,8 @@ def _turned(rays: Rays, turn: Sequence[float]) -> Rays:
     return replace(rays, direction=np.stack([x, y, np.sqrt(1 - x * x - y * y)]))
 
 
-def _at_rear(
-    system: OpticalSystem,
-    lens: Lens,
-    backend: Backend,
-    rays: Rays,
-    errors: SlopeErrors,
-    shape: tuple[int, int],
-) -> _Rear:
-    tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
+def _at_rear(path: LightPath, backend: Backend, rays: Rays, shape: tuple[int, int]) -> _Rear:
+    tracer = Tracer(backend, path, rays)
     with backend.dr.suspend_grad():
         hits, direction, flux = tracer.at(1)
     every = backend.dr.zeros(backend.Float, rays.flux.size)
@@ -155,9 +151,10 @@ def _differences(landing: Callable[[Floats], Floats]) -> Floats:
     return np.stack([(landing(d) - landing(-d)) / (2 * STEP) for d in steps], axis=1)
 
 
-def _landing(system: OpticalSystem, lens: Lens, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
+def _landing(path: LightPath, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
     """Return where light lands, (2, n, m): mm, or degrees in the far field."""
     along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
-    rear = ShapedRear(lens.index, system.target.receiver)
+    point = path.surfaces[1].pose.points((*here.u, here.z))
     with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
-        return np.array(rear.landing((*here.u, lens.thickness + here.z), along, list(slopes)))
+        landed = path.receiver.land(point, refracted(path.media[1].index, along, list(slopes)))
+    return np.array([landed.u, landed.v])

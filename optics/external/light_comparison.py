@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.target import Screen
+    from optics.tracing import LightPath
     from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 400  # noise of 5 %
@@ -178,14 +179,12 @@ def compare_light(
 ) -> LightComparison:
     """Return the LightComparison of `count` random rays of the system's source.
 
-    A STEP file tells no absorption, so that it is left out on both sides.
-
     backend : of double precision.
     """
-    system = system.without_absorption()
+    path = system.path(lens).without_absorption()  # of which a STEP file tells nothing
     parts = random_rays(system.source, tracer.start, count, system.problem.run.seed + 1, RAYS_AT_ONCE)
-    screen, sums = _traced(system, lens, tracer, parts, count, backend)
-    ours, error = _without_them(system, lens, screen, count, backend)
+    screen, sums = _traced(system, path, tracer, parts, count, backend)
+    ours, error = _without_them(system, path, screen, count, backend)
     area = screen.pixel_area
     exact = tracer.coarser is None
     return LightComparison(
@@ -208,7 +207,7 @@ def compare_light(
 
 def _traced(
     system: OpticalSystem,
-    lens: Lens,
+    path: LightPath,
     tracer: FileTracer,
     parts: Iterator[Rays],
     count: int,
@@ -218,7 +217,7 @@ def _traced(
     screen: Screen | None = None
     sums = _Sums(np.zeros(0), np.zeros(0), np.zeros(0), Distances(), Distances())
     for rays in parts:
-        ours = exact_landing(system, lens, rays, backend)
+        ours = exact_landing(path, rays, backend)
         if screen is None:
             screen = merged(system, on_target(ours, system.target.screen()) / len(rays.flux) * count)
             sums.theirs = sums.same = sums.coarser = np.zeros((2, *screen.shape))
@@ -246,7 +245,7 @@ def merged(system: OpticalSystem, landing: float) -> Screen:
 
 
 def _without_them(
-    system: OpticalSystem, lens: Lens, screen: Screen, count: int, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, count: int, backend: Backend
 ) -> tuple[Floats, Floats | None]:
     """Return (our irradiance without the random rays, its error): of cells, or of two sets of Sobol points.
 
@@ -254,13 +253,13 @@ def _without_them(
     """
     if not system.source.extended:
         cells = [max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels]
-        image, _ = cell_irradiance(system, lens, screen, system.source.cells(cells), backend)
+        image, _ = cell_irradiance(path, screen, system.source.cells(cells), backend)
         return image, None
     side = isqrt(max(count, LEAST_SOBOL))
     fresh = np.random.default_rng(system.problem.run.seed)
     images = []
     for _ in range(2):
         parts = system.source.parts((side, side), fresh, RAYS_AT_ONCE)
-        sums = sum(binned(exact_landing(system, lens, part, backend), screen)[0] for part in parts)
+        sums = sum(binned(exact_landing(path, part, backend), screen)[0] for part in parts)
         images.append(sums / screen.pixel_area)
     return (images[0] + images[1]) / 2, (images[0] - images[1]) / 2

@@ -13,9 +13,8 @@ from optics.tracing import LandingPoints, Tracer
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.sources import RayGrid, Rays
-    from optics.system import OpticalSystem
     from optics.target import Screen
-    from thbcad.lens import Lens
+    from optics.tracing import LightPath
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and programs may round it to none
 
@@ -49,11 +48,10 @@ class Distances:
         return float(np.sqrt(self.squares / self.count)) if self.count else float("inf")
 
 
-def exact_landing(system: OpticalSystem, lens: Lens, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
-    """Return where rays through the lens in memory land.  backend : of double precision."""
+def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
+    """Return where rays along a path land.  backend : of double precision."""
     with backend.dr.suspend_grad():
-        clear = system.path(lens).without_absorption()  # which other programs leave out
-        _, landing = Tracer(backend, clear, rays).trace()
+        _, landing = Tracer(backend, path, rays).trace()
     backend.dr.eval(landing.x, landing.y, landing.flux)
     flux = landing.flux.numpy()
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])

@@ -58,7 +58,7 @@ class BlurLimits:
 
 def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimits:
     """Return what the blur of a lens leaves of the target of a blurred system."""
-    blur, screen = blur_of(system, lens, backend), system.target.screen()
+    blur, screen = blur_of(system, system.path(lens), backend), system.target.screen()
     target, shown = system.target.irradiance(screen, 1.0), screen.projection()
     picture = target / shown  # in the far field intensities are compared
     return BlurLimits(

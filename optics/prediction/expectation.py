@@ -107,7 +107,7 @@ def expected(
         stray=fates.off_target / flux,
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
-        blur=blur_of(system, lens, backend).width if system.blurred else _blur(system),
+        blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),
         moved=moved,
         rel_l2=predicted_rel_l2(start.lit, error)
         if error and moved and start.within(fit) and system.parallel and not system.blurred

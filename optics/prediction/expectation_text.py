@@ -99,9 +99,10 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         )
     if len(system.wavelengths) > 1:
         blue, *_, red = system.wavelengths
-        size = _shift(system, expected, per_index * abs(blue.index - red.index))
+        falls = blue.medium.index - red.medium.index
+        size = _shift(system, expected, per_index * abs(falls))
         lines.append(
-            f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {blue.index - red.index:.4f}, "
+            f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {falls:.4f}, "
             f"which shifts the light by {size} on average"
         )
     return lines

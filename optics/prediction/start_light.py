@@ -38,20 +38,20 @@ def light_before(
     The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
     coarsening : pixels that are merged in each direction.
     """
-    seen, blurred = system.target.screen(coarsening), None
+    seen, blurred, path = system.target.screen(coarsening), None, system.path(lens)
     screen, target = seen, system.target
     if system.blurred:
-        blurred, system = blur_of(system, lens, backend).onto(seen), system.sharp
+        blurred, system = blur_of(system, path, backend).onto(seen), system.sharp
         screen = blurred.wide
     if system.source.extended:
         side = round(sqrt(RAYS))
         rays = system.source.rays((side, side))
-        tracer = Tracer(backend, system.path(lens), rays)
+        tracer = Tracer(backend, path, rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
         return tracer.fates(landing, screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
-    irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
+    irradiance, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
     if blurred:
         irradiance = blurred(irradiance)
     shown = seen.projection()  # in the far field intensities are compared
@@ -68,7 +68,7 @@ def seen_level(
     """
     if not system.blurred:
         return finest
-    blur = blur_of(system, system.lens, backend)
+    blur = blur_of(system, system.path(system.lens), backend)
     coarsening = max(1, int(blur.width / (ACROSS * max(system.target.screen().pitch))))
     level, error = least, _error(system, start, backend, least, coarsening)
     while level < finest:

@@ -10,6 +10,7 @@ from optics.colour import spectral_lines
 from optics.materials import find_material, tabulated
 from optics.problem import AUTO
 from optics.runtime import UserError
+from optics.tracing import Medium
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,15 +29,14 @@ CAUCHY = -2  # power of the wavelength in which indices are interpolated
 class Wavelength:
     """Light of one wavelength.
 
-    nm : in air.  weight : of the source's flux.  index, absorption (1/mm) : of the lens.
+    nm : in air.  weight : of the source's flux.  medium : the lens.
     xyz : CIE 1931 colour of a watt, in units of 683 lm/W, or of a lumen, with Y = 1, as `source.unit` has it;
         None where no spectrum is given.
     """
 
     nm: float
     weight: float
-    index: float
-    absorption: float = 0.0
+    medium: Medium
     xyz: tuple[float, float, float] | None = None
 
 
@@ -91,16 +91,11 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
     source = problem.source
     if not source.spectrum:
         nm = source.wavelength
-        return (Wavelength(nm, 1.0, problem.lens.known_index, absorption_at(problem, nm)),)
+        return (Wavelength(nm, 1.0, medium_at(problem, nm)),)
     lines = spectral_lines(source.spectrum)
     if source.unit == "lm":
         lines = _by_lumens(lines)
-    return tuple(
-        Wavelength(
-            line.nm, line.weight, index_at(problem, line.nm), absorption_at(problem, line.nm), line.xyz
-        )
-        for line in lines
-    )
+    return tuple(Wavelength(line.nm, line.weight, medium_at(problem, line.nm), line.xyz) for line in lines)
 
 
 def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
@@ -113,6 +108,16 @@ def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
         for line, (x, y, z) in ((line, line.xyz) for line in lines)
         if y
     )
+
+
+def medium_at(problem: Problem, nm: float) -> Medium:
+    """Return what the lens is at a wavelength, nm.
+
+    Raises
+    ------
+    UserError : see `index_at` and `absorption_at`.
+    """
+    return Medium(index_at(problem, nm), absorption_at(problem, nm))
 
 
 def index_at(problem: Problem, nm: float) -> float:

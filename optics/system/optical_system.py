@@ -154,21 +154,6 @@ class OpticalSystem:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
 
-    def without_absorption(self) -> OpticalSystem:
-        """Return the system with a lens that absorbs nothing."""
-        if not self.absorption and not self.problem.lens.absorptions:
-            return self
-        return OpticalSystem(self.problem.with_(**{"lens.absorption": 0.0, "lens.absorptions": ()}))
-
-    def at(self, wavelength: Wavelength) -> OpticalSystem:
-        """Return the system in light of one wavelength alone, with all of the source's flux."""
-        light = {"source.spectrum": (), "source.wavelength": wavelength.nm}
-        lens = {"lens.index": wavelength.index, "lens.absorption": wavelength.absorption}
-        tables = {"lens.indices": (), "lens.absorptions": ()}
-        alone = OpticalSystem(self.problem.with_(**light, **lens, **tables))
-        alone.__dict__["sources"] = self.sources  # a picture or a file of rays is read once
-        return alone
-
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
         return (LightTarget(self.problem.target, self.problem.target_z),)

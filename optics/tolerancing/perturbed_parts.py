@@ -103,13 +103,18 @@ def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
 
 def _changed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
     front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
-    thickness, index = lens.thickness + p.thickness, lens.index + p.index
-    material = system.material
+    thickness, material = lens.thickness + p.thickness, system.material
     if p.temperature and material is not None:
-        index += (material.dn_dt or 0.0) * p.temperature
         factor = 1 + (material.expansion or 0.0) * p.temperature
         front, rear, thickness = _scaled(front, factor), _scaled(rear, factor), factor * thickness
-    return Lens(front, rear, thickness, index)
+    return Lens(front, rear, thickness, perturbed_index(system, lens.index, p))
+
+
+def perturbed_index(system: OpticalSystem, index: float, p: Perturbation) -> float:
+    """Return what becomes of an index of the lens, by its error and by the temperature."""
+    material = system.material
+    by_kelvin = material.dn_dt if material else None
+    return index + p.index + (by_kelvin or 0.0) * p.temperature
 
 
 def _bent(surface: FreeformSurface, power: float) -> FreeformSurface:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 from math import isqrt
 from operator import add
@@ -15,7 +15,7 @@ from optics.analysis import coloured, traced_cells
 from optics.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.target import BoxWindow, Splat
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
-from optics.tolerancing.perturbed_parts import PerturbedParts
+from optics.tolerancing.perturbed_parts import PerturbedParts, perturbed_index
 from optics.tracing import Tracer
 from thbcad.poses import Pose
 
@@ -35,15 +35,6 @@ CORNERS_AT_ONCE = 1 << 18  # two processes side by side take 0.7 GB then; half o
 WIDER = 1.05  # of the front: as far as cells of a wider beam reach, so that the front's rim cuts them
 HEIGHTS = 33  # of the front, in each direction: how far it reaches up and down
 SHIFT_RAYS = (65, 65)  # which tell how far light moves
-
-
-@dataclass(frozen=True, eq=False)
-class _Colour:
-    """Light of one wavelength.  weight : of the source's flux.  system, lens : at that wavelength."""
-
-    weight: float
-    system: OpticalSystem
-    lens: Lens
 
 
 class PerturbedLight:
@@ -68,7 +59,7 @@ class PerturbedLight:
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
-        self._colours = [_Colour(*colour) for colour in coloured(system, lens)]
+        self._glasses = [(weight, path.media[1]) for weight, path in coloured(system, system.path(lens))]
         pixels = self.screen.pixels
         if self.by_cells:
             counts = [max(LEAST_CELLS, (per_pixel or CELLS_PER_PIXEL) * n) for n in pixels]
@@ -83,11 +74,10 @@ class PerturbedLight:
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
-        placed = self.aimed(perturbation)
-        lights = [self._light(colour, placed) for colour in self._colours]
-        image = sum(colour.weight * light[0] for colour, light in zip(self._colours, lights))
-        fates = reduce(add, (light[1] * colour.weight for colour, light in zip(self._colours, lights)))
-        return image / self._shown, fates
+        colours = self.colours(self.aimed(perturbation))
+        lights = [(weight, *self._light(parts)) for weight, parts, _ in colours]
+        image = sum(weight * light for weight, light, _ in lights)
+        return image / self._shown, reduce(add, (fates * weight for weight, _, fates in lights))
 
     def moved_by(self, perturbation: Perturbation) -> float:
         """Return how far light moves on the target, flux-weighted mean, mm (degrees in the far field)."""
@@ -133,9 +123,11 @@ class PerturbedLight:
 
     def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
         """Yield weight, parts, and what traces rays through them, of every wavelength."""
-        for colour in self._colours:
-            parts = PerturbedParts.of(colour.system, colour.lens, perturbation)
-            yield colour.weight, parts, self.trace_through(parts)
+        parts = PerturbedParts.of(self.system, self.lens, perturbation)
+        for weight, glass in self._glasses:
+            index = perturbed_index(self.system, glass.index, perturbation)
+            coloured = replace(parts, path=parts.path.in_glass(replace(glass, index=index)))
+            yield weight, coloured, self.trace_through(coloured)
 
     def error(self, irradiance: Floats) -> Floats | None:
         """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
@@ -174,9 +166,8 @@ class PerturbedLight:
 
         return trace
 
-    def _light(self, colour: _Colour, p: Perturbation) -> tuple[Floats, SequentialFates]:
+    def _light(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
         """Return the light of one wavelength, as if it had all of the flux."""
-        parts = PerturbedParts.of(colour.system, colour.lens, p)
         if not self.by_cells:
             return self._light_of_rays(parts)
         cells = parts.cells(self._cells_of(parts))

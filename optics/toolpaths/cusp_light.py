@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from optics.runtime import Backend
     from optics.system import OpticalSystem
+    from optics.tracing import LightPath
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -56,8 +57,8 @@ def light_with_cusps(
         return None
     screen = system.target.screen()
     colours = [
-        (weight, _by_phase(one, its_lens, backend, name, slopes))
-        for weight, one, its_lens in coloured(system, lens)
+        (weight, _by_phase(system, path, backend, name, slopes))
+        for weight, path in coloured(system, system.path(lens))
     ]
 
     def light(phase: float) -> Floats:
@@ -71,7 +72,7 @@ def light_with_cusps(
 
 def _by_phase(
     system: OpticalSystem,
-    lens: Lens,
+    path: LightPath,
     backend: Backend,
     name: str,
     slopes: Callable[[Floats, Floats], Floats],
@@ -82,11 +83,11 @@ def _by_phase(
     cells = system.source.cells([max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels])
     rays = cells.rays()
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
-    field = slopes(*crossings(system, lens, backend, name, rays))
+    field = slopes(*crossings(path, backend, name, rays))
 
     def light(phase: float) -> Floats:
         errors = slope_errors(name, phase * field if phase else None)
-        points, flux = traced_points(system, lens, backend, rays, errors)
+        points, flux = traced_points(path.with_slope_errors(errors), backend, rays)
         x, y, passing = map(backend.array, (*points, flux))
         with backend.dr.suspend_grad():
             image = mapped(x, y, passing, passing > 0).numpy()

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import single_rays
+from optics.sources import Rays
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
-    from optics.sources import RayGrid, Rays
+    from optics.sources import RayGrid
     from optics.system import OpticalSystem
-    from optics.tracing import SlopeErrors
+    from optics.tracing import LightPath, SlopeErrors
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -47,8 +47,8 @@ def landing_response(
 
     Central differences of the exact trace; the surfaces stay where they are.
     """
-    rays = system.source.rays((side, side))
-    x, y = crossings(system, lens, backend, name, rays)
+    path, rays = system.path(lens), system.source.rays((side, side))
+    x, y = crossings(path, backend, name, rays)
     half_width = system.target.screen().half_width
     columns, alive = [], np.ones(len(x), bool)
     flux = np.zeros(len(x))
@@ -56,7 +56,7 @@ def landing_response(
         ends = []
         for sign in (1.0, -1.0):
             errors = slope_errors(name, sign * tilt[:, None])
-            points, flux = traced_points(system, lens, backend, rays, errors)
+            points, flux = traced_points(path.with_slope_errors(errors), backend, rays)
             # light off the target blurs no picture; near total reflection it would outweigh all other
             alive &= (flux > 0) & (np.abs(points) <= np.array(half_width)[:, None]).all(axis=0)
             ends.append(points)
@@ -65,15 +65,9 @@ def landing_response(
     return LandingResponse(alive, x[alive], y[alive], flux[alive], jacobian[..., alive])
 
 
-def traced_points(
-    system: OpticalSystem,
-    lens: Lens,
-    backend: Backend,
-    rays: RayGrid | Rays,
-    errors: SlopeErrors = (None, None),
-) -> tuple[Floats, Floats]:
-    """Return (landing points (2, n), flux (n,)) of rays refracted by slopes with errors."""
-    tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
+def traced_points(path: LightPath, backend: Backend, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
+    """Return (landing points (2, n), flux (n,)) of rays along a path."""
+    tracer = Tracer(backend, path, rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         every = backend.dr.zeros(backend.Float, rays.flux.size)
@@ -83,18 +77,16 @@ def traced_points(
     return np.stack([x, y]), flux
 
 
-def crossings(
-    system: OpticalSystem, lens: Lens, backend: Backend, name: str, rays: RayGrid | Rays
-) -> tuple[Floats, Floats]:
+def crossings(path: LightPath, backend: Backend, name: str, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
     """Return x and y, (n,) each, where rays cross a surface, inside it."""
     surface = SURFACES.index(name)
-    tracer = Tracer(backend, system.path(lens), rays if surface else single_rays(rays, lens))
+    tracer = Tracer(backend, path, rays if surface or isinstance(rays, Rays) else rays.rays(path.before))
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(surface)
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         arrays = [hits.x + every, hits.y + every]
         backend.dr.eval(arrays)
-    half_width = (lens.front, lens.rear)[surface].half_width
+    half_width = path.surfaces[surface].shape.half_width
     x, y = (np.clip(a.numpy(), -h, h) for a, h in zip(arrays, half_width))
     return x, y
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from optics.intersections import HeightError
     from optics.receivers import Receiver
     from thbcad.lens import FreeformSurface, Lens
+    from thbcad.surfaces import THBSurface
 
 Array = NDArray[np.float64]
 SlopeErrors: TypeAlias = "Sequence[Array | None]"  # one of each surface, as of `Surface.slope_error`
@@ -106,9 +107,14 @@ class LightPath:
         return cls((Surface(lens.front), rear), (AIR, Medium(lens.index, absorption), AIR), receiver)
 
     @property
+    def sags(self) -> list[THBSurface]:
+        """Those that the surfaces carry."""
+        return [s.shape.sag for s in self.surfaces if s.shape.sag is not None]
+
+    @property
     def coefficients(self) -> list[Array]:
-        """Of the sags that the surfaces carry, (dim,) each."""
-        return [s.shape.sag.coefficients for s in self.surfaces if s.shape.sag is not None]
+        """Of the sags, (dim,) each."""
+        return [sag.coefficients for sag in self.sags]
 
     @property
     def before(self) -> float:
@@ -123,11 +129,13 @@ class LightPath:
         """Return the path to another receiver."""
         return self if receiver is self.receiver else replace(self, receiver=receiver)
 
+    def in_glass(self, glass: Medium) -> LightPath:
+        """Return the path through another glass, as one is of each wavelength: all but air is made of it."""
+        return self._through(AIR if medium == AIR else glass for medium in self.media)
+
     def without_absorption(self) -> LightPath:
         """Return the path through clear media."""
-        if not any(medium.absorption for medium in self.media):
-            return self
-        return replace(self, media=tuple(replace(medium, absorption=0.0) for medium in self.media))
+        return self._through(replace(medium, absorption=0.0) for medium in self.media)
 
     def without_reflection(self) -> LightPath:
         """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
@@ -161,6 +169,11 @@ class LightPath:
         """Return the path over rims within which light fades."""
         return self if share == self.soft_rim else replace(self, soft_rim=share)
 
+    def _through(self, media: Iterable[Medium]) -> LightPath:
+        """Return the path through other media; itself, if they are its own."""
+        new = tuple(media)
+        return self if new == self.media else replace(self, media=new)
+
     def _with_errors(self, name: str, errors: Sequence[Any]) -> LightPath:
         if len(errors) != len(self.surfaces):
             raise ValueError(
@@ -170,7 +183,7 @@ class LightPath:
         pairs = zip(self.surfaces, changes)
         return self._with(s if c[name] is getattr(s, name) else replace(s, **c) for s, c in pairs)
 
-    def _with(self, surfaces: Iterator[Surface]) -> LightPath:
+    def _with(self, surfaces: Iterable[Surface]) -> LightPath:
         """Return the path over other surfaces; itself, if they are its own."""
         new = tuple(surfaces)
         return self if all(a is b for a, b in zip(new, self.surfaces)) else replace(self, surfaces=new)

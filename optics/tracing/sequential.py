@@ -58,7 +58,7 @@ class Tracer:
         self._missed = path.share * rays.missed if isinstance(rays, RayGrid) else 0.0
         self._width = rays.flux.size
         self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
-        self._embeddings = [s.shape.sag.space.embedding for s in path.surfaces if s.shape.sag is not None]
+        self._embeddings = [sag.space.embedding for sag in path.sags]
         frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
         self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
         self._receiver = path.receiver.seen_from(frames[-1])

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
         ShapedFront as ShapedFront,
         ShapedRear as ShapedRear,
     )
+    from optics.transport.surface_slopes import (
+        refracted as refracted,
+    )
 
 _FILES = {
     "back_and_forth": (
@@ -35,5 +38,6 @@ _FILES = {
         "ShapedFront",
         "ShapedRear",
     ),
+    "surface_slopes": ("refracted",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -14,6 +14,7 @@ from optics.receivers import receiver_at
 from optics.results import ResultFolder, ResultWriter
 from optics.runtime import load_backend
 from optics.sources import collimated_beam
+from optics.system import OpticalSystem
 from optics.tracing import LightPath, Tracer
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -150,6 +151,14 @@ def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"
     path = folder / name
     path.write_text(toml_text(values), "utf-8")
     return path
+
+
+def alone(system, wavelength):
+    """Return the system of a problem in light of one wavelength of a spectrum, with all of the flux."""
+    medium = wavelength.medium
+    light = {"source.spectrum": (), "source.wavelength": wavelength.nm, "lens.indices": ()}
+    glass = {"lens.index": medium.index, "lens.absorption": medium.absorption, "lens.absorptions": ()}
+    return OpticalSystem(system.problem.with_(**light, **glass))
 
 
 def small_space(half_width=(10.0, 10.0), degree=3, refined=True):

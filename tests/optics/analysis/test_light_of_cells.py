@@ -72,7 +72,7 @@ class Made:
 
     def light(self, *counts):
         cells = self.system.source.cells(counts)
-        return cell_irradiance(self.system, self.lens, self.screen, cells, self.backend)
+        return cell_irradiance(self.system.path(self.lens), self.screen, cells, self.backend)
 
     def flux(self, image):
         return image.sum() * self.screen.pixel_area

@@ -101,8 +101,8 @@ def test_a_lambertian_file_lights_as_a_lambertian_area(tmp_path, profile):
 def test_fates_sum_to_the_flux(lamp, more):
     """Light of gamma beyond 90 degrees, which goes back, passes beside the lens."""
     system = lit(lamp, **{"source.flux": 3.0, "target.pixels": [12, 12]} | more)
-    screen = system.optical.target.screen()
-    _, fates = ray_irradiance(system.optical, system.optical.lens, screen, load_backend("double"))
+    path, screen = system.optical.path(system.optical.lens), system.optical.target.screen()
+    _, fates = ray_irradiance(system.optical, path, screen, load_backend("double"))
     assert sum(vars(fates).values()) == pytest.approx(3.0, rel=1e-12)
     light = system.optical.source.directions.light
     below = light.flux_within(90.0) / light.flux

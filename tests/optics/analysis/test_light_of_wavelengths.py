@@ -9,7 +9,7 @@ from optics.materials import MATERIALS
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import alone, rough, write_problem
 from thbcad.surfaces import THBSurface
 
 TILT = 0.35  # of the prism's rear, dz/dy
@@ -74,8 +74,8 @@ def test_all_wavelengths_are_summed(tmp_path, backend):
     whole = measure(system, system.lens, backend)
     image, fates = 0.0, {}
     for wavelength in system.wavelengths:
-        alone = system.at(wavelength)
-        part = measure(alone, alone.lens, backend)
+        one = alone(system, wavelength)
+        part = measure(one, one.lens, backend)
         image = image + wavelength.weight * part.irradiance
         for name, flux in part.metrics["fates_w"].items():
             fates[name] = fates.get(name, 0.0) + wavelength.weight * flux
@@ -84,11 +84,19 @@ def test_all_wavelengths_are_summed(tmp_path, backend):
     assert fates["absorbed"] > 0.05
 
 
+def test_a_picture_is_read_once_for_all_wavelengths(tmp_path, backend):
+    """The file may go when the source has made its first rays."""
+    system = system_of(tmp_path, TWO | {"source.profile": "image", "source.image": "picture.png"})
+    _ = system.source.rays((4, 4)), system.target.light
+    (tmp_path / "picture.png").unlink()
+    assert measure(system, system.lens, backend).metrics["efficiency"] > 0.5
+
+
 def test_the_design_wavelength_is_told_beside_all(tmp_path, backend):
     system = system_of(tmp_path, TWO)
     metrics = measure(system, system.lens, backend).metrics
-    alone = OpticalSystem(system.problem.with_(**{"source.spectrum": []}))
-    own = measure(alone, alone.lens, backend)
+    single = OpticalSystem(system.problem.with_(**{"source.spectrum": []}))
+    own = measure(single, single.lens, backend)
     assert own.colour is None
     assert "colour" not in own.metrics
     assert metrics["rel_l2_design_wavelength"] == pytest.approx(own.metrics["rel_l2"], rel=1e-4)
@@ -137,7 +145,7 @@ def test_light_that_nobody_sees_has_no_fringe(tmp_path, backend):
 def test_one_line_is_measured_at_its_wavelength(tmp_path, backend):
     system = system_of(tmp_path, {"lens.material": "PC", "source.spectrum": [[650.0, 5.0]]})
     lens = system.lens.with_sags([THBSurface(s.space, rough(s.space)) for s in system.lens.sags])
-    red = system.at(system.wavelengths[0])
+    red = alone(system, system.wavelengths[0])
     shaped = red.lens.with_sags(lens.sags)
     wanted = measure(red, shaped, backend).irradiance
     assert measure(system, lens, backend).irradiance == pytest.approx(wanted, rel=1e-12)

@@ -119,9 +119,9 @@ def test_two_grids_of_cells_give_the_image_and_its_error(tmp_path, backend, monk
     first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
     given, real, grids = iter([first, second]), metrics.cell_irradiance, []
 
-    def watched(system, lens, screen, cells, backend):
+    def watched(path, screen, cells, backend):
         grids.append(cells.emitted.shape)
-        return next(given), real(system, lens, screen, cells, backend)[1]
+        return next(given), real(path, screen, cells, backend)[1]
 
     monkeypatch.setattr(metrics, "cell_irradiance", watched)
     result = measured(tmp_path, backend)

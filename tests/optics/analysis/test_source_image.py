@@ -68,7 +68,7 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
     def replicates():
         for _ in range(REPLICATES):
             parts = system.source.parts((SIDE, SIDE), rng)
-            image, fates = _trace(system, lens, screen, parts, rng, backend)
+            image, fates = _trace(system.path(lens), system.slope_rms, screen, parts, rng, backend)
             yield image, fates.on_target, fates.off_target
 
     light = LightEstimate.of_replicates(replicates())

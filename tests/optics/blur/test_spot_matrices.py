@@ -19,7 +19,7 @@ def shifts_of(folder, changes, backend, bumps=0.0):
     if bumps:
         (sag,) = lens.sags
         lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, bumps))])
-    return landing_shifts(system, lens, backend), system, lens
+    return landing_shifts(system, system.path(lens), backend), system, lens
 
 
 def test_behind_a_plate_angles_grow_to_lengths(tmp_path, backend):

@@ -34,7 +34,7 @@ def model_of(folder, changes, backend):
     system = OpticalSystem(load_problem(write_problem(folder, changes)))
     bumps = [THBSurface(s.space, rough(s.space, 0.05, seed=k)) for k, s in enumerate(system.lens.sags)]
     lens = system.lens.with_sags(bumps)
-    engine = BlurredEngine(ExactEngine(backend), blur_of(system, lens, backend))
+    engine = BlurredEngine(ExactEngine(backend), blur_of(system, system.path(lens), backend))
     film = Film(system.target.screen(margin=4), (161, 161))
     return engine.model(system.shaping, lens, film), lens, system
 

@@ -57,7 +57,8 @@ def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backen
 def test_in_the_far_field_the_blurred_picture_is_an_intensity(tmp_path, backend):
     """An intensity that is even within +-40 degrees, blurred by 4 as an irradiance."""
     system = OpticalSystem(load_problem(write_problem(tmp_path, WIDE | {"source.divergence": 4.0})))
-    limits, blur = blur_limits(system, system.lens, backend), blur_of(system, system.lens, backend)
+    limits = blur_limits(system, system.lens, backend)
+    blur = blur_of(system, system.path(system.lens), backend)
     screen = system.target.screen()
     asked = system.target.irradiance(screen, 1.0)
     blurred = _blurred(blur, asked, screen)

@@ -8,11 +8,12 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from optics.analysis import cell_irradiance
+from optics.materials import MATERIALS
 from optics.runtime import load_backend
 from optics.sources import single_rays
 from optics.tolerancing import NOMINAL, Perturbation, PerturbedLight, perturbed_lens
 from optics.tolerancing.perturbed_parts import PerturbedParts
-from tests.optics.cases import TARGET_Z
+from tests.optics.cases import TARGET_Z, alone
 from tests.optics.tolerancing.cases import Bowl, Waves, small_light, small_system, traced_by_numpy
 
 POINT = {"source.kind": "point", "source.distance": 25.0, "source.half_angle": 14.0}
@@ -52,7 +53,7 @@ def test_no_perturbation_leaves_the_light_of_the_same_cells(light, backend):
     load_backend("double", 1)  # several threads, which other tests may have asked for, add in any order
     irradiance, fates = light(NOMINAL)
     cells, screen = light.system.source.cells((144, 144)), light.screen
-    expected, own = cell_irradiance(light.system, light.lens, screen, cells, backend)
+    expected, own = cell_irradiance(light.system.path(light.lens), screen, cells, backend)
     np.testing.assert_array_equal(irradiance, expected)
     assert fates == own
 
@@ -206,6 +207,32 @@ def test_warm_plastic_is_larger_and_thinner_for_light(tmp_path, backend):
     assert np.allclose(warm.rear(s * x, s * y), s * lens.rear(x, y), atol=1e-13)
     light = PerturbedLight(system, lens, backend)
     assert light.moved_by(Perturbation(temperature=30.0)) > 1e-3
+
+
+def test_light_of_a_spectrum_is_that_of_its_wavelengths_one_by_one(tmp_path, backend):
+    """The errors of the index, of the temperature too, come to the index of each."""
+    glass = {"lens.material": "N-BK7", "lens.index": "auto", "lens.absorption": "auto"}
+    system, lens = small_system(tmp_path, glass | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    p = Perturbation(index=0.003, temperature=400.0, lens_shift=(0.1, 0.0, 0.0))
+    found, fates = PerturbedLight(system, lens, backend)(p)
+    image, absorbed = 0.0, 0.0
+    for wavelength in system.wavelengths:
+        one = alone(system, wavelength)
+        light, own = PerturbedLight(one, one.lens.with_sags(lens.sags), backend)(p)
+        image, absorbed = image + wavelength.weight * light, absorbed + wavelength.weight * own.absorbed
+    np.testing.assert_allclose(found, image, rtol=1e-12, atol=1e-15)
+    assert fates.absorbed == pytest.approx(absorbed, rel=1e-12)
+    assert absorbed > 1e-4
+
+
+def test_a_lens_of_another_index_than_its_material_stays_cold_at_all_wavelengths(tmp_path, backend):
+    """Its table meets the catalogue at the lines, but not at the wavelength of the design."""
+    table = [[nm, MATERIALS["PMMA"].index(nm)] for nm in (450.0, 650.0)]
+    changes = {"lens.material": "PMMA", "lens.index": "auto", "lens.indices": table}
+    system, lens = small_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    assert system.material is None
+    light = PerturbedLight(system, lens, backend)
+    np.testing.assert_array_equal(light(Perturbation(temperature=60.0))[0], light(NOMINAL)[0])
 
 
 def test_perturbations_are_scaled_and_added_number_by_number():

@@ -52,10 +52,9 @@ def test_the_exact_trace_of_the_cusps_spreads_light_by_the_blur(tmp_path, backen
     order = ToolOrder(ball=8.0, rows=rows)
     response, blur = blur_of(system, lens, backend, order, rays=25)
     cusps = ball_cusps(air_side(lens, "rear"), response.x, response.y, 8.0, step, rows)
-    rays = system.source.rays((25, 25))
-    ends = [
-        traced_points(system, lens, backend, rays, (None, sign * cusps.slopes / 2))[0] for sign in (-1.0, 1.0)
-    ]
+    path, rays = system.path(lens), system.source.rays((25, 25))
+    paths = (path.with_slope_errors((None, sign * cusps.slopes / 2)) for sign in (-1.0, 1.0))
+    ends = [traced_points(erring, backend, rays)[0] for erring in paths]
     spread = np.hypot(*(ends[1] - ends[0])) / PIXEL
     assert spread == pytest.approx(step * blur.pixels, rel=1e-3)
 
@@ -67,9 +66,9 @@ def test_scallops_at_every_ray_move_light_within_the_blur_and_fill_it(tmp_path, 
     response, blur = blur_of(system, lens, backend, order, rays=129)
     cusps = ball_cusps(air_side(lens, "rear"), response.x, response.y, 8.0, step, "x")
     phase = response.y / step - np.round(response.y / step)
-    rays = system.source.rays((129, 129))
-    smooth, _ = traced_points(system, lens, backend, rays)
-    rough, _ = traced_points(system, lens, backend, rays, (None, phase * cusps.slopes))
+    path, rays = system.path(lens), system.source.rays((129, 129))
+    smooth, _ = traced_points(path, backend, rays)
+    rough, _ = traced_points(path.with_slope_errors((None, phase * cusps.slopes)), backend, rays)
     moved = np.hypot(*(rough - smooth)) / PIXEL / (step * blur.pixels)
     assert moved.max() <= 0.5 * (1 + 1e-3)
     assert moved.max() > 0.49

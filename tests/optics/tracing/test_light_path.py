@@ -46,6 +46,7 @@ def test_maps_of_nothing_return_the_path_itself(path):
     assert clear.without_absorption() is clear.without_reflection() is clear
     for same in (
         path.onto(path.receiver),
+        path.in_glass(Medium(LENS.index, 0.01)),
         path.with_slope_errors((None, None)),
         path.with_height_errors((None, None)),
         path.moved(0, Pose.at()),
@@ -69,7 +70,7 @@ def test_every_map_changes_one_thing_and_takes_it_back(path):
     shift, bump = Pose.at((0.1, 0, 0)), Bump()
     maps = {
         ("receiver",): (lambda p: p.onto(FarField()), lambda p: p.onto(path.receiver)),
-        ("media",): (lambda p: p.without_absorption(), None),
+        ("media",): (lambda p: p.in_glass(Medium(1.7)), lambda p: p.in_glass(Medium(LENS.index, 0.01))),
         ("share 0", "share 1"): (lambda p: p.without_reflection(), None),
         ("slope_error 1",): (
             lambda p: p.with_slope_errors((None, TILT)),
@@ -85,6 +86,18 @@ def test_every_map_changes_one_thing_and_takes_it_back(path):
     for names, (there, back) in maps.items():
         assert changed(path, there(path)) == set(names)
         assert back is None or changed(path, back(there(path))) == set()
+
+
+def test_all_but_air_is_made_of_the_glass(path):
+    """Before and behind a mirror in it, too; what it absorbs is left out alone."""
+    surface, mirror = path.surfaces[0], Surface(LENS.front, kind="reflect")
+    folded = LightPath((surface, mirror, surface), (AIR, *2 * (Medium(1.5, 0.01),), AIR), FarField())
+    glass = Medium(1.7, 0.02)
+    assert folded.in_glass(glass).media == (AIR, glass, glass, AIR)
+    assert folded.in_glass(glass).without_absorption().media == (AIR, Medium(1.7), Medium(1.7), AIR)
+    assert changed(path, path.without_absorption()) == {"media"}
+    bare = LightPath((), (AIR,), FarField())
+    assert bare.in_glass(glass) is bare
 
 
 def test_errors_are_given_for_every_surface(path):
