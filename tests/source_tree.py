@@ -66,7 +66,7 @@ def imported(path):
             and MODULE_NAME.fullmatch(node.value)
         ):
             found.add(node.value)
-    for node in calls(path, "import_module", "__import__"):
+    for node in calls(path, "import_module", "loaded", "__import__"):
         found |= {a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
     return found | {
         f"{module_of(path)}.{file}.{n}" for file, names in door_table(path).items() for n in names

@@ -71,6 +71,20 @@ def test_only_named_modules_import(package):
     assert bool(importers) == bool(places)
 
 
+LOADERS = {
+    "optics/system/optical_system.py": "in double precision, on the threads of the problem: others ask it",
+    "optics/api/prepared_problem.py": "in the precision of the problem, for designs",
+    "optics/commands/trace_command.py": "in a precision that is an option",
+    "optics/made_lenses/sampling.py": "on one thread, in workers",
+    "optics/optimisers/gradient_steps.py": "on as many threads as there are, without a system",
+}
+
+
+def test_few_modules_choose_precision_and_threads():
+    loaders = [name(path) for path in PACKAGE_FILES for _ in calls(path, "load_backend")]
+    assert sorted(loaders) == sorted(LOADERS)
+
+
 @pytest.mark.parametrize("path", PACKAGE_FILES, ids=name)
 def test_files_are_data(path):
     """Nothing that is read is executed: no pickle, no eval, no exec."""

@@ -19,7 +19,7 @@ from optics.optimisation import stages
 from optics.problem import limit_checks
 from optics.progress import DesignProgress, RunClock
 from optics.results import ResultFolder, ResultWriter, level_files
-from optics.runtime import load_backend, peak_mb, process_for
+from optics.runtime import peak_mb, process_for
 from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def write_result(
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
-    figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
+    figures.draw_light(system, lens, measurement, system.backend)
     etendue = reached_sentences(system, lens, measurement.metrics)
     for sentence in etendue.limits:
         design.notes(sentence)
@@ -189,10 +189,9 @@ def _checks(
     from optics.verification import light_checks
 
     system, lens, problem = design.system, design.lens, design.problem
-    backend = load_backend("double", problem.run.threads)
     return [
         *solid,
-        *light_checks(system, lens, step, backend),
+        *light_checks(system, lens, step, system.backend),
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
     ]

@@ -48,10 +48,8 @@ class DesignRecord:
     @cached_property
     def measurement(self) -> Measurement:
         """Irradiance, target and metrics, by light that the optimiser has not seen."""
-        from optics.runtime import load_backend
-
         with DEVICE:
-            return _measured(self, load_backend("double", self.problem.run.threads))
+            return _measured(self, self.system.backend)
 
     @property
     def metrics(self) -> dict[str, Any]:

@@ -137,22 +137,18 @@ class Design(DesignRecord):
         UserError : other words, or light that does not go with the lens.
         """
         from optics.relighting import other_source, relit
-        from optics.runtime import load_backend
 
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
-            backend = load_backend("double", self.problem.run.threads)
-            measurement = relit(self.problem, self.lens, light, backend)
+            measurement = relit(self.problem, self.lens, light, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:
         """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
-        from optics.runtime import load_backend
         from optics.toolpaths import tool_findings
 
         with DEVICE:
-            backend = load_backend("double", self.problem.run.threads)
-            return tool_findings(self.system, self.lens, order, backend)
+            return tool_findings(self.system, self.lens, order, self.system.backend)
 
     def as_built(
         self,
@@ -172,14 +168,12 @@ class Design(DesignRecord):
         UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
         from optics.as_built import default_side, light_as_built, read_measured, surface_of
-        from optics.runtime import load_backend
 
         side = surface or default_side(self.lens)
         measured = read_measured(file, surface_of(self.lens, side), frame)
         with DEVICE:
-            backend = load_backend("double", self.problem.run.threads)
             return light_as_built(
-                self.system, self.lens, measured, backend, side, align, nominal=self.measurement
+                self.system, self.lens, measured, self.system.backend, side, align, nominal=self.measurement
             )
 
     def plot(self) -> OverviewFigure:
@@ -191,12 +185,11 @@ class Design(DesignRecord):
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         from optics.figures import scene_paths
-        from optics.runtime import load_backend
         from optics.view import scene_page
 
         plain = OpticalSystem(self.problem)
         with DEVICE:
-            paths = scene_paths(self.system, self.lens, load_backend("double", self.problem.run.threads))
+            paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
 
     def __repr__(self) -> str:
@@ -233,10 +226,9 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
         own = contrast_error(own, target) | own
     elif "grid" not in own.get("uniformity", {}):
         from optics.blur import spot_rms
-        from optics.runtime import load_backend
 
         with DEVICE:
-            blur = spot_rms(system, lens, load_backend("double", system.problem.run.threads))
+            blur = spot_rms(system, lens, system.backend)
         noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
         error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())
         own["uniformity"] = uniformity_metrics(system, irradiance, error, blur)

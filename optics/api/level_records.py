@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from optics.api.irradiance_model import unit_of
 from optics.optimisation import Indicators
 from optics.results import lens_of
-from optics.runtime import load_backend
 from thbcad.io import json_text, lens_to_dict
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class LevelKeeper:
         from optics.analysis import measure
 
         indicators = Indicators(self._traced, self._engine, target, None)
-        measurement = measure(self._system, lens, load_backend("double", self._system.problem.run.threads))
+        measurement = measure(self._system, lens, self._system.backend)
         gradients = tuple(indicators.vertex(lens, stage))
         self.records.append(LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system)))
 

@@ -42,8 +42,8 @@ def mitsuba_scene(design: DesignRecord) -> dict[str, Any]:
 
     It holds the lens as meshes with the splines' own normals, the source, a diffuse screen in the target
     plane, and a camera that sees it.  The irradiance of the screen is E = pi L / r, with the radiance L that
-    the camera sees and the screen's reflectance r.  Mitsuba is loaded, in the variant llvm_ad_mono where none
-    is set.
+    the camera sees and the screen's reflectance r.  Mitsuba is loaded, in its mono variant where none is
+    set.
 
     Raises
     ------

@@ -148,14 +148,13 @@ class System:
         UserError : no Lens.
         """
         from optics.analysis import measure
-        from optics.runtime import load_backend
         from thbcad.lens import Lens
 
         if not isinstance(lens, Lens):
             made = "system.lens(space, c) makes one"
             raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")
         with DEVICE:
-            found = measure(self.optical, lens, load_backend("double", self.problem.run.threads))
+            found = measure(self.optical, lens, self.optical.backend)
         return found.in_unit(unit_of(self.optical))
 
     @cached_property

@@ -21,7 +21,7 @@ from optics.prediction import (
     foreseen_misses,
     resolved,
 )
-from optics.runtime import load_backend, speaking_of
+from optics.runtime import speaking_of
 from optics.system import advice, skip_lines
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def check(options: Namespace) -> Outcome:
 
 
 def _checked(system: OpticalSystem, explain: bool) -> Outcome:
-    backend = load_backend("double", system.problem.run.threads)
+    backend = system.backend
     system, start = resolved(system, backend)
     expectation, plan = expected(system, backend, start)
     fire = fire_warning(system, expectation.concentration)

@@ -134,11 +134,9 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
 def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
     """Return half the width and height of a square with the area of the small images of a designed lens."""
     from optics.blur import patch_images
-    from optics.runtime import load_backend
 
     lens = ResultFolder(result).read_lens()
-    backend = load_backend("double", system.problem.run.threads)
-    half = sqrt(patch_images(system, lens, backend).smallest(NARROW)) / 2
+    half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
     return half, half
 
 
@@ -147,9 +145,8 @@ def _resolved_base(system: OpticalSystem) -> OpticalSystem:
     if not system.problem.lens.automatic:
         return system
     from optics.prediction import resolved
-    from optics.runtime import load_backend
 
-    return resolved(system, load_backend("double", system.problem.run.threads))[0]
+    return resolved(system, system.backend)[0]
 
 
 def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:

@@ -169,7 +169,6 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     """
     from optics.export import require_free_files
     from optics.results import ResultFolder
-    from optics.runtime import load_backend
     from optics.system import OpticalSystem
 
     if not 1 <= options.rays <= MOST_RAYS:
@@ -178,7 +177,8 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
         raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
     require_free_files([Path(options.out)], options.out, options.force)
     problem, lens, _ = ResultFolder(options.result).read()
-    return OpticalSystem(problem), lens, load_backend("double", problem.run.threads)
+    system = OpticalSystem(problem)
+    return system, lens, system.backend
 
 
 def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines: Sequence[str]) -> Outcome:

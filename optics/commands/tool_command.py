@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
-from optics.runtime import check_lines, load_backend, verification
+from optics.runtime import check_lines, verification
 from optics.system import OpticalSystem
 from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
 
@@ -36,8 +36,8 @@ def tool(options: Namespace) -> Outcome:
     folder = Path(options.out or Path(options.result) / "tool")
     writable_folder(folder)
     require_own(folder, (RECORD, PAGE, *PICTURES), RECORD, options.force)
-    backend = load_backend("double", problem.run.threads)
-    findings = tool_findings(OpticalSystem(problem), lens, order, backend)
+    system = OpticalSystem(problem)
+    findings = tool_findings(system, lens, order, system.backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
     _write(folder, f"{problem.title}: tools", findings, data, lines)

@@ -43,7 +43,7 @@ def trace(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_bytes, write_text
 
     backend = load_backend(options.precision, problem.run.threads)
-    exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
+    exact = backend if options.precision == "double" else system.backend
     start = perf_counter()
     image, fates, counts = sequential(system, lens, backend, options.rays)
     seconds = perf_counter() - start

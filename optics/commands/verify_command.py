@@ -75,7 +75,6 @@ def _folder_checks(
     path: Path, by_optiland: bool, request: LightRequest | None
 ) -> tuple[list[Check], list[str], FileLight | None]:
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
-    from optics.runtime import load_backend
     from optics.verification import (
         StepFile,
         fresh_export_checks,
@@ -90,7 +89,7 @@ def _folder_checks(
     folder = ResultFolder(path)
     problem, lens, _ = folder.read()
     system = OpticalSystem(problem)
-    backend = load_backend("double", problem.run.threads)
+    backend = system.backend
     file = StepFile(folder.step)
     with reading(file.path):
         file.read_lens()

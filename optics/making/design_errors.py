@@ -42,11 +42,9 @@ def tolerances(
     ------
     UserError : an unknown name or a bad amount or limit; one sentence says which.
     """
-    from optics.runtime import load_backend
-
     with DEVICE:
         target = design.measurement.target
-        backend = load_backend("double", design.problem.run.threads)
+        backend = design.system.backend
         return tolerance_budget(
             design.system, design.lens, target, backend, amounts, limit, progress, float_shift
         )
@@ -63,11 +61,8 @@ def form_tolerances(
     ------
     UserError : an extended source or blurred light, or a bad limit; one sentence says which.
     """
-    from optics.runtime import load_backend
-
     with DEVICE:
-        backend = load_backend("double", design.problem.run.threads)
-        return form_errors_of(design.system, design.lens, backend, limit, progress)
+        return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
 
 
 def monte_carlo(

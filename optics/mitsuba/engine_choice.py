@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def mitsuba_engine(name: str, threads: int = 0) -> Engine:
-    """Return the engine of a name; Mitsuba runs in the variant llvm_ad_mono.
+    """Return the engine of a name; Mitsuba runs in its mono variant.
 
     name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes;
         "mitsuba-ptracer", whose random light paths end on a screen that a camera sees.

@@ -105,7 +105,7 @@ class _Parameters:
 
 
 def register() -> None:
-    """Make the integrator "thbcad" known to Mitsuba's variant, llvm_ad_mono where none is set.
+    """Make the integrator "thbcad" known to Mitsuba's variant, the mono one where none is set.
 
     Raises
     ------

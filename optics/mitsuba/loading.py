@@ -8,24 +8,22 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from optics.runtime import PRECISIONS, Backend, UserError, llvm_library
+from optics.runtime import ARRAY_TYPES, PRECISIONS, Backend, UserError, llvm_library
 from thbcad.doors import pip_command
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
-VARIANTS = (
-    "llvm_ad_mono",
-    "llvm_ad_rgb",
-    "llvm_ad_spectral",
-    "llvm_ad_mono_polarized",
-    "llvm_ad_spectral_polarized",
+DEVICE = "_".join(ARRAY_TYPES.split(".")[1:])  # how variants of Dr.Jit's device begin
+VARIANTS = tuple(
+    f"{DEVICE}_{colours}" for colours in ("mono", "rgb", "spectral", "mono_polarized", "spectral_polarized")
 )
+MONO = VARIANTS[0]
 
 
-def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
+def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
     """Load Mitsuba, set its variant and return the module.
 
-    variant : one that runs on LLVM.  In mono variants fluxes are exact; rgb and spectral ones scale them by
-        a spectrum.
+    variant : one that runs on Dr.Jit's device.  In mono variants fluxes are exact; rgb and spectral ones
+        scale them by a spectrum.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
     Raises
@@ -49,7 +47,7 @@ def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
 
 
 def current_mitsuba() -> ModuleType:
-    """Return Mitsuba with the variant that is set, or with llvm_ad_mono where none is.
+    """Return Mitsuba with the variant that is set, or with the mono one where none is.
 
     Raises
     ------

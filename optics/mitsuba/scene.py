@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.mitsuba.loading import current_mitsuba
+from optics.mitsuba.loading import MONO, current_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.scene_screen import screen_rectangle, square_pixels, watching_camera
 from optics.runtime import UserError
@@ -92,9 +92,9 @@ def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64
     UserError : another variant than a mono one, in which spectra would scale the flux.
     """
     mi = current_mitsuba()
-    if mi.variant() != "llvm_ad_mono":
+    if mi.variant() != MONO:
         raise UserError(
-            f"the camera measures W/mm^2 in the variant llvm_ad_mono only, got {mi.variant()}; "
+            f"the camera measures W/mm^2 in the variant {MONO} only, got {mi.variant()}; "
             "call load_mitsuba first"
         )
     picture = np.array(mi.render(scene, spp=spp, seed=seed), dtype=np.float64)[..., 0]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.parts.blocked_paths import Obstacles, within_outline
-from optics.runtime import load_backend
 from optics.sources import RayGrid, Rays
 from optics.tracing import Tracer
 from thbcad.certified import DIRECTIONS
@@ -105,7 +104,7 @@ def sampled_light(
 
     target : its supports, as of `LightHulls`.  heights : z of planes before and behind all of the part, mm.
     """
-    backend = load_backend("double", system.problem.run.threads)
+    backend = system.backend
     side = isqrt(RAYS // SETS)
     far = np.isinf(system.target.z)
     ahead = heights[1] if far else min(heights[1], system.target.z)

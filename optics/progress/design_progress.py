@@ -83,27 +83,29 @@ class Size:
 
     def earlier(self) -> list[Phase]:
         """Return the phases before the first stage."""
-        mapped = 0.2 + 1.9e-5 * self.pixels + (10.0 if self.by_edges else 0.0)
+        mapped, alone = 0.2 + 1.9e-5 * self.pixels + (10.0 if self.by_edges else 0.0), not self.by_edges
         if self.automatic:
-            return [Phase(SETUP, LOADING + mapped, MAPPING), Phase(START, 0.1)]
-        return [Phase(SETUP, LOADING, DISK), Phase(START, mapped)]
+            return [Phase(SETUP, LOADING + mapped, MAPPING, alone), Phase(START, 0.1, on_one_core=True)]
+        return [Phase(SETUP, LOADING, DISK, True), Phase(START, mapped, on_one_core=alone)]
 
     def later(self, dof: float) -> list[Phase]:
         """Return the phases behind the last stage, of a lens with so many degrees of freedom.
 
-        The figures are drawn by another process, which begins with the measurement.
+        The figures are drawn by another process, which begins with the measurement.  All phases work on one
+        core, but for a measurement that traces much.
         """
         measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels + 2e-6 * dof
         if self.by_edges:  # all reflections are traced
             measure += (8.0 if self.extended else 3.0) * self.surfaces
         if self.blurred:  # by many directions
             measure += 6e-5 * self.pixels
+        alone = not (self.by_edges or self.blurred or self.extended)
         verify = 0.85 + 0.7e-5 * dof + (2.3 if self.by_edges else 0.0)
         return [
-            Phase("export", 0.05 + 2e-6 * dof),
-            Phase("measure", measure),
-            Phase("verify", verify),
-            Phase("figures", min(0.9, max(0.1, 3.0 - measure - verify))),
+            Phase("export", 0.05 + 2e-6 * dof, on_one_core=True),
+            Phase("measure", measure, on_one_core=alone),
+            Phase("verify", verify, on_one_core=True),
+            Phase("figures", min(0.9, max(0.1, 3.0 - measure - verify)), on_one_core=True),
         ]
 
 

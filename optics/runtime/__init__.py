@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.runtime.backend import (
+        ARRAY_TYPES as ARRAY_TYPES,
         PACKED as PACKED,
         PRECISIONS as PRECISIONS,
         Backend as Backend,
@@ -85,6 +86,7 @@ _FILES = {
         "Backend",
         "DrArray",
         "PACKED",
+        "ARRAY_TYPES",
         "PRECISIONS",
         "load_backend",
     ),

@@ -19,6 +19,7 @@ from thbcad.doors import loaded
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
 LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
+ARRAY_TYPES = "drjit.llvm.ad"  # of the device, with derivatives: the one place that names it
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
 # by name: Dr.Jit's and numpy's type, resolution
@@ -109,8 +110,8 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
 
 
 def _types() -> ModuleType:
-    """Return the array types of the device, with derivatives: the one place that names it."""
-    return import_module("drjit.llvm.ad")
+    """Return the array types of the device, with derivatives."""
+    return import_module(ARRAY_TYPES)
 
 
 def _cores() -> int:

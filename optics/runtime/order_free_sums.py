@@ -5,9 +5,11 @@ does not.  So every summand becomes a whole number of quanta q, and these are ad
 
     S = q sum_k round(x_k / q),    |S - sum_k x_k| <= n q / 2 for n summands.
 
-q is the power of two with 2^61 q <= M < 2^62 q, M being the bound `most`: x_k / q is exact, and no conversion
-to an integer is out of range.  Integers are added modulo 2^64: a sum may leave their range on the way, and is
-right where its own modulus is at most M in the end.  The sum of the moduli of all summands is such a bound.
+q is the power of two with 2^61 q <= M < 2^62 q, M being the bound `most`: x_k / q is exact.  Integers are
+added modulo 2^64: a sum may leave their range on the way, and is right where its own modulus is at most M in
+the end.  So may a summand: multiples of 2^64 are taken from x_k / q before it becomes an integer, which is
+exact but for 2^63 - 2^10, which becomes 2^63.  The sum of the moduli of all summands is such a bound M; where
+large ones cancel, a far smaller one may be known.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from optics.runtime.backend import Backend, DrArray
 
-DIGITS = 62  # of the largest summand, binary; an integer has 63
+DIGITS = 62  # of the largest sum, binary; an integer has 63
+TURN = 2.0**64  # integers that differ by it are the same
 LEAST_EXPONENT = -1000  # of a quantum, so that its inverse is a number
 
 
@@ -27,7 +30,7 @@ class OrderFreeSums:
     """Sums of the numbers that are added to them, 0 at the start.
 
     backend : its precision is that of `values`.  size : how many sums.
-    most : no summand, and no sum in the end, has a larger modulus; where it is not finite all sums are NaN.
+    most : no sum has a larger modulus in the end; where it is not finite all sums are NaN.
     whole : the sums in quanta, 64-bit integers.
     """
 
@@ -44,9 +47,15 @@ class OrderFreeSums:
     def add(self, summands: Sequence[DrArray], packet: DrArray, active: DrArray | bool = True) -> None:
         """Add one, two or four numbers to as many sums that lie side by side, in a packet by its number."""
         dr, types = self._dr, self._types
-        whole = [types.Int64(dr.round(types.Float64(x) * self._per_quantum)) for x in summands]
+        whole = [self._whole(types.Float64(x)) for x in summands]
         kind = {1: types.Int64, 2: types.Array2i64, 4: types.Array4i64}[len(whole)]
         dr.scatter_reduce(dr.ReduceOp.Add, self.whole, kind(*whole), packet, active)
+
+    def _whole(self, summand: DrArray) -> DrArray:
+        """Return how many quanta a number is, modulo 2^64."""
+        quanta = summand * self._per_quantum
+        turns = self._dr.floor(self._dr.fma(quanta, 1 / TURN, 0.5))
+        return self._types.Int64(self._dr.round(self._dr.fma(turns, -TURN, quanta)))
 
     def values(self) -> DrArray:
         """Return the sums."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from threading import RLock
 from time import perf_counter
 
@@ -23,11 +24,13 @@ class Phase:
 
     work : expected seconds on some machine; how fast this one is turns out
     telling : how much its own seconds count for that, beside those of others: little of the disk's work
+    on_one_core : its speed is told as much by that of other such phases as by that of all
     """
 
     name: str
     work: float
     telling: float = 1.0
+    on_one_core: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Progress:
     """The phases of a job, one after the other.
 
     Time left: what the present phase needs by its own speed, and what the phases ahead need by the speed of
-    all phases so far.  The fraction never falls.
+    all phases so far; for those on one core by the geometric mean of that and the speed of other such phases.
+    The fraction never falls.
 
     show : called with a Moment when a phase begins and goes on, and at the end.  clock : seconds.
     """
@@ -65,6 +69,7 @@ class Progress:
         self._begun = self._since = clock()
         self._done = 0.0  # work
         self._heard = self._heard_work = 0.0  # seconds and work of the phases before, as far as they tell
+        self._single = self._single_work = 0.0  # the same of those on one core
         self._part, self._told = 0.0, 0.0  # of the present phase, and its seconds when it last said so
         self._detail = ""
         self._fraction = 0.0
@@ -90,6 +95,9 @@ class Progress:
             self._done += self._now.work
             self._heard += self._now.telling * (self._clock() - self._since)
             self._heard_work += self._now.telling * self._now.work
+            if self._now.on_one_core:
+                self._single += self._now.telling * (self._clock() - self._since)
+                self._single_work += self._now.telling * self._now.work
             self._now, *self._ahead = self._ahead[at:]
             self._since, self._part, self._told, self._detail = self._clock(), 0.0, 0.0, ""
             self.tell()
@@ -118,17 +126,21 @@ class Progress:
     def _times(self) -> tuple[float, float]:
         """Return the estimated seconds that are left, and those of the whole job at the speed so far."""
         elapsed, now = self._clock() - self._since, self._now.work
-        ahead = sum(phase.work for phase in self._ahead)
-        whole = self._done + now + ahead
+        whole = self._done + now + sum(phase.work for phase in self._ahead)
         tells, heard, known = self._now.telling, self._heard, self._heard_work
         # the second would be the speed if the present phase ended now
         speed = max(
             _speed(heard + tells * self._told, known + tells * self._part * now, whole),
             _speed(heard + tells * elapsed, known + tells * now, whole),
         )
-        present = (self._told + STEADY * speed * now) / (self._part + STEADY)
-        left = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed) + speed * ahead
-        return left, speed * whole
+        # the speed of phases on one core, as far as some have told
+        known = self._single_work
+        alone = speed * (_speed(self._single / speed, known, whole) if known else 1.0)
+        speeds = {False: speed, True: sqrt(speed * alone)}
+        present = (self._told + STEADY * speeds[self._now.on_one_core] * now) / (self._part + STEADY)
+        present = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed)
+        ahead = sum(speeds[phase.on_one_core] * phase.work for phase in self._ahead)
+        return present + ahead, speed * whole
 
 
 def _speed(seconds: float, work: float, whole: float) -> float:

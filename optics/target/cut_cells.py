@@ -22,7 +22,7 @@ Point: TypeAlias = "tuple[DrArray, DrArray]"
 TRIANGLES = (0, 2, 3), (0, 3, 1)  # corners of a cell
 # of a cell: from corner to corner, the triangle on the left, and that on the right where it is the cell's too
 SIDES = ((0, 2), 0, None), ((2, 3), 0, None), ((0, 3), 1, 0), ((3, 1), 1, None), ((1, 0), 1, None)
-LEAST_AREA = 1e-6  # square pixels: what lies on a caustic, or is folded there
+LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
 LEAST = 1e-300  # what is divided by where edges, square pixels, or their parts have no length
 
 
@@ -156,13 +156,15 @@ class CutCells:
         """
         dr, moves = self._dr, self._at_corners(da, db)
         flux = self._share * sum(self._grid.of_corners(passing, self._cells))
-        rates = []
+        rates, every = [], self._Float(0)
         for numbers, triangle in zip(TRIANGLES, self._triangles):
             area = triangle.area_change([moves[k] for k in numbers])
-            rate = (flux - triangle.density * area) / triangle.area
-            rates.append(dr.select(triangle.spread, rate, 0.0))
+            change = dr.select(triangle.spread, flux - triangle.density * area, 0.0)
+            rates.append(dr.select(triangle.spread, change / triangle.area, 0.0))
+            every = every + dr.abs(change)
         changes = [self._change(side, rates, moves) for side in self._sides]
-        every = sum(dr.abs(number) for change in changes for number in change)
+        # a rate acts on what lies in a pixel of a triangle's area, and edges sweep where they lie
+        every = every + sum(dr.abs(number) for _, *ends in changes for number in ends)
         differences = self._lines.differences(most + float(dr.sum(every).numpy()[0]))
         for triangle in self._triangles:
             inside, pixel = self._middle(triangle)

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from optics.target.cell_grid import CellGrid, Corners
 from optics.target.cell_operation import cell_operation
-from optics.target.cut_cells import LEAST_AREA, TRIANGLES, CutCells, signed_area
+from optics.target.cut_cells import TRIANGLES, CutCells, signed_area
 from optics.target.pixel_lines import PixelLines
 
 if TYPE_CHECKING:
@@ -120,18 +120,16 @@ class MappedCells:
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
         dr, pixels = self._backend.dr, self._lines.pixels(self._light)
-        whole, cut, flux, densest = self._sorted(corners)
+        whole, cut, flux, lines = self._sorted(corners)
         self._add_whole(pixels, whole, flux)
-        dr.eval(pixels.whole, whole, cut, densest)
+        dr.eval(pixels.whole, lines.whole, whole, cut)
         places = Places(whole, dr.compress(cut))
         image = self._lines.light(pixels)
         if dr.width(places.cut):
-            cells = self._cut(corners, places)
-            # of both sides of an edge; steps between pixels are bound by the light, and by all densities
-            greatest = 2 * float(densest.numpy()[0])
-            most = max(greatest, min(self._light, greatest * dr.width(places.cut)))
-            differences = self._lines.differences(most)
-            thin = dr.compress(cells.add(differences))
+            # no pixel has more light than what all cells that meet its line may lay on one; each is rounded
+            halves = int(np.cumsum(lines.whole.numpy()).max()) + dr.width(places.cut)
+            differences = self._lines.differences(2 * halves * lines.quantum)
+            thin = dr.compress(self._cut(corners, places).add(differences))
             if dr.width(thin):
                 rest = Places(whole, dr.gather(self._backend.Index, places.cut, thin))
                 self._cut(corners, rest).add_thin(differences)
@@ -178,14 +176,14 @@ class MappedCells:
         whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
         return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, whole)
 
-    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux; and the
-        greatest density of cells that are cut."""
+    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray, OrderFreeSums]:
+        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux; and half of
+        the most that cells which are cut lay on one pixel of a line, as steps from line to line."""
         dr, Index = self._backend.dr, self._backend.Index
         cell, exists = self._grid.cells()
         flux = self._shares * sum(self._grid.of_corners(corners.passing, cell, exists))
-        points = [self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b)]
-        pixels = [[dr.floor(v) for v in along] for along in points]
+        a, b = (self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b))
+        pixels = [[dr.floor(v) for v in along] for along in (a, b)]
         meets = lit = exists & (flux > 0)  # not where a corner is not sound
         for at, count in zip(pixels, self._lines.counts):
             meets = (
@@ -200,11 +198,12 @@ class MappedCells:
         number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
         bits = dr.select(first, Index(1), 0) | dr.select(second, Index(2), 0)
         cut = meets & ~(first & second)
-        areas = (dr.abs(signed_area([(points[0][k], points[1][k]) for k in t])) for t in TRIANGLES)
-        least = reduce(dr.minimum, (dr.select(area >= LEAST_AREA, area, 1) for area in areas))
-        densest = dr.zeros(self._double.Float, 1)
-        dr.scatter_reduce(dr.ReduceOp.Max, densest, flux / least, Index(0), cut)
-        return dr.select(inside, 4 * number | bits, 0), cut, flux, densest
+        least = reduce(dr.minimum, (dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
+        part = dr.select(least > 1, flux / least, flux)
+        lines, last = self._lines.lines(self._light), self._double.Float(self._lines.counts[1] - 1)
+        lines.add((part,), Index(dr.clip(reduce(dr.minimum, pixels[1]), 0, last)), cut)
+        lines.add((-part,), Index(dr.clip(reduce(dr.maximum, pixels[1]), 0, last)) + 1, cut)
+        return dr.select(inside, 4 * number | bits, 0), cut, flux, lines
 
 
 def _triangles_in(whole: DrArray, like: DrArray) -> DrArray:

@@ -31,10 +31,14 @@ class PixelLines:
         """Return no light in every pixel, by `number`.  most : as of `OrderFreeSums`."""
         return OrderFreeSums(self._backend, (self._rows + 2) * self._columns, most)
 
+    def lines(self, most: float) -> OrderFreeSums:
+        """Return no light in every line and behind the last.  most : as of `OrderFreeSums`."""
+        return OrderFreeSums(self._backend, self._columns + 1, most)
+
     def differences(self, most: float) -> OrderFreeSums:
         """Return no differences: of every pixel a pair, what begins in it and what ends behind it.
 
-        most : of a summand, and of a step from pixel to pixel, which is the sum of what ends and begins.
+        most : of a step from pixel to pixel, the sum of what ends and begins, which alone may be larger.
         """
         return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self._columns, most)
 

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("mitsuba")
 
 from optics.mitsuba import loading as mitsuba_loading
-from optics.mitsuba.loading import VARIANTS, current_mitsuba, load_mitsuba, mitsuba_backend
+from optics.mitsuba.loading import MONO, VARIANTS, current_mitsuba, load_mitsuba, mitsuba_backend
 from optics.runtime import UserError
 
 
@@ -28,6 +28,13 @@ def test_it_sets_variant_and_library():
     assert current_mitsuba().variant() == "llvm_ad_rgb"
     load_mitsuba(threads=1)
     assert current_mitsuba().variant() == "llvm_ad_mono"
+
+
+def test_variants_are_those_of_the_device(backend):
+    """Dr.Jit names it once: `Backend.types`."""
+    device = backend.types.__name__.removeprefix("drjit.").replace(".", "_")
+    assert all(variant.startswith(f"{device}_") for variant in VARIANTS)
+    assert f"{device}_mono" == MONO
 
 
 def test_every_variant_that_is_offered_exists():

@@ -15,6 +15,7 @@ from optics.progress.progress_bar import Bar, Lines, drawing, time_words
 from tests.cases import DATA
 
 RUNS = json.loads((DATA / "recorded_runs.json").read_text())
+LATE = "disk on black"  # planned after 35 %
 
 
 def plan_of(run):
@@ -85,7 +86,7 @@ class Seen:
 
 
 @pytest.mark.parametrize("seconds", [5.0, 30.0, 300.0])
-@pytest.mark.parametrize("name", [name for name in RUNS if name != "disk on black"])  # planned after 35 %
+@pytest.mark.parametrize("name", [name for name in RUNS if name != LATE])
 def test_after_a_third_of_a_recorded_run_the_time_left_is_known_within_a_fifth(name, seconds):
     seen = Seen()
     replayed(RUNS[name], seconds, seen)
@@ -93,6 +94,18 @@ def test_after_a_third_of_a_recorded_run_the_time_left_is_known_within_a_fifth(n
     assert moment.left == pytest.approx(seconds - time, rel=0.2)
     # and from then on within a fifth of the run
     assert max(abs(m.left - (seconds - t)) for t, m in seen.all if t > time) < 0.2 * seconds
+
+
+@pytest.mark.parametrize("seconds", [5.0, 30.0, 300.0])
+def test_a_run_that_is_planned_after_a_third_is_known_within_a_quarter_from_then_on(seconds):
+    """Its level is the least; before, more than twice the time is expected, for the usual one."""
+    run, seen = RUNS[LATE], Seen()
+    replayed(run, seconds, seen)
+    assert next(share for share, event, *_ in run["events"] if event == "planned") > 1 / 3
+    time, moment = next((t, m) for t, m in seen.all if m.phase != "setup")
+    assert moment.left == pytest.approx(seconds - time, rel=0.25)
+    assert max(abs(m.left - (seconds - t)) for t, m in seen.all if t > time) < 0.2 * seconds
+    assert max(m.left / (seconds - t) for t, m in seen.all if seconds / 3 < t < time) < 2.5
 
 
 @pytest.mark.parametrize("times", [0.5, 1.0, 1.5])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from math import frexp
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from optics.runtime.order_free_sums import DIGITS, LEAST_EXPONENT
 from tests.optics.cases import THREADS, on_threads
 
 LEAST = 2.0 ** (LEAST_EXPONENT + DIGITS)  # smaller sums have the least quantum
+positive = st.floats(1e-9, 1e3).filter(lambda x: frexp(x)[0] < 1 - 2.0**-53)  # without 2^63 - 2^10 quanta
 numbers = st.floats(-1e3, 1e3).filter(lambda x: not 0 < abs(x) < LEAST)
 
 
@@ -68,6 +70,27 @@ def test_a_sum_may_leave_the_range_on_the_way(backend, scale):
     assert float(found.values().numpy()[0]) == pytest.approx(
         0.25 * scale, rel=1e-12 if scale > 1e-289 else 1e-9
     )
+
+
+@given(
+    st.lists(st.tuples(positive, st.integers(0, 90), st.booleans()), min_size=1, max_size=20),
+    st.floats(1e-9, 1e3),
+)
+def test_summands_may_leave_the_range_where_they_cancel(backend, pairs, rest):
+    """Up to 2^90 times what is left: the sum is as exact as if they had not been there."""
+    large = [(-x if negative else x) * 2.0**power for x, power, negative in pairs]
+    every = [*large, rest, *(-x for x in large)]
+    found = summed(backend, [[x] for x in every], [0] * len(every), 1, rest)
+    assert abs(float(found.values().numpy()[0]) - rest) <= found.quantum  # halves cancel, and one is left
+
+
+def test_a_number_of_quanta_becomes_an_integer_modulo_2_to_64(backend):
+    """About the ends of the range, and far beyond it; quanta are 1."""
+    ends = [2**63 - 2**11, 2**63, 2**63 + 2**11, 3 * 2**63 - 2**12, 3 * 2**63, 2**64 + 2**12, 2**100 + 2**60]
+    values = [*ends, *(-x for x in ends)]
+    found = summed(backend, [[float(x)] for x in values], list(range(len(values))), len(values), 2.0**61)
+    assert found.quantum == 1
+    assert found.whole.numpy().tolist() == [(x + 2**63) % 2**64 - 2**63 for x in values]
 
 
 def test_masked_numbers_do_not_count(backend):

@@ -43,6 +43,21 @@ def test_a_phase_that_is_slower_than_expected_is_timed_by_its_own_speed():
     assert job.moments[-1].left == pytest.approx(15 + 12, rel=0.1)
 
 
+@pytest.mark.parametrize("speed", [0.1, 1.0, 10.0])
+def test_phases_on_one_core_are_timed_by_each_other_and_by_all(speed):
+    """Reading tells 1, work four times that; together 25 s of 7: writing, 3 s, takes sqrt(25 / 7) each."""
+    one, many = (
+        [Phase("read", 1.0, 1.0, alone), PHASES[1], Phase("write", 3.0, 1.0, alone)] for alone in (1, 0)
+    )
+    left = []
+    for job in (Job(one), Job(many)):
+        job.wait(1 * speed).begin("work")
+        job.wait(24 * speed).begin("write")
+        left.append(job.moments[-1].left)
+    assert left[1] == pytest.approx(3 * 25 / 7 * speed, rel=0.05)
+    assert left[0] == pytest.approx(3 * (25 / 7) ** 0.5 * speed, rel=0.1)
+
+
 def test_time_passes_in_a_phase_that_says_nothing():
     job = Job()
     job.wait(1).begin("work")

@@ -47,6 +47,15 @@ class Sheet:
         backend.dr.backward(total)
         return [v.grad.numpy().reshape(self.x.shape) for v in (x, y, flux)], float(total.numpy()[0])
 
+    def change(self, backend, dx, dy, dflux):
+        """Return the derivative of `laid` as corners move by dx, dy and their flux by dflux."""
+        cells, (x, y, flux, sound) = self._inputs(backend)
+        for values, change in ((x, dx), (y, dy), (flux, dflux)):
+            backend.dr.enable_grad(values)
+            backend.dr.set_grad(values, backend.array(change))
+        image = backend.dr.forward_to(cells(x, y, flux, sound))
+        return image.numpy().reshape(self.screen.padded, order="F") * self.screen.pixel_area
+
     def _inputs(self, backend):
         corners, sound = corner_flux(self.emitted), ~np.isnan(self.passing)
         flux = np.where(sound, self.passing, 0) * corners

@@ -13,7 +13,7 @@ from optics.sources import corner_flux
 from optics.target.cut_cells import LEAST_AREA
 from oracles.exact_cells import exact_slopes
 from tests.optics.cases import THREADS, on_threads
-from tests.optics.target.cell_cases import SCREENS, sheet, shuffled, smooth, whole
+from tests.optics.target.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
 SCREEN = whole(8, 6, 1)
 
@@ -168,6 +168,50 @@ def test_corners_of_triangles_below_the_least_area_pass_no_slope(backend, height
         np.testing.assert_allclose(by_flux, [[(g[1, 1] + g[1, 2]) / 2] * 2] * 2, rtol=1e-13)
     else:
         assert 1e-3 * by_x.sum() == pytest.approx(moved, rel=1e-3)
+
+
+@pytest.mark.parametrize("area", [1e-4, 1e-5, 1e-6, 1e-7])
+def test_slopes_of_slivers_are_exact(backend, area):
+    """A cell on a corner of pixels with triangles of this area A and length L, of half the light each: their
+    mean weight is off by roundings of up to 4 pixels times L / A, their slopes by that times L / A."""
+    along = np.array([[-0.125, -0.125], [0.09375, 0.09375]])
+    made = sheet(whole(4, 4), along, 0.375 * along + np.array([0.0, area / 0.21875 * 2]) - 0.00390625)
+    assert made.least_area() == pytest.approx(area, rel=1e-6)
+    g = weights(made.screen)
+    (by_x, by_y, _), _ = made.slopes(backend, g)
+    rounding = 16 * 4 * UNIT * 0.22**2 / area**2
+    for found, expected in zip((by_x, by_y), exact_slopes(made.screen, made.x, made.y, made.emitted, g)):
+        expected = expected.astype(float)
+        assert np.abs(expected).max() > 0.1
+        np.testing.assert_allclose(found, expected, rtol=0, atol=rounding)
+
+
+@pytest.mark.parametrize("height", [None, 1e-4, 1e-6])
+def test_the_change_along_a_move_is_the_slope_along_it(backend, height):
+    """Forward is the transpose of backward, also of a sliver of this height: both round what is as large as
+    the light by its area squared."""
+    made, rng = smooth(whole(16, 12), (12, 9), 1.1, 0.3, seed=5), np.random.default_rng(6)
+    if height is not None:
+        made.y[3, 3] = made.y[3, 4] - height
+    g, moves = weights(made.screen), [rng.standard_normal(made.x.shape) for _ in range(3)]
+    rounding = 1e-12 if height is None else 16 * 16 * UNIT / height**2
+    change = made.change(backend, *moves)
+    (by_x, by_y, by_flux), _ = made.slopes(backend, g)
+    expected = sum((slope * move).sum() for slope, move in zip((by_x, by_y, by_flux), moves))
+    assert (change * g).sum() == pytest.approx(expected, abs=rounding * np.abs(g).sum())
+
+
+def test_the_change_beside_a_sliver_is_that_without_it(backend):
+    """In columns that it does not meet: its own changes by 1e6, and that is all that scales the quantum."""
+    made, rng = smooth(whole(16, 12), (12, 9), 1.1, 0.3, seed=5), np.random.default_rng(6)
+    made.y[3, 3] = made.y[3, 4] - 1e-6
+    dark = made.emitted.copy()
+    dark[2:4, 3] = 0.0
+    moves = [*rng.standard_normal((2, *made.x.shape)), np.zeros(made.x.shape)]
+    found, expected = (case.change(backend, *moves) for case in (made, replace(made, emitted=dark)))
+    beside = np.arange(16) > made.x[2:5, 3:5].max() + 8
+    assert 6 < beside.sum() < 14
+    np.testing.assert_allclose(found[:, beside], expected[:, beside], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("nowhere", [0.0, np.nan, np.inf, 1e300])
