@@ -51,68 +51,8 @@ if TYPE_CHECKING:
         Verify as Verify,
         load_problem as load_problem,
     )
-    from optics.runtime import (
-        NumericalError as NumericalError,
-        UserError as UserError,
-    )
-    from optics.sweeps import (
-        Sweep as Sweep,
-        SweepRow as SweepRow,
-        sweep as sweep,
-    )
-    from optics.toolpaths import (
-        ToolOrder as ToolOrder,
-    )
+    from optics.runtime import NumericalError as NumericalError, UserError as UserError
+    from optics.sweeps import Sweep as Sweep, SweepRow as SweepRow, sweep as sweep
+    from optics.toolpaths import ToolOrder as ToolOrder
 
-_FILES = {
-    "api": (
-        "Design",
-        "Minimum",
-        "Model",
-        "System",
-        "design",
-        "minimise",
-        "mitsuba_scene",
-    ),
-    "making": (
-        "form_tolerances",
-        "monte_carlo",
-        "tolerances",
-    ),
-    "optimisers": (
-        "LBFGS",
-        "Adam",
-        "GradientDescent",
-        "LineSearch",
-        "Momentum",
-        "Optimiser",
-        "RMSProp",
-    ),
-    "problem": (
-        "Export",
-        "Freeform",
-        "Front",
-        "LensSpec",
-        "Limits",
-        "Optimizer",
-        "Problem",
-        "Rear",
-        "Refinement",
-        "Run",
-        "Source",
-        "Target",
-        "Verify",
-        "load_problem",
-    ),
-    "runtime": (
-        "NumericalError",
-        "UserError",
-    ),
-    "sweeps": (
-        "Sweep",
-        "SweepRow",
-        "sweep",
-    ),
-    "toolpaths": ("ToolOrder",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

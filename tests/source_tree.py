@@ -76,15 +76,13 @@ def imported(path):
 @cache
 def door_table(path):
     """Return {file: names} of a door, {} of any other file."""
-    if path.name != "__init__.py":
+    if path.name != "__init__.py" or not any(calls(path, "lazy_door")):
         return {}
-    tables = {}
-    for node in tree(path).body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            tables[node.targets[0].id] = node.value
-    for node in calls(path, "lazy_door"):
-        return ast.literal_eval(tables[node.args[1].id])
-    return {}
+    (block,) = (
+        n for n in tree(path).body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"
+    )
+    start = len(module_of(path)) + 1
+    return {node.module[start:]: [alias.asname for alias in node.names] for node in block.body}
 
 
 def module_in(dotted):

@@ -42,9 +42,7 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
-    from thbcad.hierarchy import (
-        THBSpace as THBSpace,
-    )
+    from thbcad.hierarchy import THBSpace as THBSpace
     from thbcad.io import (
         read_lens as read_lens,
         read_surface as read_surface,
@@ -59,13 +57,8 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         require_sound as require_sound,
     )
-    from thbcad.meshes import (
-        body_mesh as body_mesh,
-        to_trimesh as to_trimesh,
-    )
-    from thbcad.poses import (
-        Pose as Pose,
-    )
+    from thbcad.meshes import body_mesh as body_mesh, to_trimesh as to_trimesh
+    from thbcad.poses import Pose as Pose
     from thbcad.sags import (
         Approximation as Approximation,
         Conic as Conic,
@@ -89,86 +82,6 @@ if TYPE_CHECKING:
         revolved as revolved,
         ruled as ruled,
     )
-    from thbcad.surfaces import (
-        THBSurface as THBSurface,
-    )
+    from thbcad.surfaces import THBSurface as THBSurface
 
-_FILES = {
-    "cad": (
-        "ForeignLens",
-        "read_faces",
-        "read_lens_solid",
-        "read_step",
-        "to_build123d",
-        "to_cadquery",
-        "write_faces",
-        "write_step",
-    ),
-    "certified": (
-        "Enclosure",
-        "greatest_slope",
-        "least_radii",
-        "value_range",
-    ),
-    "drawings": (
-        "lens_sheet",
-        "plan_view",
-        "section_view",
-        "side_view",
-        "write_drawing",
-    ),
-    "fitting": (
-        "Fit",
-        "Samples",
-        "Underdetermined",
-        "fit",
-        "height_field_samples",
-        "least_squares",
-        "quasi_interpolate",
-    ),
-    "hierarchy": ("THBSpace",),
-    "io": (
-        "read_lens",
-        "read_surface",
-        "write_lens",
-        "write_surface",
-    ),
-    "lens": (
-        "FreeformSurface",
-        "Lens",
-        "Manufacturability",
-        "Product",
-        "manufacturability",
-        "require_sound",
-    ),
-    "meshes": (
-        "body_mesh",
-        "to_trimesh",
-    ),
-    "poses": ("Pose",),
-    "sags": (
-        "Approximation",
-        "Conic",
-        "PolynomialSag",
-        "approximated",
-        "error_bounds",
-        "meridian",
-    ),
-    "splines": (
-        "BSplineSurface",
-        "KnotVector",
-        "NURBSCurve",
-        "NURBSSurface",
-        "PeriodicKnotVector",
-        "circular_arc",
-        "conic_arc",
-        "interpolate",
-        "line",
-        "remove_knots",
-        "remove_surface_knots",
-        "revolved",
-        "ruled",
-    ),
-    "surfaces": ("THBSurface",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

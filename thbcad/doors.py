@@ -5,13 +5,17 @@ Some rooms need packages that only an extra of `pip install` brings.  A door say
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)$", re.MULTILINE)
+OFFERED = re.compile(r"\bas (\w+)")
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
@@ -26,15 +30,20 @@ EXTRAS = {
 }
 
 
-def lazy_door(
-    package: str, files: Mapping[str, Sequence[str]]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_door(package: str, path: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
-    package : its `__name__`.  files : {file or sub-package: names}.  A name is kept in the package once it is
-        loaded.  A name whose file needs a package of an extra is an ImportError where that is missing.
+    What the package offers, and where that lives, is read from the imports `X as X` of its own text.  They
+    stand under `if TYPE_CHECKING:`, so that each name is listed once.
+
+    package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
+        whose file needs a package of an extra is an ImportError where that is missing.
     """
-    homes = {name: f"{package}.{file}" for file, names in files.items() for name in names}
+    homes = {
+        name: home
+        for home, names in IMPORT.findall(Path(path).read_text("utf-8"))
+        for name in OFFERED.findall(names)
+    }
 
     def load(name: str) -> Any:
         if name not in homes:

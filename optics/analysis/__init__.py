@@ -31,13 +31,8 @@ if TYPE_CHECKING:
         cell_irradiance as cell_irradiance,
         traced_cells as traced_cells,
     )
-    from optics.analysis.light_of_rays import (
-        ray_irradiance as ray_irradiance,
-    )
-    from optics.analysis.light_of_wavelengths import (
-        coloured as coloured,
-        fringe as fringe,
-    )
+    from optics.analysis.light_of_rays import ray_irradiance as ray_irradiance
+    from optics.analysis.light_of_wavelengths import coloured as coloured, fringe as fringe
     from optics.analysis.metrics import (
         Measurement as Measurement,
         contrast_error as contrast_error,
@@ -56,60 +51,6 @@ if TYPE_CHECKING:
         photometric_lines as photometric_lines,
         uniformity_metrics as uniformity_metrics,
     )
-    from optics.analysis.ray_fans import (
-        fans as fans,
-    )
+    from optics.analysis.ray_fans import fans as fans
 
-_FILES = {
-    "judgement": (
-        "Verdict",
-        "counted_ways",
-        "delivery_checks",
-        "error_words",
-        "judged",
-        "loss_notes",
-        "picture_limit",
-    ),
-    "lens_trace": (
-        "conservation",
-        "nonsequential",
-        "plane_behind",
-        "sections",
-        "sequential",
-        "sequential_metrics",
-    ),
-    "phase_space": (
-        "PhaseSpace",
-        "at_target",
-        "jacobian_determinants",
-    ),
-    "closed_lens_light": (
-        "NEGLIGIBLE",
-        "ROULETTE",
-        "light_by_other_ways",
-    ),
-    "light_of_cells": (
-        "cell_irradiance",
-        "traced_cells",
-    ),
-    "light_of_rays": ("ray_irradiance",),
-    "light_of_wavelengths": (
-        "coloured",
-        "fringe",
-    ),
-    "metrics": (
-        "Measurement",
-        "contrast_error",
-        "dark_fraction",
-        "delivered",
-        "measure",
-        "rel_l2",
-        "unit_mean",
-    ),
-    "photometric_metrics": (
-        "photometric_lines",
-        "uniformity_metrics",
-    ),
-    "ray_fans": ("fans",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,65 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.api.design_figures import (
-        DesignFigures as DesignFigures,
-    )
-    from optics.api.design_files import (
-        Written as Written,
-        helpers as helpers,
-        write_result as write_result,
-    )
-    from optics.api.design_result import (
-        Design as Design,
-    )
-    from optics.api.design_run import (
-        design as design,
-        shaped as shaped,
-    )
-    from optics.api.engine_choice import (
-        engine_of as engine_of,
-    )
-    from optics.api.irradiance_model import (
-        DEVICE as DEVICE,
-        Model as Model,
-    )
-    from optics.api.minimisation import (
-        Minimum as Minimum,
-        minimise as minimise,
-    )
-    from optics.api.prepared_problem import (
-        prepared_system as prepared_system,
-    )
-    from optics.api.scenes import (
-        mitsuba_scene as mitsuba_scene,
-    )
-    from optics.api.scripting_system import (
-        System as System,
-    )
+    from optics.api.design_figures import DesignFigures as DesignFigures
+    from optics.api.design_files import Written as Written, helpers as helpers, write_result as write_result
+    from optics.api.design_result import Design as Design
+    from optics.api.design_run import design as design, shaped as shaped
+    from optics.api.engine_choice import engine_of as engine_of
+    from optics.api.irradiance_model import DEVICE as DEVICE, Model as Model
+    from optics.api.minimisation import Minimum as Minimum, minimise as minimise
+    from optics.api.prepared_problem import prepared_system as prepared_system
+    from optics.api.scenes import mitsuba_scene as mitsuba_scene
+    from optics.api.scripting_system import System as System
 
-_FILES = {
-    "design_figures": ("DesignFigures",),
-    "design_files": (
-        "Written",
-        "helpers",
-        "write_result",
-    ),
-    "design_result": ("Design",),
-    "design_run": (
-        "design",
-        "shaped",
-    ),
-    "engine_choice": ("engine_of",),
-    "irradiance_model": (
-        "DEVICE",
-        "Model",
-    ),
-    "minimisation": (
-        "Minimum",
-        "minimise",
-    ),
-    "prepared_problem": ("prepared_system",),
-    "scenes": ("mitsuba_scene",),
-    "scripting_system": ("System",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

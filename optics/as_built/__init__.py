@@ -21,17 +21,9 @@ if TYPE_CHECKING:
         surface_of as surface_of,
         with_surface as with_surface,
     )
-    from optics.as_built.as_built_text import (
-        as_built_data as as_built_data,
-        as_built_lines as as_built_lines,
-    )
-    from optics.as_built.corrected_surface import (
-        MadeSurface as MadeSurface,
-        made_surface as made_surface,
-    )
-    from optics.as_built.measured_area import (
-        measured_light as measured_light,
-    )
+    from optics.as_built.as_built_text import as_built_data as as_built_data, as_built_lines as as_built_lines
+    from optics.as_built.corrected_surface import MadeSurface as MadeSurface, made_surface as made_surface
+    from optics.as_built.measured_area import measured_light as measured_light
     from optics.as_built.measured_points import (
         FileFrame as FileFrame,
         MeasuredPoints as MeasuredPoints,
@@ -43,41 +35,4 @@ if TYPE_CHECKING:
         rigid_correction as rigid_correction,
     )
 
-_FILES = {
-    "alignment": (
-        "Alignment",
-        "best_fit",
-        "by_datums",
-        "outliers",
-    ),
-    "as_built_light": (
-        "AsBuilt",
-        "LightError",
-        "Side",
-        "Way",
-        "light_as_built",
-        "default_side",
-        "surface_of",
-        "with_surface",
-    ),
-    "as_built_text": (
-        "as_built_data",
-        "as_built_lines",
-    ),
-    "corrected_surface": (
-        "MadeSurface",
-        "made_surface",
-    ),
-    "measured_area": ("measured_light",),
-    "measured_points": (
-        "FileFrame",
-        "MeasuredPoints",
-        "read_measured",
-    ),
-    "rigid_corrections": (
-        "Move",
-        "RigidCorrection",
-        "rigid_correction",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,11 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.blur.convolution import (
-        Blur as Blur,
-        Convolution as Convolution,
-        blur_of as blur_of,
-    )
+    from optics.blur.convolution import Blur as Blur, Convolution as Convolution, blur_of as blur_of
     from optics.blur.light_to_aim_at import (
         aimed as aimed,
         aimed_light as aimed_light,
@@ -20,30 +16,6 @@ if TYPE_CHECKING:
         spot_rms as spot_rms,
         spot_width as spot_width,
     )
-    from optics.blur.spot_matrices import (
-        LandingShifts as LandingShifts,
-        landing_shifts as landing_shifts,
-    )
+    from optics.blur.spot_matrices import LandingShifts as LandingShifts, landing_shifts as landing_shifts
 
-_FILES = {
-    "convolution": (
-        "Blur",
-        "Convolution",
-        "blur_of",
-    ),
-    "light_to_aim_at": (
-        "aimed",
-        "aimed_light",
-        "aimed_through",
-    ),
-    "source_images": (
-        "patch_images",
-        "spot_rms",
-        "spot_width",
-    ),
-    "spot_matrices": (
-        "LandingShifts",
-        "landing_shifts",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

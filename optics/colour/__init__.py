@@ -20,27 +20,6 @@ if TYPE_CHECKING:
         spectral_lines as spectral_lines,
         white_of as white_of,
     )
-    from optics.colour.srgb_pictures import (
-        encoded_srgb as encoded_srgb,
-        srgb as srgb,
-    )
+    from optics.colour.srgb_pictures import encoded_srgb as encoded_srgb, srgb as srgb
 
-_FILES = {
-    "chromaticities": (
-        "chromaticity",
-        "chromaticity_distance",
-    ),
-    "cie_tables": (
-        "ILLUMINANTS",
-        "colour_matching",
-        "illuminant",
-    ),
-    "reduced_spectra": (
-        "MOST_LINES",
-        "SpectralLine",
-        "spectral_lines",
-        "white_of",
-    ),
-    "srgb_pictures": ("encoded_srgb", "srgb"),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

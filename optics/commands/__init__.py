@@ -5,23 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.commands.arguments import (
-        parsers as parsers,
-    )
-    from optics.commands.bench_command import (
-        benchmark_page as benchmark_page,
-        own_pages as own_pages,
-    )
-    from optics.commands.cli import (
-        main as main,
-    )
+    from optics.commands.arguments import parsers as parsers
+    from optics.commands.bench_command import benchmark_page as benchmark_page, own_pages as own_pages
+    from optics.commands.cli import main as main
 
-_FILES = {
-    "arguments": ("parsers",),
-    "bench_command": (
-        "benchmark_page",
-        "own_pages",
-    ),
-    "cli": ("main",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,18 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.deconvolution.analytic import (
-        RectangleResponse as RectangleResponse,
-    )
+    from optics.deconvolution.analytic import RectangleResponse as RectangleResponse
     from optics.deconvolution.bases import (
         approximate_in_basis as approximate_in_basis,
         irwin_hall as irwin_hall,
     )
-    from optics.deconvolution.comparison import (
-        CASES as CASES,
-        Response as Response,
-        compare as compare,
-    )
+    from optics.deconvolution.comparison import CASES as CASES, Response as Response, compare as compare
     from optics.deconvolution.deconvolution import (
         Case as Case,
         figure_7_4 as figure_7_4,
@@ -27,9 +21,7 @@ if TYPE_CHECKING:
         blind_deconvolution as blind_deconvolution,
         richardson_lucy as richardson_lucy,
     )
-    from optics.deconvolution.regularisation import (
-        conjugate_gradients as conjugate_gradients,
-    )
+    from optics.deconvolution.regularisation import conjugate_gradients as conjugate_gradients
     from optics.deconvolution.two_source_landscape import (
         MARKS as MARKS,
         STEPS as STEPS,
@@ -39,35 +31,4 @@ if TYPE_CHECKING:
         two_sources as two_sources,
     )
 
-_FILES = {
-    "analytic": ("RectangleResponse",),
-    "bases": (
-        "approximate_in_basis",
-        "irwin_hall",
-    ),
-    "comparison": (
-        "CASES",
-        "Response",
-        "compare",
-    ),
-    "deconvolution": (
-        "Case",
-        "figure_7_4",
-        "least_eigenvalue",
-        "uncovered_zero",
-    ),
-    "multiplicative": (
-        "blind_deconvolution",
-        "richardson_lucy",
-    ),
-    "regularisation": ("conjugate_gradients",),
-    "two_source_landscape": (
-        "MARKS",
-        "STEPS",
-        "disk",
-        "landscape",
-        "square",
-        "two_sources",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

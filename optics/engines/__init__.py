@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.engines.blurred_engine import (
-        BlurredEngine as BlurredEngine,
-        sharp_engine as sharp_engine,
-    )
+    from optics.engines.blurred_engine import BlurredEngine as BlurredEngine, sharp_engine as sharp_engine
     from optics.engines.exact_engine import (
         SOFT_RIM as SOFT_RIM,
         ExactEngine as ExactEngine,
@@ -20,26 +17,6 @@ if TYPE_CHECKING:
         Light as Light,
         LightModel as LightModel,
     )
-    from optics.engines.traced_model import (
-        TracedModel as TracedModel,
-    )
+    from optics.engines.traced_model import TracedModel as TracedModel
 
-_FILES = {
-    "blurred_engine": (
-        "BlurredEngine",
-        "sharp_engine",
-    ),
-    "exact_engine": (
-        "SOFT_RIM",
-        "ExactEngine",
-        "measured_rays",
-    ),
-    "light_model": (
-        "Engine",
-        "Film",
-        "Light",
-        "LightModel",
-    ),
-    "traced_model": ("TracedModel",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -22,16 +22,9 @@ if TYPE_CHECKING:
         per_column_sum as per_column_sum,
         scaled_bound as scaled_bound,
     )
-    from optics.etendue.image_size import (
-        image_half_width as image_half_width,
-    )
-    from optics.etendue.kernel import (
-        Kernel as Kernel,
-        Real as Real,
-    )
-    from optics.etendue.nonnegative_solvers import (
-        descend as descend,
-    )
+    from optics.etendue.image_size import image_half_width as image_half_width
+    from optics.etendue.kernel import Kernel as Kernel, Real as Real
+    from optics.etendue.nonnegative_solvers import descend as descend
     from optics.etendue.problem_bounds import (
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
@@ -52,9 +45,7 @@ if TYPE_CHECKING:
         universal_sentence as universal_sentence,
         usual_efficiency as usual_efficiency,
     )
-    from optics.etendue.silhouette import (
-        greatest_slack as greatest_slack,
-    )
+    from optics.etendue.silhouette import greatest_slack as greatest_slack
     from optics.etendue.source_image_bound import (
         ImageBound as ImageBound,
         any_proportions as any_proportions,
@@ -67,67 +58,6 @@ if TYPE_CHECKING:
         rear_area as rear_area,
         throughput as throughput,
     )
-    from optics.etendue.two_deltas import (
-        approximate_two_deltas as approximate_two_deltas,
-    )
+    from optics.etendue.two_deltas import approximate_two_deltas as approximate_two_deltas
 
-_FILES = {
-    "approximation": (
-        "Approximation",
-        "approximate",
-        "certified",
-        "require_target",
-    ),
-    "brightness_limit": (
-        "UniversalBound",
-        "least_distance",
-        "universal_bound",
-    ),
-    "certificate": (
-        "kkt_residual",
-        "norm",
-        "per_column_sum",
-        "scaled_bound",
-    ),
-    "image_size": ("image_half_width",),
-    "kernel": (
-        "Kernel",
-        "Real",
-    ),
-    "nonnegative_solvers": ("descend",),
-    "problem_bounds": (
-        "FIXED",
-        "FIXED_QUICK",
-        "OneBlur",
-        "SEARCH",
-        "SEARCH_QUICK",
-        "base_rear",
-        "blur_sentence",
-        "curve_sentence",
-        "etendue_notes",
-        "images_bound",
-        "one_blur",
-        "one_blur_sentence",
-        "reached_sentences",
-        "rounded_down",
-        "stretchable",
-        "universal_lines",
-        "universal_sentence",
-        "usual_efficiency",
-    ),
-    "silhouette": ("greatest_slack",),
-    "source_image_bound": (
-        "ImageBound",
-        "any_proportions",
-        "image_bound",
-    ),
-    "throughput_bound": (
-        "Array",
-        "Throughput",
-        "radiance",
-        "rear_area",
-        "throughput",
-    ),
-    "two_deltas": ("approximate_two_deltas",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

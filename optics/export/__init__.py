@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.export.body import (
-        Body as Body,
-    )
+    from optics.export.body import Body as Body
     from optics.export.formats import (
         MESHES as MESHES,
         SOLIDS as SOLIDS,
@@ -25,23 +23,4 @@ if TYPE_CHECKING:
         require_readers as require_readers,
     )
 
-_FILES = {
-    "body": ("Body",),
-    "formats": (
-        "MESHES",
-        "SOLIDS",
-        "Labels",
-        "export",
-        "format_of",
-        "labelled_lens",
-        "report_of",
-        "require_free",
-        "require_free_files",
-    ),
-    "read_back": (
-        "READERS",
-        "read_mesh",
-        "require_readers",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

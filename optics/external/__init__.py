@@ -20,20 +20,4 @@ if TYPE_CHECKING:
         light_comparison_lines as light_comparison_lines,
     )
 
-_FILES = {
-    "file_tracers": (
-        "SPEEDS",
-        "FileTracer",
-        "file_tracer",
-        "require_tracer",
-    ),
-    "light_comparison": (
-        "LightComparison",
-        "compare_light",
-    ),
-    "light_verification": (
-        "light_comparison_checks",
-        "light_comparison_lines",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

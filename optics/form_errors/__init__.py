@@ -11,9 +11,7 @@ if TYPE_CHECKING:
         SideCost as SideCost,
         form_errors_of as form_errors_of,
     )
-    from optics.form_errors.form_trace import (
-        form_obstacle as form_obstacle,
-    )
+    from optics.form_errors.form_trace import form_obstacle as form_obstacle
     from optics.form_errors.form_words import (
         FORM_HEAD as FORM_HEAD,
         form_rows as form_rows,
@@ -24,36 +22,7 @@ if TYPE_CHECKING:
         LocalFormula as LocalFormula,
         local_formula_of as local_formula_of,
     )
-    from optics.form_errors.period_bands import (
-        BandFormula as BandFormula,
-        period_bands_of as period_bands_of,
-    )
-    from optics.form_errors.pixel_transfer import (
-        pixel_mtf as pixel_mtf,
-    )
+    from optics.form_errors.period_bands import BandFormula as BandFormula, period_bands_of as period_bands_of
+    from optics.form_errors.pixel_transfer import pixel_mtf as pixel_mtf
 
-_FILES = {
-    "allowed_errors": (
-        "BandCost",
-        "FormErrors",
-        "SideCost",
-        "form_errors_of",
-    ),
-    "form_trace": ("form_obstacle",),
-    "form_words": (
-        "FORM_HEAD",
-        "form_rows",
-        "form_sentences",
-        "height_text",
-    ),
-    "local_formula": (
-        "LocalFormula",
-        "local_formula_of",
-    ),
-    "period_bands": (
-        "BandFormula",
-        "period_bands_of",
-    ),
-    "pixel_transfer": ("pixel_mtf",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

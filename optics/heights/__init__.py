@@ -11,21 +11,6 @@ if TYPE_CHECKING:
         Sine as Sine,
         SplineHeight as SplineHeight,
     )
-    from optics.heights.random_fields import (
-        random_field as random_field,
-        shortest_period as shortest_period,
-    )
+    from optics.heights.random_fields import random_field as random_field, shortest_period as shortest_period
 
-_FILES = {
-    "height_errors": (
-        "HeightSum",
-        "Power",
-        "Sine",
-        "SplineHeight",
-    ),
-    "random_fields": (
-        "random_field",
-        "shortest_period",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -16,34 +16,8 @@ if TYPE_CHECKING:
         raised_hits as raised_hits,
         rim_fade as rim_fade,
     )
-    from optics.intersections.ray_roots import (
-        first_crossing as first_crossing,
-        last_root as last_root,
-    )
-    from optics.intersections.searched_intersections import (
-        SearchedHits as SearchedHits,
-    )
-    from optics.intersections.spline_table import (
-        PlacedSurface as PlacedSurface,
-    )
+    from optics.intersections.ray_roots import first_crossing as first_crossing, last_root as last_root
+    from optics.intersections.searched_intersections import SearchedHits as SearchedHits
+    from optics.intersections.spline_table import PlacedSurface as PlacedSurface
 
-_FILES = {
-    "hits": (
-        "DeviceRays",
-        "HeightError",
-        "Hits",
-        "KnownHits",
-        "Vector",
-        "device_flux",
-        "on_device",
-        "raised_hits",
-        "rim_fade",
-    ),
-    "ray_roots": (
-        "first_crossing",
-        "last_root",
-    ),
-    "searched_intersections": ("SearchedHits",),
-    "spline_table": ("PlacedSurface",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

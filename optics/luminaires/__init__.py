@@ -5,18 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.luminaires.direction_sampling import (
-        DirectionSampler as DirectionSampler,
-    )
+    from optics.luminaires.direction_sampling import DirectionSampler as DirectionSampler
     from optics.luminaires.intensity_record import (
         Luminaire as Luminaire,
         Opening as Opening,
         angles_of as angles_of,
         directions_at as directions_at,
     )
-    from optics.luminaires.intensity_sums import (
-        IntensityGrid as IntensityGrid,
-    )
+    from optics.luminaires.intensity_sums import IntensityGrid as IntensityGrid
     from optics.luminaires.luminaire_files import (
         LUMINAIRE_WRITERS as LUMINAIRE_WRITERS,
         read_luminaire as read_luminaire,
@@ -24,20 +20,4 @@ if TYPE_CHECKING:
         write_ldt as write_ldt,
     )
 
-_FILES = {
-    "direction_sampling": ("DirectionSampler",),
-    "intensity_record": (
-        "Luminaire",
-        "Opening",
-        "angles_of",
-        "directions_at",
-    ),
-    "intensity_sums": ("IntensityGrid",),
-    "luminaire_files": (
-        "LUMINAIRE_WRITERS",
-        "read_luminaire",
-        "write_ies",
-        "write_ldt",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,13 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.made_lenses.made_batch import (
-        MadeBatch as MadeBatch,
-        Range as Range,
-    )
-    from optics.made_lenses.monte_carlo_result import (
-        MonteCarlo as MonteCarlo,
-    )
+    from optics.made_lenses.made_batch import MadeBatch as MadeBatch, Range as Range
+    from optics.made_lenses.monte_carlo_result import MonteCarlo as MonteCarlo
     from optics.made_lenses.random_errors import (
         Draw as Draw,
         FormTolerance as FormTolerance,
@@ -24,22 +19,4 @@ if TYPE_CHECKING:
         sample_lenses as sample_lenses,
     )
 
-_FILES = {
-    "made_batch": (
-        "MadeBatch",
-        "Range",
-    ),
-    "monte_carlo_result": ("MonteCarlo",),
-    "random_errors": (
-        "Draw",
-        "FormTolerance",
-        "draws",
-        "each_set",
-    ),
-    "sampling": (
-        "ErrorModel",
-        "Sampled",
-        "sample_lenses",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -15,15 +15,4 @@ if TYPE_CHECKING:
         tolerances as tolerances,
     )
 
-_FILES = {
-    "design_errors": (
-        "FORM_NM",
-        "PERIODS",
-        "SAMPLES",
-        "form_tolerances",
-        "monte_carlo",
-        "require_monte_carlo",
-        "tolerances",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -9,31 +9,12 @@ if TYPE_CHECKING:
         height_error_figure as height_error_figure,
         made_light_figure as made_light_figure,
     )
-    from optics.making_figures.form_figures import (
-        form_figures_of as form_figures_of,
-    )
-    from optics.making_figures.made_lens_figures import (
-        made_lens_figures_of as made_lens_figures_of,
-    )
+    from optics.making_figures.form_figures import form_figures_of as form_figures_of
+    from optics.making_figures.made_lens_figures import made_lens_figures_of as made_lens_figures_of
     from optics.making_figures.tolerance_figures import (
         change_figure as change_figure,
         cost_figure as cost_figure,
     )
-    from optics.making_figures.tool_figures import (
-        figures_of_tool as figures_of_tool,
-    )
+    from optics.making_figures.tool_figures import figures_of_tool as figures_of_tool
 
-_FILES = {
-    "as_built_figures": (
-        "height_error_figure",
-        "made_light_figure",
-    ),
-    "form_figures": ("form_figures_of",),
-    "made_lens_figures": ("made_lens_figures_of",),
-    "tolerance_figures": (
-        "change_figure",
-        "cost_figure",
-    ),
-    "tool_figures": ("figures_of_tool",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

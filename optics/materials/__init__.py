@@ -5,29 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.materials.base_table import (
-        MATERIALS as MATERIALS,
-    )
+    from optics.materials.base_table import MATERIALS as MATERIALS
     from optics.materials.material_names import (
         find_material as find_material,
         refractive_index as refractive_index,
     )
-    from optics.materials.material_record import (
-        Material as Material,
-        Table as Table,
-        tabulated as tabulated,
-    )
+    from optics.materials.material_record import Material as Material, Table as Table, tabulated as tabulated
 
-_FILES = {
-    "base_table": ("MATERIALS",),
-    "material_names": (
-        "find_material",
-        "refractive_index",
-    ),
-    "material_record": (
-        "Material",
-        "Table",
-        "tabulated",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.mitsuba.engine_choice import (
-        mitsuba_engine as mitsuba_engine,
-    )
+    from optics.mitsuba.engine_choice import mitsuba_engine as mitsuba_engine
     from optics.mitsuba.integrator import (
         exact_integrator as exact_integrator,
         light_integrator as light_integrator,
@@ -18,9 +16,7 @@ if TYPE_CHECKING:
         load_mitsuba as load_mitsuba,
         mitsuba_backend as mitsuba_backend,
     )
-    from optics.mitsuba.mesh import (
-        LensMesh as LensMesh,
-    )
+    from optics.mitsuba.mesh import LensMesh as LensMesh
     from optics.mitsuba.mesh_tracer import (
         MeshTracer as MeshTracer,
         mesh_irradiance as mesh_irradiance,
@@ -39,35 +35,4 @@ if TYPE_CHECKING:
         scene_files as scene_files,
     )
 
-_FILES = {
-    "engine_choice": ("mitsuba_engine",),
-    "integrator": (
-        "exact_integrator",
-        "light_integrator",
-        "register",
-    ),
-    "loading": (
-        "current_mitsuba",
-        "load_mitsuba",
-        "mitsuba_backend",
-    ),
-    "mesh": ("LensMesh",),
-    "mesh_tracer": (
-        "MeshTracer",
-        "mesh_irradiance",
-        "mesh_pipeline",
-    ),
-    "scene": (
-        "REFLECTANCE",
-        "camera_irradiance",
-        "mitsuba_scene",
-        "scene_dictionary",
-    ),
-    "scene_xml": (
-        "scene_checks",
-        "scene_file_names",
-        "irradiance_of_one",
-        "scene_files",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

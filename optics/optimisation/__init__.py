@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.optimisation.bounded_variables import (
-        BoundedVariables as BoundedVariables,
-    )
+    from optics.optimisation.bounded_variables import BoundedVariables as BoundedVariables
     from optics.optimisation.indicators import (
         mark as mark,
         summed_over_cells as summed_over_cells,
@@ -23,19 +21,10 @@ if TYPE_CHECKING:
         surfaces_can_cross as surfaces_can_cross,
         window_named as window_named,
     )
-    from optics.optimisation.loop import (
-        design as design,
-        transmitted_flux as transmitted_flux,
-    )
-    from optics.optimisation.objective import (
-        Objective as Objective,
-    )
-    from optics.optimisation.rear_light import (
-        RearLight as RearLight,
-    )
-    from optics.optimisation.recorder import (
-        Interrupted as Interrupted,
-    )
+    from optics.optimisation.loop import design as design, transmitted_flux as transmitted_flux
+    from optics.optimisation.objective import Objective as Objective
+    from optics.optimisation.rear_light import RearLight as RearLight
+    from optics.optimisation.recorder import Interrupted as Interrupted
     from optics.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
@@ -54,52 +43,6 @@ if TYPE_CHECKING:
         mirror_axes as mirror_axes,
         symmetry_axes as symmetry_axes,
     )
-    from optics.optimisation.transport_start import (
-        TransportStart as TransportStart,
-    )
+    from optics.optimisation.transport_start import TransportStart as TransportStart
 
-_FILES = {
-    "bounded_variables": ("BoundedVariables",),
-    "indicators": (
-        "mark",
-        "summed_over_cells",
-        "vertex_knots",
-    ),
-    "level_objective": (
-        "PROBES",
-        "Indicators",
-        "charged_objective",
-        "stage_film",
-        "stage_objective",
-        "stage_window",
-        "surfaces_can_cross",
-        "window_named",
-    ),
-    "loop": (
-        "design",
-        "transmitted_flux",
-    ),
-    "objective": ("Objective",),
-    "rear_light": ("RearLight",),
-    "recorder": ("Interrupted",),
-    "stage_plan": (
-        "MARGIN",
-        "Stage",
-        "last_level",
-        "stage_seconds",
-        "stages",
-    ),
-    "state": (
-        "Row",
-        "State",
-        "earlier_state",
-        "first_sags",
-    ),
-    "symmetry": (
-        "Mirrors",
-        "mirror_axes",
-        "symmetry_axes",
-    ),
-    "transport_start": ("TransportStart",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -16,26 +16,7 @@ if TYPE_CHECKING:
         Function as Function,
         Optimiser as Optimiser,
     )
-    from optics.optimisers.line_search import (
-        LineSearch as LineSearch,
-    )
-    from optics.optimisers.quasi_newton import (
-        LBFGS as LBFGS,
-    )
+    from optics.optimisers.line_search import LineSearch as LineSearch
+    from optics.optimisers.quasi_newton import LBFGS as LBFGS
 
-_FILES = {
-    "gradient_steps": (
-        "Adam",
-        "GradientDescent",
-        "Momentum",
-        "RMSProp",
-    ),
-    "iterations": (
-        "Callback",
-        "Function",
-        "Optimiser",
-    ),
-    "line_search": ("LineSearch",),
-    "quasi_newton": ("LBFGS",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

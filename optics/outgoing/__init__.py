@@ -15,29 +15,7 @@ if TYPE_CHECKING:
         OutgoingIntensity as OutgoingIntensity,
         outgoing_intensity as outgoing_intensity,
     )
-    from optics.outgoing.rays_of_lens import (
-        outgoing_rays as outgoing_rays,
-    )
-    from optics.outgoing.steps_on_target import (
-        OnTarget as OnTarget,
-        StepsOnTarget as StepsOnTarget,
-    )
+    from optics.outgoing.rays_of_lens import outgoing_rays as outgoing_rays
+    from optics.outgoing.steps_on_target import OnTarget as OnTarget, StepsOnTarget as StepsOnTarget
 
-_FILES = {
-    "concentration": (
-        "Concentration",
-        "concentration_sentence",
-        "fire_warning",
-        "greatest_concentration",
-    ),
-    "intensity_of_lens": (
-        "OutgoingIntensity",
-        "outgoing_intensity",
-    ),
-    "rays_of_lens": ("outgoing_rays",),
-    "steps_on_target": (
-        "OnTarget",
-        "StepsOnTarget",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

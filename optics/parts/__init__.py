@@ -5,21 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.parts.mount_export import (
-        export_mounted as export_mounted,
-        mount_from as mount_from,
-    )
-    from optics.parts.placement_text import (
-        PlacedText as PlacedText,
-        placed_text as placed_text,
-    )
-    from optics.parts.proof import (
-        part_checks as part_checks,
-    )
+    from optics.parts.mount_export import export_mounted as export_mounted, mount_from as mount_from
+    from optics.parts.placement_text import PlacedText as PlacedText, placed_text as placed_text
+    from optics.parts.proof import part_checks as part_checks
 
-_FILES = {
-    "mount_export": ("export_mounted", "mount_from"),
-    "placement_text": ("PlacedText", "placed_text"),
-    "proof": ("part_checks",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

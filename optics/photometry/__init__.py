@@ -29,29 +29,4 @@ if TYPE_CHECKING:
         uniformity as uniformity,
     )
 
-_FILES = {
-    "intensity_planes": (
-        "BEAM",
-        "FIELD",
-        "PlaneCurve",
-        "plane_curves",
-    ),
-    "light_units": (
-        "PER_STERADIAN",
-        "Density",
-        "Units",
-        "units_of",
-    ),
-    "lit_region": (
-        "RASTER",
-        "LitRegion",
-        "edge_width",
-    ),
-    "uniformity_grid": (
-        "GRID",
-        "NOISE",
-        "Uniformity",
-        "uniformity",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

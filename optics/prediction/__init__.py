@@ -5,37 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.prediction.automatic import (
-        resolved as resolved,
-    )
+    from optics.prediction.automatic import resolved as resolved
     from optics.prediction.blurred_picture import (
         BlurLimits as BlurLimits,
         blur_limits as blur_limits,
         blur_sentence as blur_sentence,
     )
-    from optics.prediction.expectation import (
-        Expectation as Expectation,
-        expected as expected,
-    )
-    from optics.prediction.expectation_text import (
-        expectation_lines as expectation_lines,
-    )
-    from optics.prediction.foreseen_verdict import (
-        foreseen_misses as foreseen_misses,
-    )
+    from optics.prediction.expectation import Expectation as Expectation, expected as expected
+    from optics.prediction.expectation_text import expectation_lines as expectation_lines
+    from optics.prediction.foreseen_verdict import foreseen_misses as foreseen_misses
 
-_FILES = {
-    "automatic": ("resolved",),
-    "blurred_picture": (
-        "BlurLimits",
-        "blur_limits",
-        "blur_sentence",
-    ),
-    "expectation": (
-        "Expectation",
-        "expected",
-    ),
-    "expectation_text": ("expectation_lines",),
-    "foreseen_verdict": ("foreseen_misses",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,22 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.problem.choices import (
-        ENGINES as ENGINES,
-        STARTS as STARTS,
-        cannot_do as cannot_do,
-    )
-    from optics.problem.dotted_keys import (
-        Key as Key,
-        keys_of as keys_of,
-        table_of as table_of,
-    )
-    from optics.problem.key_changes import (
-        assignment as assignment,
-    )
-    from optics.problem.limit_remedies import (
-        limit_sentences as limit_sentences,
-    )
+    from optics.problem.choices import ENGINES as ENGINES, STARTS as STARTS, cannot_do as cannot_do
+    from optics.problem.dotted_keys import Key as Key, keys_of as keys_of, table_of as table_of
+    from optics.problem.key_changes import assignment as assignment
+    from optics.problem.limit_remedies import limit_sentences as limit_sentences
     from optics.problem.manufacture_text import (
         as_data as as_data,
         manufacture_rows as manufacture_rows,
@@ -34,12 +22,8 @@ if TYPE_CHECKING:
         limit_misses as limit_misses,
         require_limits as require_limits,
     )
-    from optics.problem.problem_file import (
-        load_problem as load_problem,
-    )
-    from optics.problem.problem_record import (
-        Problem as Problem,
-    )
+    from optics.problem.problem_file import load_problem as load_problem
+    from optics.problem.problem_record import Problem as Problem
     from optics.problem.run_schema import (
         Export as Export,
         Limits as Limits,
@@ -62,68 +46,8 @@ if TYPE_CHECKING:
         base_of as base_of,
         freedom_of as freedom_of,
     )
-    from optics.problem.starting_problems import (
-        commented_problem as commented_problem,
-    )
-    from optics.problem.toml_records import (
-        AUTO as AUTO,
-    )
-    from optics.problem.toml_text import (
-        problem_to_toml as problem_to_toml,
-    )
+    from optics.problem.starting_problems import commented_problem as commented_problem
+    from optics.problem.toml_records import AUTO as AUTO
+    from optics.problem.toml_text import problem_to_toml as problem_to_toml
 
-_FILES = {
-    "choices": (
-        "ENGINES",
-        "STARTS",
-        "cannot_do",
-    ),
-    "dotted_keys": (
-        "Key",
-        "keys_of",
-        "table_of",
-    ),
-    "key_changes": ("assignment",),
-    "limit_remedies": ("limit_sentences",),
-    "manufacture_text": (
-        "as_data",
-        "manufacture_rows",
-        "position",
-    ),
-    "manufacturing_limits": (
-        "Miss",
-        "feature_levels",
-        "limit_advice",
-        "limit_checks",
-        "limit_misses",
-        "require_limits",
-    ),
-    "problem_file": ("load_problem",),
-    "problem_record": ("Problem",),
-    "run_schema": (
-        "Export",
-        "Limits",
-        "Optimizer",
-        "Refinement",
-        "Run",
-        "Verify",
-        "per_level",
-    ),
-    "schema": (
-        "FINEST_AUTO",
-        "ILLUMINANTS",
-        "SUN",
-        "Freeform",
-        "Front",
-        "LensSpec",
-        "Rear",
-        "Source",
-        "Target",
-        "base_of",
-        "freedom_of",
-    ),
-    "starting_problems": ("commented_problem",),
-    "toml_records": ("AUTO",),
-    "toml_text": ("problem_to_toml",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,27 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.progress.design_progress import (
-        DesignProgress as DesignProgress,
-        Size as Size,
-    )
-    from optics.progress.notes import (
-        Notes as Notes,
-    )
-    from optics.progress.progress_bar import (
-        drawing as drawing,
-    )
-    from optics.progress.run_clock import (
-        RunClock as RunClock,
-    )
+    from optics.progress.design_progress import DesignProgress as DesignProgress, Size as Size
+    from optics.progress.notes import Notes as Notes
+    from optics.progress.progress_bar import drawing as drawing
+    from optics.progress.run_clock import RunClock as RunClock
 
-_FILES = {
-    "design_progress": (
-        "DesignProgress",
-        "Size",
-    ),
-    "notes": ("Notes",),
-    "progress_bar": ("drawing",),
-    "run_clock": ("RunClock",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

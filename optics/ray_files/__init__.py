@@ -11,17 +11,6 @@ if TYPE_CHECKING:
         require_ray_suffix as require_ray_suffix,
         write_rays as write_rays,
     )
-    from optics.ray_files.ray_set import (
-        RaySet as RaySet,
-    )
+    from optics.ray_files.ray_set import RaySet as RaySet
 
-_FILES = {
-    "formats": (
-        "WRITERS",
-        "read_rays",
-        "require_ray_suffix",
-        "write_rays",
-    ),
-    "ray_set": ("RaySet",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

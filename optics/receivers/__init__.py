@@ -14,15 +14,4 @@ if TYPE_CHECKING:
         receiver_at as receiver_at,
     )
 
-_FILES = {
-    "receivers": (
-        "DEGREES",
-        "FarField",
-        "LandingPoint",
-        "Plane",
-        "Receiver",
-        "receiver_at",
-    ),
-}
-
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.relighting.other_light import (
-        relit as relit,
-    )
-    from optics.relighting.other_sources import (
-        other_source as other_source,
-    )
+    from optics.relighting.other_light import relit as relit
+    from optics.relighting.other_sources import other_source as other_source
 
-_FILES = {
-    "other_sources": ("other_source",),
-    "other_light": ("relit",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,29 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.report.html import (
-        Report as Report,
-        check_page as check_page,
-        report_html as report_html,
-    )
-    from optics.report.irradiance_files import (
-        light_files as light_files,
-    )
-    from optics.report.page_sections import (
-        PageSection as PageSection,
-        section_page as section_page,
-    )
+    from optics.report.html import Report as Report, check_page as check_page, report_html as report_html
+    from optics.report.irradiance_files import light_files as light_files
+    from optics.report.page_sections import PageSection as PageSection, section_page as section_page
 
-_FILES = {
-    "html": (
-        "Report",
-        "check_page",
-        "report_html",
-    ),
-    "irradiance_files": ("light_files",),
-    "page_sections": (
-        "PageSection",
-        "section_page",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -10,14 +10,8 @@ if TYPE_CHECKING:
         read_checkpoint as read_checkpoint,
         write_checkpoint as write_checkpoint,
     )
-    from optics.results.folder_lock import (
-        run_lock as run_lock,
-    )
-    from optics.results.identity import (
-        data_of as data_of,
-        fingerprint as fingerprint,
-        run_id as run_id,
-    )
+    from optics.results.folder_lock import run_lock as run_lock
+    from optics.results.identity import data_of as data_of, fingerprint as fingerprint, run_id as run_id
     from optics.results.owned_files import (
         HASHES as HASHES,
         hashes as hashes,
@@ -37,41 +31,6 @@ if TYPE_CHECKING:
         lens_of as lens_of,
         level_files as level_files,
     )
-    from optics.results.result_writer import (
-        ResultWriter as ResultWriter,
-    )
+    from optics.results.result_writer import ResultWriter as ResultWriter
 
-_FILES = {
-    "checkpoint": (
-        "checkpoint_owner",
-        "read_checkpoint",
-        "write_checkpoint",
-    ),
-    "folder_lock": ("run_lock",),
-    "identity": (
-        "data_of",
-        "fingerprint",
-        "run_id",
-    ),
-    "owned_files": (
-        "HASHES",
-        "hashes",
-        "recorded",
-        "remove_files",
-        "require_own",
-        "require_writable",
-        "sha256_of",
-        "writable_folder",
-    ),
-    "result_folder": (
-        "FIGURES",
-        "FILES",
-        "Result",
-        "ResultFolder",
-        "is_result_file",
-        "level_files",
-        "lens_of",
-    ),
-    "result_writer": ("ResultWriter",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

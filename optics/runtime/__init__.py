@@ -32,9 +32,7 @@ if TYPE_CHECKING:
         printable as printable,
         speaking_of as speaking_of,
     )
-    from optics.runtime.garbage import (
-        collect_rarely as collect_rarely,
-    )
+    from optics.runtime.garbage import collect_rarely as collect_rarely
     from optics.runtime.helper_process import (
         HelperProcess as HelperProcess,
         ProcessEnded as ProcessEnded,
@@ -43,30 +41,16 @@ if TYPE_CHECKING:
         process_for as process_for,
         serve as serve,
     )
-    from optics.runtime.llvm import (
-        llvm_library as llvm_library,
-    )
-    from optics.runtime.lost_interrupts import (
-        lost_interrupts_again as lost_interrupts_again,
-    )
-    from optics.runtime.order_free_sums import (
-        OrderFreeSums as OrderFreeSums,
-    )
-    from optics.runtime.progress import (
-        Moment as Moment,
-        Phase as Phase,
-        Progress as Progress,
-    )
+    from optics.runtime.llvm import llvm_library as llvm_library
+    from optics.runtime.lost_interrupts import lost_interrupts_again as lost_interrupts_again
+    from optics.runtime.order_free_sums import OrderFreeSums as OrderFreeSums
+    from optics.runtime.progress import Moment as Moment, Phase as Phase, Progress as Progress
     from optics.runtime.quoted_numbers import (
         marked_numbers as marked_numbers,
         refreshed as refreshed,
         without_marked_numbers as without_marked_numbers,
     )
-    from optics.runtime.rows import (
-        Row as Row,
-        median_seconds as median_seconds,
-        table as table,
-    )
+    from optics.runtime.rows import Row as Row, median_seconds as median_seconds, table as table
     from optics.runtime.stored_rows import (
         StoredRows as StoredRows,
         machine as machine,
@@ -81,73 +65,4 @@ if TYPE_CHECKING:
         require_regular_file as require_regular_file,
     )
 
-_FILES = {
-    "backend": (
-        "Backend",
-        "DrArray",
-        "PACKED",
-        "ARRAY_TYPES",
-        "PRECISIONS",
-        "load_backend",
-    ),
-    "checks": (
-        "SURE",
-        "Check",
-        "Grade",
-        "Result",
-        "check_lines",
-        "checks_of",
-        "grade",
-        "verification",
-    ),
-    "errors": (
-        "LONGEST",
-        "NumericalError",
-        "UserError",
-        "is_text",
-        "note",
-        "printable",
-        "speaking_of",
-    ),
-    "garbage": ("collect_rarely",),
-    "helper_process": (
-        "HelperProcess",
-        "ProcessEnded",
-        "load",
-        "peak_mb",
-        "process_for",
-        "serve",
-    ),
-    "llvm": ("llvm_library",),
-    "lost_interrupts": ("lost_interrupts_again",),
-    "order_free_sums": ("OrderFreeSums",),
-    "progress": (
-        "Moment",
-        "Phase",
-        "Progress",
-    ),
-    "quoted_numbers": (
-        "marked_numbers",
-        "refreshed",
-        "without_marked_numbers",
-    ),
-    "rows": (
-        "Row",
-        "median_seconds",
-        "table",
-    ),
-    "stored_rows": (
-        "StoredRows",
-        "machine",
-        "machine_facts",
-        "read_rows",
-        "rows_page",
-        "store_rows",
-    ),
-    "user_files": (
-        "read_at_most",
-        "reading",
-        "require_regular_file",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -11,11 +11,4 @@ if TYPE_CHECKING:
         shape_penalty as shape_penalty,
     )
 
-_FILES = {
-    "charges": (
-        "ROOM",
-        "ShapePenalty",
-        "shape_penalty",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -11,33 +11,18 @@ if TYPE_CHECKING:
         cone_cells as cone_cells,
         corner_flux as corner_flux,
     )
-    from optics.sources.collimated import (
-        collimated_beam as collimated_beam,
-    )
-    from optics.sources.divergence import (
-        Divergence as Divergence,
-    )
-    from optics.sources.file_sources import (
-        FileSource as FileSource,
-        RayFileSource as RayFileSource,
-    )
-    from optics.sources.light_source import (
-        LightSource as LightSource,
-    )
-    from optics.sources.luminaire_source import (
-        LuminaireSource as LuminaireSource,
-    )
+    from optics.sources.collimated import collimated_beam as collimated_beam
+    from optics.sources.divergence import Divergence as Divergence
+    from optics.sources.file_sources import FileSource as FileSource, RayFileSource as RayFileSource
+    from optics.sources.light_source import LightSource as LightSource
+    from optics.sources.luminaire_source import LuminaireSource as LuminaireSource
     from optics.sources.plain_sources import (
         CollimatedBeam as CollimatedBeam,
         LambertianArea as LambertianArea,
         PointSource as PointSource,
     )
-    from optics.sources.profile import (
-        Profile as Profile,
-    )
-    from optics.sources.ray_placement import (
-        placed_rays as placed_rays,
-    )
+    from optics.sources.profile import Profile as Profile
+    from optics.sources.ray_placement import placed_rays as placed_rays
     from optics.sources.rays import (
         BEFORE as BEFORE,
         RayGrid as RayGrid,
@@ -53,41 +38,4 @@ if TYPE_CHECKING:
         point_rays as point_rays,
     )
 
-_FILES = {
-    "cells": (
-        "SourceCells",
-        "beam_cells",
-        "cone_cells",
-        "corner_flux",
-    ),
-    "collimated": ("collimated_beam",),
-    "divergence": ("Divergence",),
-    "file_sources": (
-        "FileSource",
-        "RayFileSource",
-    ),
-    "light_source": ("LightSource",),
-    "luminaire_source": ("LuminaireSource",),
-    "plain_sources": (
-        "CollimatedBeam",
-        "LambertianArea",
-        "PointSource",
-    ),
-    "profile": ("Profile",),
-    "ray_placement": ("placed_rays",),
-    "rays": (
-        "BEFORE",
-        "RayGrid",
-        "Rays",
-        "require_rays",
-        "single_rays",
-    ),
-    "spreading": (
-        "area_parts",
-        "concentric",
-        "lambertian_parts",
-        "mirror_half",
-        "point_rays",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,39 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.sweeps.running import (
-        SweepPlan as SweepPlan,
-        run_sweep as run_sweep,
-        sweep as sweep,
-    )
-    from optics.sweeps.sweep_rows import (
-        Sweep as Sweep,
-        SweepRow as SweepRow,
-    )
-    from optics.sweeps.value_lists import (
-        value_list as value_list,
-    )
-    from optics.sweeps.variant_work import (
-        Designed as Designed,
-        Shared as Shared,
-        Work as Work,
-    )
+    from optics.sweeps.running import SweepPlan as SweepPlan, run_sweep as run_sweep, sweep as sweep
+    from optics.sweeps.sweep_rows import Sweep as Sweep, SweepRow as SweepRow
+    from optics.sweeps.value_lists import value_list as value_list
+    from optics.sweeps.variant_work import Designed as Designed, Shared as Shared, Work as Work
 
-_FILES = {
-    "running": (
-        "SweepPlan",
-        "run_sweep",
-        "sweep",
-    ),
-    "sweep_rows": (
-        "Sweep",
-        "SweepRow",
-    ),
-    "value_lists": ("value_list",),
-    "variant_work": (
-        "Designed",
-        "Shared",
-        "Work",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,41 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.system.lens import (
-        freeforms as freeforms,
-        lens_product as lens_product,
-    )
-    from optics.system.optical_system import (
-        OpticalSystem as OpticalSystem,
-    )
+    from optics.system.lens import freeforms as freeforms, lens_product as lens_product
+    from optics.system.optical_system import OpticalSystem as OpticalSystem
     from optics.system.soundness import (
         advice as advice,
         load_system as load_system,
         solvable_system as solvable_system,
     )
-    from optics.system.source import (
-        source_of as source_of,
-    )
-    from optics.system.target import (
-        target_irradiance as target_irradiance,
-    )
-    from optics.system.tracing_skips import (
-        skip_lines as skip_lines,
-    )
+    from optics.system.source import source_of as source_of
+    from optics.system.target import target_irradiance as target_irradiance
+    from optics.system.tracing_skips import skip_lines as skip_lines
 
-_FILES = {
-    "lens": (
-        "freeforms",
-        "lens_product",
-    ),
-    "optical_system": ("OpticalSystem",),
-    "soundness": (
-        "advice",
-        "load_system",
-        "solvable_system",
-    ),
-    "source": ("source_of",),
-    "target": ("target_irradiance",),
-    "tracing_skips": ("skip_lines",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,21 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.light_limits import (
-        EVEN as EVEN,
-        RISE as RISE,
-        LightNumbers as LightNumbers,
-    )
-    from optics.tolerancing.linear_light import (
-        LinearLight as LinearLight,
-    )
-    from optics.tolerancing.perturbation import (
-        NOMINAL as NOMINAL,
-        Perturbation as Perturbation,
-    )
-    from optics.tolerancing.perturbed_parts import (
-        perturbed_lens as perturbed_lens,
-    )
+    from optics.tolerancing.light_limits import EVEN as EVEN, RISE as RISE, LightNumbers as LightNumbers
+    from optics.tolerancing.linear_light import LinearLight as LinearLight
+    from optics.tolerancing.perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
+    from optics.tolerancing.perturbed_parts import perturbed_lens as perturbed_lens
     from optics.tolerancing.shop_words import (
         HEAD as HEAD,
         effect_rows as effect_rows,
@@ -30,48 +19,11 @@ if TYPE_CHECKING:
         ToleranceBudget as ToleranceBudget,
         ToleranceEffect as ToleranceEffect,
     )
-    from optics.tolerancing.tolerance_names import (
-        Tolerance as Tolerance,
-        tolerances_of as tolerances_of,
-    )
-    from optics.tolerancing.tolerance_trials import (
-        tolerance_budget as tolerance_budget,
-    )
+    from optics.tolerancing.tolerance_names import Tolerance as Tolerance, tolerances_of as tolerances_of
+    from optics.tolerancing.tolerance_trials import tolerance_budget as tolerance_budget
     from optics.tolerancing.traced_light import (
         PerturbedLight as PerturbedLight,
         perturbed_light as perturbed_light,
     )
 
-_FILES = {
-    "light_limits": (
-        "EVEN",
-        "RISE",
-        "LightNumbers",
-    ),
-    "linear_light": ("LinearLight",),
-    "perturbation": (
-        "NOMINAL",
-        "Perturbation",
-    ),
-    "perturbed_parts": ("perturbed_lens",),
-    "shop_words": (
-        "HEAD",
-        "effect_rows",
-        "shop_sentences",
-    ),
-    "tolerance_effects": (
-        "Allowed",
-        "ToleranceBudget",
-        "ToleranceEffect",
-    ),
-    "tolerance_names": (
-        "Tolerance",
-        "tolerances_of",
-    ),
-    "tolerance_trials": ("tolerance_budget",),
-    "traced_light": (
-        "PerturbedLight",
-        "perturbed_light",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

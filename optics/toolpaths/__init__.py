@@ -5,14 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.toolpaths.blur_of_cusps import (
-        CuspBlur as CuspBlur,
-        cusp_blur as cusp_blur,
-    )
-    from optics.toolpaths.cusp_light import (
-        CuspLight as CuspLight,
-        light_with_cusps as light_with_cusps,
-    )
+    from optics.toolpaths.blur_of_cusps import CuspBlur as CuspBlur, cusp_blur as cusp_blur
+    from optics.toolpaths.cusp_light import CuspLight as CuspLight, light_with_cusps as light_with_cusps
     from optics.toolpaths.findings import (
         RowCut as RowCut,
         SpiralMotion as SpiralMotion,
@@ -26,46 +20,11 @@ if TYPE_CHECKING:
         landing_response as landing_response,
         traced_points as traced_points,
     )
-    from optics.toolpaths.tool_order import (
-        SPEED as SPEED,
-        ToolOrder as ToolOrder,
-    )
+    from optics.toolpaths.tool_order import SPEED as SPEED, ToolOrder as ToolOrder
     from optics.toolpaths.tool_words import (
         fit_word as fit_word,
         tool_data as tool_data,
         tool_lines as tool_lines,
     )
 
-_FILES = {
-    "blur_of_cusps": (
-        "CuspBlur",
-        "cusp_blur",
-    ),
-    "cusp_light": (
-        "CuspLight",
-        "light_with_cusps",
-    ),
-    "findings": (
-        "RowCut",
-        "SpiralMotion",
-        "SurfaceFindings",
-        "ToolFindings",
-        "tool_findings",
-    ),
-    "response_to_slopes": (
-        "LandingResponse",
-        "crossings",
-        "landing_response",
-        "traced_points",
-    ),
-    "tool_order": (
-        "SPEED",
-        "ToolOrder",
-    ),
-    "tool_words": (
-        "fit_word",
-        "tool_data",
-        "tool_lines",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -39,53 +39,8 @@ if TYPE_CHECKING:
         traced_transmittance as traced_transmittance,
         transmittances as transmittances,
     )
-    from optics.tracing.sequential import (
-        Tracer as Tracer,
-    )
-    from optics.tracing.traced_surface import (
-        Passage as Passage,
-    )
-    from optics.tracing.unreachable_light import (
-        path_faults as path_faults,
-    )
+    from optics.tracing.sequential import Tracer as Tracer
+    from optics.tracing.traced_surface import Passage as Passage
+    from optics.tracing.unreachable_light import path_faults as path_faults
 
-_FILES = {
-    "fates": (
-        "FATES",
-        "Fates",
-        "SENTENCES",
-        "SequentialFates",
-        "flux_by_fate",
-    ),
-    "landings": (
-        "Landing",
-        "LandingPoints",
-        "RayTracer",
-    ),
-    "light_path": (
-        "AIR",
-        "LightPath",
-        "Medium",
-        "SlopeErrors",
-        "Surface",
-    ),
-    "nonsequential": (
-        "RayPath",
-        "TargetArea",
-        "seen_branches",
-        "trace_nonsequential",
-        "trace_paths",
-    ),
-    "refraction": (
-        "critical_angle",
-        "normal_incidence_transmittance",
-        "reflect",
-        "refract",
-        "traced_transmittance",
-        "transmittances",
-    ),
-    "sequential": ("Tracer",),
-    "traced_surface": ("Passage",),
-    "unreachable_light": ("path_faults",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,39 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.transport.back_and_forth import (
-        TransportMap as TransportMap,
-        transport_map as transport_map,
-    )
-    from optics.transport.fixed_rear import (
-        FixedRear as FixedRear,
-    )
-    from optics.transport.poisson import (
-        height_from_slopes as height_from_slopes,
-    )
-    from optics.transport.prewarp import (
-        prewarped as prewarped,
-    )
-    from optics.transport.shaped_refraction import (
-        ShapedFront as ShapedFront,
-        ShapedRear as ShapedRear,
-    )
-    from optics.transport.surface_slopes import (
-        refracted as refracted,
-    )
+    from optics.transport.back_and_forth import TransportMap as TransportMap, transport_map as transport_map
+    from optics.transport.fixed_rear import FixedRear as FixedRear
+    from optics.transport.poisson import height_from_slopes as height_from_slopes
+    from optics.transport.prewarp import prewarped as prewarped
+    from optics.transport.shaped_refraction import ShapedFront as ShapedFront, ShapedRear as ShapedRear
+    from optics.transport.surface_slopes import refracted as refracted
 
-_FILES = {
-    "back_and_forth": (
-        "TransportMap",
-        "transport_map",
-    ),
-    "fixed_rear": ("FixedRear",),
-    "poisson": ("height_from_slopes",),
-    "prewarp": ("prewarped",),
-    "shaped_refraction": (
-        "ShapedFront",
-        "ShapedRear",
-    ),
-    "surface_slopes": ("refracted",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

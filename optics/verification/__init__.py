@@ -9,9 +9,7 @@ if TYPE_CHECKING:
         text_and_occt_checks as text_and_occt_checks,
         text_checks as text_checks,
     )
-    from optics.verification.lone_file import (
-        bare_checks as bare_checks,
-    )
+    from optics.verification.lone_file import bare_checks as bare_checks
     from optics.verification.occt_tracer import (
         occt_trace as occt_trace,
         optical_faces as optical_faces,
@@ -22,18 +20,9 @@ if TYPE_CHECKING:
         optiland_checks as optiland_checks,
         optiland_trace as optiland_trace,
     )
-    from optics.verification.prescription import (
-        prescription_checks as prescription_checks,
-    )
-    from optics.verification.receiving import (
-        last_step as last_step,
-    )
-    from optics.verification.reference_tracer import (
-        trace_step as trace_step,
-    )
-    from optics.verification.solid_text import (
-        whole_checks as whole_checks,
-    )
+    from optics.verification.prescription import prescription_checks as prescription_checks
+    from optics.verification.reference_tracer import last_step as last_step, trace_step as trace_step
+    from optics.verification.solid_text import whole_checks as whole_checks
     from optics.verification.step_checks import (
         differing_numbers as differing_numbers,
         export_step as export_step,
@@ -41,10 +30,7 @@ if TYPE_CHECKING:
         surface_deviation as surface_deviation,
         verify as verify,
     )
-    from optics.verification.step_file import (
-        ExportedStep as ExportedStep,
-        StepFile as StepFile,
-    )
+    from optics.verification.step_file import ExportedStep as ExportedStep, StepFile as StepFile
     from optics.verification.text_comparison import (
         fresh_export_checks as fresh_export_checks,
         same_surface as same_surface,
@@ -53,49 +39,6 @@ if TYPE_CHECKING:
         text_volume_check as text_volume_check,
         volume_check as volume_check,
     )
-    from optics.verification.trace_comparison import (
-        light_checks as light_checks,
-    )
+    from optics.verification.trace_comparison import light_checks as light_checks
 
-_FILES = {
-    "independent_checks": (
-        "text_and_occt_checks",
-        "text_checks",
-    ),
-    "lone_file": ("bare_checks",),
-    "occt_tracer": (
-        "occt_trace",
-        "optical_faces",
-        "optical_form",
-    ),
-    "optiland_tracer": (
-        "optiland_available",
-        "optiland_checks",
-        "optiland_trace",
-    ),
-    "prescription": ("prescription_checks",),
-    "receiving": ("last_step",),
-    "reference_tracer": ("trace_step",),
-    "solid_text": ("whole_checks",),
-    "step_checks": (
-        "differing_numbers",
-        "export_step",
-        "read_back_step",
-        "surface_deviation",
-        "verify",
-    ),
-    "step_file": (
-        "ExportedStep",
-        "StepFile",
-    ),
-    "text_comparison": (
-        "fresh_export_checks",
-        "same_surface",
-    ),
-    "text_volume": (
-        "text_volume_check",
-        "volume_check",
-    ),
-    "trace_comparison": ("light_checks",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

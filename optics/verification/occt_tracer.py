@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.tracing import LandingPoints
-from optics.verification.receiving import last_step
+from optics.verification.reference_tracer import last_step
 from thbcad.cad.exchange import face_hits
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification.independent_checks import RAYS
-from optics.verification.receiving import last_step
+from optics.verification.reference_tracer import last_step
 from optics.verification.trace_comparison import compared
 from thbcad.sags import PlacedConic
 

@@ -16,7 +16,6 @@ from scipy.interpolate import NdBSpline
 from optics.runtime import NumericalError
 from optics.tracing import LandingPoints
 from optics.verification.conic_face import MEETS, ROOM, ConicFace
-from optics.verification.receiving import last_step
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
@@ -179,6 +178,21 @@ def trace_step(
     landing, meets = last_step(points, directions, target)
     arrives = (weight > 0) & (directions[:, 2] > 0) & meets
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+
+
+def last_step(
+    points: NDArray[np.float64], directions: NDArray[np.float64], target: Receiver
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return where rays land, (n, 2), mm or degrees, and whether they come from before the target, (n,).
+
+    points, directions : (n, 3), in the frame of the lens.
+    """
+    own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
+    meets = along[:, 2] > 0
+    across = along[:, :2] / np.where(meets, along[:, 2], 1.0)[:, None]
+    if target.far_field:
+        return np.degrees(np.arctan(across)), meets
+    return own[:, :2] - own[:, 2:] * across, meets
 
 
 def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:

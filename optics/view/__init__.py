@@ -10,9 +10,7 @@ if TYPE_CHECKING:
         lens_sight as lens_sight,
         photograph as photograph,
     )
-    from optics.view.photo_room import (
-        photo_caption as photo_caption,
-    )
+    from optics.view.photo_room import photo_caption as photo_caption
     from optics.view.scene_layout import (
         LONG as LONG,
         SHORT as SHORT,
@@ -29,33 +27,6 @@ if TYPE_CHECKING:
         rendered as rendered,
         solid_faces as solid_faces,
     )
-    from optics.view.viewer_page import (
-        scene_page as scene_page,
-    )
+    from optics.view.viewer_page import scene_page as scene_page
 
-_FILES = {
-    "glass_camera": (
-        "LensSight",
-        "lens_sight",
-        "photograph",
-    ),
-    "photo_room": ("photo_caption",),
-    "scene_layout": (
-        "LONG",
-        "SHORT",
-        "Scene",
-        "block_means",
-        "caption",
-        "corners",
-        "placed",
-    ),
-    "solid_renderer": (
-        "Face",
-        "View",
-        "oblique",
-        "rendered",
-        "solid_faces",
-    ),
-    "viewer_page": ("scene_page",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,37 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.workers.lack_of_memory import (
-        lacks_memory as lacks_memory,
-    )
-    from optics.workers.pool_choice import (
-        require_workers as require_workers,
-        worker_pool as worker_pool,
-    )
-    from optics.workers.pool_protocol import (
-        Worker as Worker,
-        WorkerPool as WorkerPool,
-    )
+    from optics.workers.lack_of_memory import lacks_memory as lacks_memory
+    from optics.workers.pool_choice import require_workers as require_workers, worker_pool as worker_pool
+    from optics.workers.pool_protocol import Worker as Worker, WorkerPool as WorkerPool
     from optics.workers.task_loop import (
         TaskResult as TaskResult,
         all_values as all_values,
         run_tasks as run_tasks,
     )
 
-_FILES = {
-    "lack_of_memory": ("lacks_memory",),
-    "pool_choice": (
-        "require_workers",
-        "worker_pool",
-    ),
-    "pool_protocol": (
-        "Worker",
-        "WorkerPool",
-    ),
-    "task_loop": (
-        "TaskResult",
-        "all_values",
-        "run_tasks",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

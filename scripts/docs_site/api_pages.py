@@ -84,10 +84,13 @@ def _definition(path: Path, name: str) -> str:
     return f"{'.'.join(path.relative_to(ROOT).with_suffix('').parts)}.{name}"
 
 
-def _table(door: Path) -> dict[str, tuple[str, ...]]:
-    """Return the table of a door: {file: names}."""
+def _table(door: Path) -> dict[str, list[str]]:
+    """Return the names of a door by file."""
+    start = len(door.parent.relative_to(ROOT).parts)
     for node in ast.parse(door.read_text("utf-8")).body:
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_FILES":
-            table: dict[str, tuple[str, ...]] = ast.literal_eval(node.value)
-            return table
-    raise ValueError(f"{door} has no table _FILES")
+        if isinstance(node, ast.If):
+            imports = [n for n in node.body if isinstance(n, ast.ImportFrom) and n.module]
+            return {
+                ".".join(n.module.split(".")[start:]): [a.name for a in n.names] for n in imports if n.module
+            }
+    raise ValueError(f"{door} offers nothing")

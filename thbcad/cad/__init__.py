@@ -13,10 +13,7 @@ if TYPE_CHECKING:
         to_cadquery as to_cadquery,
         write_faces as write_faces,
     )
-    from thbcad.cad.foreign import (
-        ForeignLens as ForeignLens,
-        read_lens_solid as read_lens_solid,
-    )
+    from thbcad.cad.foreign import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
     from thbcad.cad.parts import (
         LensPart as LensPart,
         cut as cut,
@@ -25,25 +22,4 @@ if TYPE_CHECKING:
         write_step as write_step,
     )
 
-_FILES = {
-    "exchange": (
-        "named_faces",
-        "read_faces",
-        "read_step",
-        "to_build123d",
-        "to_cadquery",
-        "write_faces",
-    ),
-    "parts": (
-        "LensPart",
-        "cut",
-        "join",
-        "workplane",
-        "write_step",
-    ),
-    "foreign": (
-        "ForeignLens",
-        "read_lens_solid",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

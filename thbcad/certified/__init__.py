@@ -40,40 +40,4 @@ if TYPE_CHECKING:
         least_radii as least_radii,
     )
 
-_FILES = {
-    "bernstein_cells": (
-        "Cells",
-        "Orders",
-        "bernstein",
-        "cell_bounds",
-        "rounding",
-    ),
-    "convex_regions": (
-        "DIRECTIONS",
-        "ConvexRegion",
-        "Stack",
-        "ellipse_supports",
-        "rectangle_supports",
-        "region_between",
-        "supports_of",
-    ),
-    "extreme_values": (
-        "Assessment",
-        "Enclosure",
-        "corners",
-        "greatest",
-        "minimum",
-        "value_range",
-    ),
-    "intervals": (
-        "Interval",
-        "MOST_BOXES",
-        "positive",
-        "range_over",
-    ),
-    "slope_and_curvature": (
-        "greatest_slope",
-        "least_radii",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,21 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.drawings.curves import (
-        Curve as Curve,
-        Style as Style,
-    )
+    from thbcad.drawings.curves import Curve as Curve, Style as Style
     from thbcad.drawings.drawing_files import (
         DRAWINGS as DRAWINGS,
         drawing_bytes as drawing_bytes,
         write_drawing as write_drawing,
     )
-    from thbcad.drawings.lens_drawing import (
-        lens_sheet as lens_sheet,
-    )
-    from thbcad.drawings.sheets import (
-        Sheet as Sheet,
-    )
+    from thbcad.drawings.lens_drawing import lens_sheet as lens_sheet
+    from thbcad.drawings.sheets import Sheet as Sheet
     from thbcad.drawings.views import (
         View as View,
         plan_view as plan_view,
@@ -27,23 +20,4 @@ if TYPE_CHECKING:
         side_view as side_view,
     )
 
-_FILES = {
-    "curves": (
-        "Curve",
-        "Style",
-    ),
-    "drawing_files": (
-        "DRAWINGS",
-        "drawing_bytes",
-        "write_drawing",
-    ),
-    "lens_drawing": ("lens_sheet",),
-    "sheets": ("Sheet",),
-    "views": (
-        "View",
-        "plan_view",
-        "section_view",
-        "side_view",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

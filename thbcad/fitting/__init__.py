@@ -5,25 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.fitting.adaptive_fit import (
-        Fit as Fit,
-        fit as fit,
-    )
-    from thbcad.fitting.height_fields import (
-        height_field_samples as height_field_samples,
-    )
+    from thbcad.fitting.adaptive_fit import Fit as Fit, fit as fit
+    from thbcad.fitting.height_fields import height_field_samples as height_field_samples
     from thbcad.fitting.least_squares_fit import (
         Samples as Samples,
         least_squares as least_squares,
         robust_weights as robust_weights,
     )
-    from thbcad.fitting.noisy_fit import (
-        NoisyFit as NoisyFit,
-        fit_noisy as fit_noisy,
-    )
-    from thbcad.fitting.normal_equations import (
-        Underdetermined as Underdetermined,
-    )
+    from thbcad.fitting.noisy_fit import NoisyFit as NoisyFit, fit_noisy as fit_noisy
+    from thbcad.fitting.normal_equations import Underdetermined as Underdetermined
     from thbcad.fitting.quasi_interpolant import (
         quasi_interpolate as quasi_interpolate,
         quasi_interpolation as quasi_interpolation,
@@ -34,30 +24,4 @@ if TYPE_CHECKING:
         seen_functions as seen_functions,
     )
 
-_FILES = {
-    "adaptive_fit": (
-        "Fit",
-        "fit",
-    ),
-    "height_fields": ("height_field_samples",),
-    "least_squares_fit": (
-        "Samples",
-        "least_squares",
-        "robust_weights",
-    ),
-    "noisy_fit": (
-        "NoisyFit",
-        "fit_noisy",
-    ),
-    "normal_equations": ("Underdetermined",),
-    "quasi_interpolant": (
-        "quasi_interpolate",
-        "quasi_interpolation",
-    ),
-    "slope_fit": (
-        "fit_slopes",
-        "level_misfits",
-        "seen_functions",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,41 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.hierarchy.domains import (
-        MAX_LEVEL as MAX_LEVEL,
-    )
-    from thbcad.hierarchy.levels import (
-        DyadicAxis as DyadicAxis,
-    )
-    from thbcad.hierarchy.mesh_picture import (
-        mesh_lines as mesh_lines,
-        space_rows as space_rows,
-    )
-    from thbcad.hierarchy.multilevel_basis import (
-        MultilevelBasis as MultilevelBasis,
-    )
+    from thbcad.hierarchy.domains import MAX_LEVEL as MAX_LEVEL
+    from thbcad.hierarchy.levels import DyadicAxis as DyadicAxis
+    from thbcad.hierarchy.mesh_picture import mesh_lines as mesh_lines, space_rows as space_rows
+    from thbcad.hierarchy.multilevel_basis import MultilevelBasis as MultilevelBasis
     from thbcad.hierarchy.support_rectangles import (
         intervals as intervals,
         least_norm as least_norm,
         whole_cells as whole_cells,
     )
-    from thbcad.hierarchy.thb_space import (
-        THBSpace as THBSpace,
-    )
+    from thbcad.hierarchy.thb_space import THBSpace as THBSpace
 
-_FILES = {
-    "domains": ("MAX_LEVEL",),
-    "levels": ("DyadicAxis",),
-    "mesh_picture": (
-        "mesh_lines",
-        "space_rows",
-    ),
-    "multilevel_basis": ("MultilevelBasis",),
-    "support_rectangles": (
-        "intervals",
-        "least_norm",
-        "whole_cells",
-    ),
-    "thb_space": ("THBSpace",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

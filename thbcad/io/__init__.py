@@ -11,11 +11,7 @@ if TYPE_CHECKING:
         write_files as write_files,
         write_text as write_text,
     )
-    from thbcad.io.brep_measure import (
-        NotMeasured as NotMeasured,
-        areas as areas,
-        volume as volume,
-    )
+    from thbcad.io.brep_measure import NotMeasured as NotMeasured, areas as areas, volume as volume
     from thbcad.io.brep_records import (
         MILLIMETRE as MILLIMETRE,
         Brep as Brep,
@@ -37,23 +33,10 @@ if TYPE_CHECKING:
         stl_bytes as stl_bytes,
         threemf_bytes as threemf_bytes,
     )
-    from thbcad.io.parameter_curves import (
-        image_distance as image_distance,
-        turned_faces as turned_faces,
-    )
-    from thbcad.io.patch_deviation import (
-        patched_deviation as patched_deviation,
-    )
-    from thbcad.io.sag_table import (
-        cloud_text as cloud_text,
-        sag_text as sag_text,
-        table_size as table_size,
-    )
-    from thbcad.io.step_brep import (
-        brep as brep,
-        brep_of_text as brep_of_text,
-        parse_brep as parse_brep,
-    )
+    from thbcad.io.parameter_curves import image_distance as image_distance, turned_faces as turned_faces
+    from thbcad.io.patch_deviation import patched_deviation as patched_deviation
+    from thbcad.io.sag_table import cloud_text as cloud_text, sag_text as sag_text, table_size as table_size
+    from thbcad.io.step_brep import brep as brep, brep_of_text as brep_of_text, parse_brep as parse_brep
     from thbcad.io.step_text import (
         Entity as Entity,
         Value as Value,
@@ -75,73 +58,4 @@ if TYPE_CHECKING:
         write_surface as write_surface,
     )
 
-_FILES = {
-    "atomic_files": (
-        "json_text",
-        "write_bytes",
-        "write_files",
-        "write_text",
-    ),
-    "brep_measure": (
-        "NotMeasured",
-        "areas",
-        "volume",
-    ),
-    "brep_records": (
-        "Brep",
-        "BrepCurve",
-        "BrepEdge",
-        "BrepFace",
-        "MILLIMETRE",
-        "ParameterCurve",
-    ),
-    "lens_json": (
-        "lens_from_dict",
-        "lens_to_dict",
-        "read_lens",
-        "write_lens",
-    ),
-    "mesh_files": (
-        "obj_bytes",
-        "ply_bytes",
-        "require_single",
-        "stl_bytes",
-        "threemf_bytes",
-    ),
-    "parameter_curves": (
-        "image_distance",
-        "turned_faces",
-    ),
-    "patch_deviation": ("patched_deviation",),
-    "sag_table": (
-        "cloud_text",
-        "sag_text",
-        "table_size",
-    ),
-    "step_brep": (
-        "brep",
-        "brep_of_text",
-        "parse_brep",
-    ),
-    "step_text": (
-        "Entity",
-        "Value",
-        "having",
-        "read_file",
-        "read_part21",
-        "rewritten",
-    ),
-    "step_values": (
-        "direction_of",
-        "entity_of",
-        "list_of",
-        "points_of",
-    ),
-    "surface_json": (
-        "read_surface",
-        "sag_from_dict",
-        "sag_to_dict",
-        "write_surface",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -10,12 +10,8 @@ if TYPE_CHECKING:
         flanged_volume as flanged_volume,
         require_clear as require_clear,
     )
-    from thbcad.lens.freeform_surface import (
-        FreeformSurface as FreeformSurface,
-    )
-    from thbcad.lens.lens import (
-        Lens as Lens,
-    )
+    from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
+    from thbcad.lens.lens import Lens as Lens
     from thbcad.lens.manufacture_bounds import (
         NM_PER_MM as NM_PER_MM,
         HeightRange as HeightRange,
@@ -84,80 +80,4 @@ if TYPE_CHECKING:
         walled_triangles as walled_triangles,
     )
 
-_FILES = {
-    "flange": (
-        "Flange",
-        "flanged_volume",
-        "require_clear",
-    ),
-    "freeform_surface": ("FreeformSurface",),
-    "lens": ("Lens",),
-    "manufacture_bounds": (
-        "HeightRange",
-        "Manufacturability",
-        "NM_PER_MM",
-        "SurfaceMetrics",
-        "manufacturability",
-        "mass",
-    ),
-    "outlines": (
-        "Ellipse",
-        "Polygon",
-        "aperture_volume",
-        "ellipse_integral",
-        "polygon_integral",
-        "polygon_volume",
-        "require_aperture",
-        "require_polygon",
-    ),
-    "product": (
-        "Product",
-        "face_colour",
-        "one_line",
-        "require_line",
-    ),
-    "rim_curves": (
-        "DEGREE",
-        "TOLERANCE",
-        "fitted_curve",
-        "kinks",
-        "rim_curve",
-        "side_curve",
-    ),
-    "rims": (
-        "CORNERS",
-        "Corner",
-        "OpticalForm",
-        "SIDES",
-        "Side",
-        "Surfaces",
-        "optical_forms",
-        "placed_surfaces",
-        "rim",
-        "rim_indices",
-        "rim_parameter",
-        "ruled_edge",
-        "ruled_edges",
-    ),
-    "soundness": (
-        "LEAST_SIZE",
-        "require_sound",
-        "require_sound_graphs",
-    ),
-    "triangulation": (
-        "ALLOWANCE",
-        "EDGES",
-        "FRONT",
-        "LEAST_CHORD",
-        "LENS_FACES",
-        "MOST_TRIANGLES",
-        "REAR",
-        "Tessellation",
-        "closed_triangles",
-        "require_apart",
-        "subdivided",
-        "tessellated",
-        "walled_triangles",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,14 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.mounts.clearance import (
-        MountProof as MountProof,
-        require_mount as require_mount,
-    )
-    from thbcad.mounts.mount_file import (
-        mount_of as mount_of,
-        read_mount as read_mount,
-    )
+    from thbcad.mounts.clearance import MountProof as MountProof, require_mount as require_mount
+    from thbcad.mounts.mount_file import mount_of as mount_of, read_mount as read_mount
     from thbcad.mounts.records import (
         LEAST as LEAST,
         Gate as Gate,
@@ -22,9 +16,4 @@ if TYPE_CHECKING:
         Post as Post,
     )
 
-_FILES = {
-    "clearance": ("MountProof", "require_mount"),
-    "mount_file": ("mount_of", "read_mount"),
-    "records": ("LEAST", "Gate", "Hole", "Mount", "MountFlange", "Post"),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

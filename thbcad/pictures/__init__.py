@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.pictures.colour_maps import (
-        map_element as map_element,
-    )
+    from thbcad.pictures.colour_maps import map_element as map_element
     from thbcad.pictures.svg_cards import (
         card as card,
         frame_size as frame_size,
@@ -16,14 +14,4 @@ if TYPE_CHECKING:
         svg as svg,
     )
 
-_FILES = {
-    "colour_maps": ("map_element",),
-    "svg_cards": (
-        "card",
-        "frame_size",
-        "interval_text",
-        "line_path",
-        "svg",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

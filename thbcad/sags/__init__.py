@@ -5,14 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.sags.conic import (
-        Conic as Conic,
-        meridian as meridian,
-    )
-    from thbcad.sags.conic_curve import (
-        ConicCurve as ConicCurve,
-        axes as axes,
-    )
+    from thbcad.sags.conic import Conic as Conic, meridian as meridian
+    from thbcad.sags.conic_curve import ConicCurve as ConicCurve, axes as axes
     from thbcad.sags.graphs import (
         CONIC_TOLERANCE as CONIC_TOLERANCE,
         conic_graph as conic_graph,
@@ -46,46 +40,4 @@ if TYPE_CHECKING:
         rectangle_around as rectangle_around,
     )
 
-_FILES = {
-    "conic": (
-        "Conic",
-        "meridian",
-    ),
-    "conic_curve": (
-        "ConicCurve",
-        "axes",
-    ),
-    "graphs": (
-        "CONIC_TOLERANCE",
-        "conic_graph",
-        "gap_graph",
-        "graph_of_poles",
-        "graph_poles",
-        "square_coefficients",
-        "volume_between",
-    ),
-    "placed_conic": (
-        "ConicSection",
-        "NOT_BOUNDED",
-        "PlacedConic",
-        "patch_numbers",
-    ),
-    "polynomial_sag": (
-        "PolynomialSag",
-        "osa_orders",
-        "zernike",
-    ),
-    "proven_approximation": (
-        "Approximation",
-        "approximated",
-        "error_bounds",
-        "lobatto_nodes",
-    ),
-    "recognised_conics": (
-        "conic_of_patch",
-        "conic_of_plane",
-        "conic_of_sphere",
-        "rectangle_around",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

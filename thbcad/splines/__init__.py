@@ -5,27 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.splines.bspline_surface import (
-        BSplineSurface as BSplineSurface,
-    )
-    from thbcad.splines.gauss import (
-        gauss_rule as gauss_rule,
-    )
-    from thbcad.splines.interpolation import (
-        interpolate as interpolate,
-    )
+    from thbcad.splines.bspline_surface import BSplineSurface as BSplineSurface
+    from thbcad.splines.gauss import gauss_rule as gauss_rule
+    from thbcad.splines.interpolation import interpolate as interpolate
     from thbcad.splines.knot_removal import (
         remove_knots as remove_knots,
         remove_surface_knots as remove_surface_knots,
     )
-    from thbcad.splines.knot_vector import (
-        UNIT as UNIT,
-        KnotVector as KnotVector,
-    )
-    from thbcad.splines.nurbs import (
-        NURBSCurve as NURBSCurve,
-        NURBSSurface as NURBSSurface,
-    )
+    from thbcad.splines.knot_vector import UNIT as UNIT, KnotVector as KnotVector
+    from thbcad.splines.nurbs import NURBSCurve as NURBSCurve, NURBSSurface as NURBSSurface
     from thbcad.splines.nurbs_shapes import (
         circular_arc as circular_arc,
         conic_arc as conic_arc,
@@ -33,73 +21,20 @@ if TYPE_CHECKING:
         revolved as revolved,
         ruled as ruled,
     )
-    from thbcad.splines.periodic_knot_vector import (
-        PeriodicKnotVector as PeriodicKnotVector,
-    )
+    from thbcad.splines.periodic_knot_vector import PeriodicKnotVector as PeriodicKnotVector
     from thbcad.splines.polar_forms import (
         bezier_rows as bezier_rows,
         blossom as blossom,
         blossom_rows as blossom_rows,
         greville_abscissae as greville_abscissae,
     )
-    from thbcad.splines.region_quadrature import (
-        Primitive as Primitive,
-        grid_integral as grid_integral,
-    )
+    from thbcad.splines.region_quadrature import Primitive as Primitive, grid_integral as grid_integral
     from thbcad.splines.sparse_operators import (
         band_matrix as band_matrix,
         banded_least_squares as banded_least_squares,
         csr_rows as csr_rows,
         tensor_apply as tensor_apply,
     )
-    from thbcad.splines.user_functions import (
-        Function as Function,
-        evaluate as evaluate,
-    )
+    from thbcad.splines.user_functions import Function as Function, evaluate as evaluate
 
-_FILES = {
-    "bspline_surface": ("BSplineSurface",),
-    "gauss": ("gauss_rule",),
-    "interpolation": ("interpolate",),
-    "knot_removal": (
-        "remove_knots",
-        "remove_surface_knots",
-    ),
-    "knot_vector": (
-        "KnotVector",
-        "UNIT",
-    ),
-    "nurbs": (
-        "NURBSCurve",
-        "NURBSSurface",
-    ),
-    "nurbs_shapes": (
-        "circular_arc",
-        "conic_arc",
-        "line",
-        "revolved",
-        "ruled",
-    ),
-    "periodic_knot_vector": ("PeriodicKnotVector",),
-    "polar_forms": (
-        "bezier_rows",
-        "blossom",
-        "blossom_rows",
-        "greville_abscissae",
-    ),
-    "region_quadrature": (
-        "Primitive",
-        "grid_integral",
-    ),
-    "sparse_operators": (
-        "band_matrix",
-        "banded_least_squares",
-        "csr_rows",
-        "tensor_apply",
-    ),
-    "user_functions": (
-        "Function",
-        "evaluate",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

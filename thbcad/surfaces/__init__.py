@@ -5,19 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.surfaces.surface_picture import (
-        value_map as value_map,
-    )
-    from thbcad.surfaces.thb_surface import (
-        STRIP as STRIP,
-        THBSurface as THBSurface,
-    )
+    from thbcad.surfaces.surface_picture import value_map as value_map
+    from thbcad.surfaces.thb_surface import STRIP as STRIP, THBSurface as THBSurface
 
-_FILES = {
-    "surface_picture": ("value_map",),
-    "thb_surface": (
-        "STRIP",
-        "THBSurface",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,20 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.tools.cusps import (
-        Cusps as Cusps,
-        ball_cusps as ball_cusps,
-        nose_cusps as nose_cusps,
-    )
-    from thbcad.tools.draft_angles import (
-        Draft as Draft,
-        WallDraft as WallDraft,
-        draft as draft,
-    )
-    from thbcad.tools.gap_motion import (
-        Gaps as Gaps,
-        rim_gaps as rim_gaps,
-    )
+    from thbcad.tools.cusps import Cusps as Cusps, ball_cusps as ball_cusps, nose_cusps as nose_cusps
+    from thbcad.tools.draft_angles import Draft as Draft, WallDraft as WallDraft, draft as draft
+    from thbcad.tools.gap_motion import Gaps as Gaps, rim_gaps as rim_gaps
     from thbcad.tools.spiral_bounds import (
         greatest_acceleration as greatest_acceleration,
         greatest_section_curvature as greatest_section_curvature,
@@ -41,41 +30,4 @@ if TYPE_CHECKING:
         nose_fit as nose_fit,
     )
 
-_FILES = {
-    "cusps": (
-        "Cusps",
-        "ball_cusps",
-        "nose_cusps",
-    ),
-    "draft_angles": (
-        "Draft",
-        "WallDraft",
-        "draft",
-    ),
-    "gap_motion": (
-        "Gaps",
-        "rim_gaps",
-    ),
-    "spiral_bounds": (
-        "greatest_acceleration",
-        "greatest_section_curvature",
-        "greatest_slope_along_cut",
-    ),
-    "spiral_motion": (
-        "RoundAxis",
-        "SpiralCut",
-        "acceleration_at",
-        "highest_rpm",
-        "round_axis",
-        "tool_acceleration",
-    ),
-    "tool_fit": (
-        "SURFACES",
-        "Fit",
-        "air_side",
-        "ball_fit",
-        "concavity",
-        "nose_fit",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

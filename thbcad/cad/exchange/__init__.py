@@ -5,14 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.exchange.evaluated_faces import (
-        FaceNodes as FaceNodes,
-        face_nodes as face_nodes,
-    )
-    from thbcad.cad.exchange.front_and_rear import (
-        conic_faces as conic_faces,
-        optical_form as optical_form,
-    )
+    from thbcad.cad.exchange.evaluated_faces import FaceNodes as FaceNodes, face_nodes as face_nodes
+    from thbcad.cad.exchange.front_and_rear import conic_faces as conic_faces, optical_form as optical_form
     from thbcad.cad.exchange.handover import (
         GLASS as GLASS,
         library as library,
@@ -27,22 +21,14 @@ if TYPE_CHECKING:
         read_brep as read_brep,
         read_iges as read_iges,
     )
-    from thbcad.cad.exchange.iges_writing import (
-        brep_text as brep_text,
-    )
-    from thbcad.cad.exchange.loose_faces import (
-        read_faces as read_faces,
-        write_faces as write_faces,
-    )
+    from thbcad.cad.exchange.iges_writing import brep_text as brep_text
+    from thbcad.cad.exchange.loose_faces import read_faces as read_faces, write_faces as write_faces
     from thbcad.cad.exchange.part_triangles import (
         face_triangles as face_triangles,
         part_mesh as part_mesh,
         solid_mesh as solid_mesh,
     )
-    from thbcad.cad.exchange.ray_faces import (
-        face_hits as face_hits,
-        step_solid as step_solid,
-    )
+    from thbcad.cad.exchange.ray_faces import face_hits as face_hits, step_solid as step_solid
     from thbcad.cad.exchange.reading import (
         OCCT_ERRORS as OCCT_ERRORS,
         brep_shape as brep_shape,
@@ -62,67 +48,6 @@ if TYPE_CHECKING:
         step_bytes as step_bytes,
         write_step as write_step,
     )
-    from thbcad.cad.exchange.step_writing import (
-        compact as compact,
-        silence as silence,
-    )
+    from thbcad.cad.exchange.step_writing import compact as compact, silence as silence
 
-_FILES = {
-    "evaluated_faces": (
-        "FaceNodes",
-        "face_nodes",
-    ),
-    "front_and_rear": ("conic_faces", "optical_form"),
-    "handover": (
-        "GLASS",
-        "library",
-        "named_faces",
-        "to_build123d",
-        "to_cadquery",
-    ),
-    "iges_brep_solids": (
-        "brep_bytes",
-        "iges_bytes",
-        "part_iges",
-        "read_brep",
-        "read_iges",
-    ),
-    "iges_writing": ("brep_text",),
-    "loose_faces": (
-        "read_faces",
-        "write_faces",
-    ),
-    "part_triangles": (
-        "face_triangles",
-        "part_mesh",
-        "solid_mesh",
-    ),
-    "ray_faces": (
-        "face_hits",
-        "step_solid",
-    ),
-    "reading": (
-        "OCCT_ERRORS",
-        "brep_shape",
-        "explore",
-        "iges_shape",
-        "step_shape",
-    ),
-    "solid_file": (
-        "SolidFile",
-        "SolidState",
-        "solid_volume",
-        "spline_faces",
-    ),
-    "step": (
-        "part_step",
-        "read_step",
-        "step_bytes",
-        "write_step",
-    ),
-    "step_writing": (
-        "compact",
-        "silence",
-    ),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

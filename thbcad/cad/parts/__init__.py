@@ -5,12 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.parts.build123d_lens import (
-        LensPart as LensPart,
-    )
-    from thbcad.cad.parts.cadquery_lens import (
-        workplane as workplane,
-    )
+    from thbcad.cad.parts.build123d_lens import LensPart as LensPart
+    from thbcad.cad.parts.cadquery_lens import workplane as workplane
     from thbcad.cad.parts.face_measures import (
         edge_deviation as edge_deviation,
         face_deviation as face_deviation,
@@ -21,20 +17,13 @@ if TYPE_CHECKING:
         faces_within as faces_within,
         on_face as on_face,
     )
-    from thbcad.cad.parts.mount_solids import (
-        mounted_part as mounted_part,
-    )
+    from thbcad.cad.parts.mount_solids import mounted_part as mounted_part
     from thbcad.cad.parts.numbers_of_surfaces import (
         SurfaceNumbers as SurfaceNumbers,
         surface_numbers as surface_numbers,
     )
-    from thbcad.cad.parts.operations import (
-        cut as cut,
-        join as join,
-    )
-    from thbcad.cad.parts.own_surfaces import (
-        exact_part as exact_part,
-    )
+    from thbcad.cad.parts.operations import cut as cut, join as join
+    from thbcad.cad.parts.own_surfaces import exact_part as exact_part
     from thbcad.cad.parts.part_topology import (
         inner_wires as inner_wires,
         outline_segments as outline_segments,
@@ -42,32 +31,7 @@ if TYPE_CHECKING:
         rim_faces as rim_faces,
         solid_faces as solid_faces,
     )
-    from thbcad.cad.parts.search import (
-        PlacedLens as PlacedLens,
-        placed_lens as placed_lens,
-    )
-    from thbcad.cad.parts.writing import (
-        placed_step as placed_step,
-        write_step as write_step,
-    )
+    from thbcad.cad.parts.search import PlacedLens as PlacedLens, placed_lens as placed_lens
+    from thbcad.cad.parts.writing import placed_step as placed_step, write_step as write_step
 
-_FILES = {
-    "build123d_lens": ("LensPart",),
-    "cadquery_lens": ("workplane",),
-    "faces_in_regions": ("edges_within", "faces_within", "on_face"),
-    "own_surfaces": ("exact_part",),
-    "operations": ("cut", "join"),
-    "part_topology": (
-        "inner_wires",
-        "outline_segments",
-        "own_edges",
-        "rim_faces",
-        "solid_faces",
-    ),
-    "search": ("PlacedLens", "placed_lens"),
-    "face_measures": ("edge_deviation", "face_deviation", "projected_area"),
-    "mount_solids": ("mounted_part",),
-    "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
-    "writing": ("placed_step", "write_step"),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

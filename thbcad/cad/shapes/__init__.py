@@ -5,53 +5,22 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.shapes.aperture_solid import (
-        trimmed_part as trimmed_part,
-    )
-    from thbcad.cad.shapes.flange_solid import (
-        flanged_part as flanged_part,
-    )
+    from thbcad.cad.shapes.aperture_solid import trimmed_part as trimmed_part
+    from thbcad.cad.shapes.flange_solid import flanged_part as flanged_part
     from thbcad.cad.shapes.occt_splines import (
         TOLERANCE as TOLERANCE,
         geom_surface as geom_surface,
         rational_geom as rational_geom,
         spline_surface as spline_surface,
     )
-    from thbcad.cad.shapes.part import (
-        Part as Part,
-    )
-    from thbcad.cad.shapes.patched_solid import (
-        patched_part as patched_part,
-    )
+    from thbcad.cad.shapes.part import Part as Part
+    from thbcad.cad.shapes.patched_solid import patched_part as patched_part
     from thbcad.cad.shapes.plain_solid import (
         lens_part as lens_part,
         lens_solid as lens_solid,
         part_between as part_between,
     )
-    from thbcad.cad.shapes.polygon_solid import (
-        polygon_part as polygon_part,
-    )
-    from thbcad.cad.shapes.topology import (
-        NAMES as NAMES,
-    )
+    from thbcad.cad.shapes.polygon_solid import polygon_part as polygon_part
+    from thbcad.cad.shapes.topology import NAMES as NAMES
 
-_FILES = {
-    "aperture_solid": ("trimmed_part",),
-    "flange_solid": ("flanged_part",),
-    "occt_splines": (
-        "TOLERANCE",
-        "geom_surface",
-        "rational_geom",
-        "spline_surface",
-    ),
-    "part": ("Part",),
-    "patched_solid": ("patched_part",),
-    "plain_solid": (
-        "lens_part",
-        "lens_solid",
-        "part_between",
-    ),
-    "polygon_solid": ("polygon_part",),
-    "topology": ("NAMES",),
-}
-__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
