@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     )
     from optics.as_built.as_built_light import (
         AsBuilt as AsBuilt,
-        LightError as LightError,
         Side as Side,
         Way as Way,
         default_side as default_side,
@@ -22,17 +21,13 @@ if TYPE_CHECKING:
         with_surface as with_surface,
     )
     from optics.as_built.as_built_text import as_built_data as as_built_data, as_built_lines as as_built_lines
-    from optics.as_built.corrected_surface import MadeSurface as MadeSurface, made_surface as made_surface
+    from optics.as_built.corrected_surface import made_surface as made_surface
     from optics.as_built.measured_area import measured_light as measured_light
     from optics.as_built.measured_points import (
         FileFrame as FileFrame,
         MeasuredPoints as MeasuredPoints,
         read_measured as read_measured,
     )
-    from optics.as_built.rigid_corrections import (
-        Move as Move,
-        RigidCorrection as RigidCorrection,
-        rigid_correction as rigid_correction,
-    )
+    from optics.as_built.rigid_corrections import rigid_correction as rigid_correction
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -46,11 +46,7 @@ if TYPE_CHECKING:
         usual_efficiency as usual_efficiency,
     )
     from optics.etendue.silhouette import greatest_slack as greatest_slack
-    from optics.etendue.source_image_bound import (
-        ImageBound as ImageBound,
-        any_proportions as any_proportions,
-        image_bound as image_bound,
-    )
+    from optics.etendue.source_image_bound import ImageBound as ImageBound, any_proportions as any_proportions
     from optics.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,

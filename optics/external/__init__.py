@@ -5,12 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.external.file_tracers import (
-        SPEEDS as SPEEDS,
-        FileTracer as FileTracer,
-        file_tracer as file_tracer,
-        require_tracer as require_tracer,
-    )
+    from optics.external.file_tracers import file_tracer as file_tracer, require_tracer as require_tracer
     from optics.external.light_comparison import (
         LightComparison as LightComparison,
         compare_light as compare_light,

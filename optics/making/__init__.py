@@ -6,8 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.making.design_errors import (
-        FORM_NM as FORM_NM,
-        PERIODS as PERIODS,
         SAMPLES as SAMPLES,
         form_tolerances as form_tolerances,
         monte_carlo as monte_carlo,

@@ -6,11 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.mitsuba.engine_choice import mitsuba_engine as mitsuba_engine
-    from optics.mitsuba.integrator import (
-        exact_integrator as exact_integrator,
-        light_integrator as light_integrator,
-        register as register,
-    )
+    from optics.mitsuba.integrator import exact_integrator as exact_integrator, register as register
     from optics.mitsuba.loading import (
         current_mitsuba as current_mitsuba,
         load_mitsuba as load_mitsuba,

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         PROBES as PROBES,
         Indicators as Indicators,
         charged_objective as charged_objective,
-        stage_film as stage_film,
         stage_objective as stage_objective,
         stage_window as stage_window,
         surfaces_can_cross as surfaces_can_cross,

@@ -11,11 +11,7 @@ if TYPE_CHECKING:
         Momentum as Momentum,
         RMSProp as RMSProp,
     )
-    from optics.optimisers.iterations import (
-        Callback as Callback,
-        Function as Function,
-        Optimiser as Optimiser,
-    )
+    from optics.optimisers.iterations import Function as Function, Optimiser as Optimiser
     from optics.optimisers.line_search import LineSearch as LineSearch
     from optics.optimisers.quasi_newton import LBFGS as LBFGS
 

@@ -11,10 +11,7 @@ if TYPE_CHECKING:
         fire_warning as fire_warning,
         greatest_concentration as greatest_concentration,
     )
-    from optics.outgoing.intensity_of_lens import (
-        OutgoingIntensity as OutgoingIntensity,
-        outgoing_intensity as outgoing_intensity,
-    )
+    from optics.outgoing.intensity_of_lens import outgoing_intensity as outgoing_intensity
     from optics.outgoing.rays_of_lens import outgoing_rays as outgoing_rays
     from optics.outgoing.steps_on_target import OnTarget as OnTarget, StepsOnTarget as StepsOnTarget
 

@@ -6,7 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.parts.mount_export import export_mounted as export_mounted, mount_from as mount_from
-    from optics.parts.placement_text import PlacedText as PlacedText, placed_text as placed_text
+    from optics.parts.placement_text import placed_text as placed_text
     from optics.parts.proof import part_checks as part_checks
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -6,11 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.prediction.automatic import resolved as resolved
-    from optics.prediction.blurred_picture import (
-        BlurLimits as BlurLimits,
-        blur_limits as blur_limits,
-        blur_sentence as blur_sentence,
-    )
+    from optics.prediction.blurred_picture import blur_limits as blur_limits, blur_sentence as blur_sentence
     from optics.prediction.expectation import Expectation as Expectation, expected as expected
     from optics.prediction.expectation_text import expectation_lines as expectation_lines
     from optics.prediction.foreseen_verdict import foreseen_misses as foreseen_misses

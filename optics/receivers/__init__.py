@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from optics.receivers.receivers import (
         DEGREES as DEGREES,
         FarField as FarField,
-        LandingPoint as LandingPoint,
         Plane as Plane,
         Receiver as Receiver,
         receiver_at as receiver_at,

@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.results.checkpoint import (
-        checkpoint_owner as checkpoint_owner,
         read_checkpoint as read_checkpoint,
         write_checkpoint as write_checkpoint,
     )

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.light_limits import EVEN as EVEN, RISE as RISE, LightNumbers as LightNumbers
+    from optics.tolerancing.light_limits import RISE as RISE, LightNumbers as LightNumbers
     from optics.tolerancing.linear_light import LinearLight as LinearLight
     from optics.tolerancing.perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
     from optics.tolerancing.perturbed_parts import perturbed_lens as perturbed_lens
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         shop_sentences as shop_sentences,
     )
     from optics.tolerancing.tolerance_effects import (
-        Allowed as Allowed,
         ToleranceBudget as ToleranceBudget,
         ToleranceEffect as ToleranceEffect,
     )

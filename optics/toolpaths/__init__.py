@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from optics.toolpaths.blur_of_cusps import CuspBlur as CuspBlur, cusp_blur as cusp_blur
     from optics.toolpaths.cusp_light import CuspLight as CuspLight, light_with_cusps as light_with_cusps
     from optics.toolpaths.findings import (
-        RowCut as RowCut,
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
@@ -20,11 +19,7 @@ if TYPE_CHECKING:
         landing_response as landing_response,
         traced_points as traced_points,
     )
-    from optics.toolpaths.tool_order import SPEED as SPEED, ToolOrder as ToolOrder
-    from optics.toolpaths.tool_words import (
-        fit_word as fit_word,
-        tool_data as tool_data,
-        tool_lines as tool_lines,
-    )
+    from optics.toolpaths.tool_order import ToolOrder as ToolOrder
+    from optics.toolpaths.tool_words import tool_data as tool_data, tool_lines as tool_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

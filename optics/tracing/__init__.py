@@ -40,7 +40,6 @@ if TYPE_CHECKING:
         transmittances as transmittances,
     )
     from optics.tracing.sequential import Tracer as Tracer
-    from optics.tracing.traced_surface import Passage as Passage
     from optics.tracing.unreachable_light import path_faults as path_faults
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

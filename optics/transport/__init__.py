@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.transport.back_and_forth import TransportMap as TransportMap, transport_map as transport_map
+    from optics.transport.back_and_forth import transport_map as transport_map
     from optics.transport.fixed_rear import FixedRear as FixedRear
     from optics.transport.poisson import height_from_slopes as height_from_slopes
     from optics.transport.prewarp import prewarped as prewarped

@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.verification.independent_checks import (
-        text_and_occt_checks as text_and_occt_checks,
-        text_checks as text_checks,
-    )
+    from optics.verification.independent_checks import text_and_occt_checks as text_and_occt_checks
     from optics.verification.lone_file import bare_checks as bare_checks
     from optics.verification.occt_tracer import (
         occt_trace as occt_trace,
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
     from optics.verification.step_checks import (
         differing_numbers as differing_numbers,
         export_step as export_step,
-        read_back_step as read_back_step,
         surface_deviation as surface_deviation,
         verify as verify,
     )

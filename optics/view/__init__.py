@@ -5,15 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.view.glass_camera import (
-        LensSight as LensSight,
-        lens_sight as lens_sight,
-        photograph as photograph,
-    )
+    from optics.view.glass_camera import lens_sight as lens_sight, photograph as photograph
     from optics.view.photo_room import photo_caption as photo_caption
     from optics.view.scene_layout import (
-        LONG as LONG,
-        SHORT as SHORT,
         Scene as Scene,
         block_means as block_means,
         caption as caption,

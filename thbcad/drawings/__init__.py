@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.drawings.curves import Curve as Curve, Style as Style
+    from thbcad.drawings.curves import Style as Style
     from thbcad.drawings.drawing_files import (
         DRAWINGS as DRAWINGS,
         drawing_bytes as drawing_bytes,
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from thbcad.drawings.lens_drawing import lens_sheet as lens_sheet
     from thbcad.drawings.sheets import Sheet as Sheet
     from thbcad.drawings.views import (
-        View as View,
         plan_view as plan_view,
         section_view as section_view,
         side_view as side_view,

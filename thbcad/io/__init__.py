@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         BrepCurve as BrepCurve,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
-        ParameterCurve as ParameterCurve,
     )
     from thbcad.io.lens_json import (
         lens_from_dict as lens_from_dict,

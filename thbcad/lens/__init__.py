@@ -60,7 +60,6 @@ if TYPE_CHECKING:
         ruled_edges as ruled_edges,
     )
     from thbcad.lens.soundness import (
-        LEAST_SIZE as LEAST_SIZE,
         require_sound as require_sound,
         require_sound_graphs as require_sound_graphs,
     )
@@ -69,7 +68,6 @@ if TYPE_CHECKING:
         EDGES as EDGES,
         FRONT as FRONT,
         LEAST_CHORD as LEAST_CHORD,
-        LENS_FACES as LENS_FACES,
         MOST_TRIANGLES as MOST_TRIANGLES,
         REAR as REAR,
         Tessellation as Tessellation,

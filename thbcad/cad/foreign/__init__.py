@@ -6,7 +6,5 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.cad.foreign.foreign_lens import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
-    from thbcad.cad.foreign.optical_surface import OpticalFace as OpticalFace
-    from thbcad.cad.foreign.refitting import Refit as Refit
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

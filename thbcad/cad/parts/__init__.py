@@ -18,10 +18,7 @@ if TYPE_CHECKING:
         on_face as on_face,
     )
     from thbcad.cad.parts.mount_solids import mounted_part as mounted_part
-    from thbcad.cad.parts.numbers_of_surfaces import (
-        SurfaceNumbers as SurfaceNumbers,
-        surface_numbers as surface_numbers,
-    )
+    from thbcad.cad.parts.numbers_of_surfaces import surface_numbers as surface_numbers
     from thbcad.cad.parts.operations import cut as cut, join as join
     from thbcad.cad.parts.own_surfaces import exact_part as exact_part
     from thbcad.cad.parts.part_topology import (
