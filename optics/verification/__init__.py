@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from optics.verification.step_checks import (
         differing_numbers as differing_numbers,
         export_step as export_step,
+        read_back_step as read_back_step,
         surface_deviation as surface_deviation,
         verify as verify,
     )
