@@ -80,15 +80,12 @@ def test_every_room_has_a_page_with_all_names_of_its_door():
     assert all(room in rooms for held in rooms.values() for room, _ in held.names.values())
 
 
-def test_every_benchmark_has_a_page_with_its_own_rows():
-    text = (DOCS / "benchmarks.md").read_text("utf-8")
-    pages = benchmark_pages(text)
-    assert set(pages) == {"", *read_rows(DOCS / "data")}
-    rows = [line for line in text.splitlines() if line.startswith("| ")]
-    split = [
-        line for name, page in pages.items() if name for line in page.splitlines() if line.startswith("| ")
-    ]
-    assert split == rows
+def test_every_benchmark_has_a_page_with_all_of_its_rows():
+    pages, stored = benchmark_pages(), read_rows(DOCS / "data")
+    assert set(pages) == set(stored)
+    for name, page in pages.items():
+        rows = [line for line in page.splitlines() if line.startswith("| ")]
+        assert len(rows) == 1 + len(stored[name].rows), name
 
 
 def test_docstrings_keep_their_signs_formulas_and_sections():

@@ -6,7 +6,11 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.commands.arguments import parsers as parsers
-    from optics.commands.bench_command import benchmark_page as benchmark_page, own_pages as own_pages
+    from optics.commands.bench_command import (
+        benchmark_page as benchmark_page,
+        benchmark_tables as benchmark_tables,
+        own_pages as own_pages,
+    )
     from optics.commands.cli import main as main
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

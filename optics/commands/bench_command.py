@@ -18,6 +18,8 @@ from optics.runtime import (
     UserError,
     machine,
     machine_facts,
+    overview_page,
+    quoted_rows,
     read_rows,
     refreshed,
     rows_page,
@@ -76,11 +78,28 @@ def checkout() -> Path:
 
 def benchmark_page(root: Path) -> str:
     """Return docs/benchmarks.md of a checkout."""
+    stored = _stored(root)
+    quoted = set().union(*(quoted_rows(path.read_text("utf-8")) for path in _quoting(root)))
+    return overview_page(stored, quoted)
+
+
+def benchmark_tables(root: Path) -> dict[str, str]:
+    """Return a page with all rows of each benchmark of a checkout, by name."""
+    return {one.name: rows_page(one, sentence) for one, sentence in _stored(root)}
+
+
+def _stored(root: Path) -> list[tuple[StoredRows, str]]:
+    """Return what is stored, each with the sentence that says what was measured."""
     modules, stored = _modules(root), read_rows(root / "docs" / "data")
     for name in stored:
         if name not in modules:
             raise UserError(f"docs/data/{name}.json belongs to no benchmark; delete it")
-    return rows_page([*stored.values()], {name: _sentence(modules[name]) for name in stored})
+    return [(one, _sentence(modules[name])) for name, one in stored.items()]
+
+
+def _quoting(root: Path) -> list[Path]:
+    """Return the pages that quote stored rows."""
+    return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
 def own_pages(path: Path) -> dict[Path, str]:
@@ -99,7 +118,7 @@ def _write_pages(root: Path, modules: dict[str, Path]) -> Outcome:
     new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
     for name in stored:
         new |= own_pages(modules[name])
-    for path in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
+    for path in _quoting(root):
         new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
     changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]
     for path in changed:

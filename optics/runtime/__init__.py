@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from optics.runtime.progress import Moment as Moment, Phase as Phase, Progress as Progress
     from optics.runtime.quoted_numbers import (
         marked_numbers as marked_numbers,
+        quoted_rows as quoted_rows,
         refreshed as refreshed,
         without_marked_numbers as without_marked_numbers,
     )
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
         StoredRows as StoredRows,
         machine as machine,
         machine_facts as machine_facts,
+        overview_page as overview_page,
         read_rows as read_rows,
         rows_page as rows_page,
         store_rows as store_rows,

@@ -53,6 +53,11 @@ def marked_numbers(page: str, stored: Mapping[str, StoredRows]) -> list[Quoted]:
     return [_quoted(match, stored) for match in MARK.finditer(page)]
 
 
+def quoted_rows(page: str) -> set[tuple[str, str]]:
+    """Return (benchmark, full name of the row) of all marks of a page."""
+    return {(match["name"], match["row"]) for match in MARK.finditer(page)}
+
+
 def refreshed(page: str, stored: Mapping[str, StoredRows]) -> str:
     """Return the page with the stored values in place of its marked numbers, in as many digits as before."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,18 +19,22 @@ from thbcad.io import json_text, write_text
 
 KEYS = ("name", "value", "unit", "reference", "limit", "ok", "basis")
 OPTIONAL = ("quantity", "estimator", "error")  # of some rows, and columns of their tables
+OVERVIEW = ("row", "value", "unit", "limit", "ok", "reference")  # columns of the page of all
 INTRODUCTION = """\
 # Benchmarks
 
-Every table below is the result of one benchmark.
-`thbcad bench NAME --store` measures it and keeps the rows in `docs/data/NAME.json`.
-`thbcad bench --markdown` writes this page from these files.
+`thbcad bench NAME --store` measures a benchmark and keeps all of its rows in `docs/data/NAME.json`.
+`thbcad bench --markdown` writes this page from these files: some rows that other pages quote, and all whose
+limits are missed. The documentation site shows all rows.
 Each row has a limit or none; `ok` says whether the limit is met.
+The column `reference` names another code in the same run, or the thesis.
+"""
+COLUMNS = """\
 The column `basis` says whether the value was measured, or extrapolated by the law that `reference` names.
 Where there are such columns, `quantity` is what the `estimator` computes, and `error` is its relative error.
 Of a value that is itself an error, `error` is that of the light it was measured against.
-The column `reference` names another code in the same run, or the thesis.
 """
+LEAST_SHOWN, MOST_QUOTED = 3, 5  # rows of a benchmark on the page of all, besides missed limits
 
 
 @dataclass(frozen=True)
@@ -86,37 +90,65 @@ def _read(path: Path) -> StoredRows:
     return stored
 
 
-def rows_page(stored: Sequence[StoredRows], sentences: Mapping[str, str]) -> str:
-    """Return the page of all stored rows as Markdown; sentences : what each benchmark measures, by name."""
-    return "\n".join([INTRODUCTION, *(_section(s, sentences[s.name]) for s in stored)])
+def overview_page(stored: Sequence[tuple[StoredRows, str]], quoted: Collection[tuple[str, str]]) -> str:
+    """Return the page of all benchmarks with a few rows of each, as Markdown.
+
+    stored : each with the sentence that says what it measures.  quoted : (benchmark, full name of a row) that
+        pages quote.
+    """
+    parts = [INTRODUCTION]
+    for one, sentence in stored:
+        rows = list(one.named())
+        chosen = [r for r in rows if (one.name, r[0]) in quoted][:MOST_QUOTED]
+        limited = [r for r in rows if r[1]["limit"] is not None and r not in chosen]
+        chosen += limited[: max(0, LEAST_SHOWN - len(chosen))]
+        chosen += [r for r in limited if _missed(r[1]) and r not in chosen]
+        parts += [f"## {one.name}\n", *_head(one, sentence)]
+        parts.append(_table(OVERVIEW, [], chosen or rows[:LEAST_SHOWN]))
+        parts.append(f"{len(rows)} rows are in [`{one.name}.json`](data/{one.name}.json).\n")
+    return "\n".join(parts)
 
 
-def _section(stored: StoredRows, sentence: str) -> str:
-    m = stored.machine
+def rows_page(stored: StoredRows, sentence: str) -> str:
+    """Return the page of all rows of a benchmark as Markdown.  sentence : what it measures."""
     extra = [key for key in OPTIONAL if any(key in row for row in stored.rows)]
-    lines = [
-        f"## {stored.name}",
-        "",
-        sentence,
-        "",
+    rows = [(_indented(row["name"]), row) for row in stored.rows]
+    columns = ["row", "value", "unit", "limit", "ok", "basis", *extra, "reference"]
+    return "\n".join([f"# {stored.name}\n", *_head(stored, sentence), COLUMNS, _table(columns, extra, rows)])
+
+
+def _head(stored: StoredRows, sentence: str) -> list[str]:
+    m = stored.machine
+    return [
+        f"{sentence}\n",
         f"Measured on {stored.date}: {m['processor']}, {m['cores']} cores, {m['memory_gib']} GiB, "
-        f"{m['system']}, Python {m['python']}.",
-        "",
-        "| " + " | ".join(["row", "value", "unit", "limit", "ok", "basis", *extra, "reference"]) + " |",
-        "|---|---:|---|---|---|---|" + "---|" * (len(extra) + 1),
+        f"{m['system']}, Python {m['python']}.\n",
     ]
-    for row in stored.rows:
-        ok = "" if row["limit"] is None else "yes" if row["ok"] else "**no**"
-        cells = [
-            _indented(row["name"]),
-            shown(row["value"]),
-            row["unit"],
-            row["limit"] or "",
-            ok,
-            row["basis"],
-        ]
-        cells += [_text(row.get(key, "")) for key in extra]
-        lines.append("| " + " | ".join(_escaped(cell) for cell in [*cells, row["reference"]]) + " |")
+
+
+def _missed(row: Mapping[str, Any]) -> bool:
+    return row["limit"] is not None and not row["ok"]
+
+
+def _table(
+    columns: Sequence[str], extra: Sequence[str], rows: Sequence[tuple[str, Mapping[str, Any]]]
+) -> str:
+    """Return rows, each with the name to show, as a table."""
+    lines = [
+        "| " + " | ".join(columns) + " |",
+        "|" + "|".join("---:" if column == "value" else "---" for column in columns) + "|",
+    ]
+    for name, row in rows:
+        cells = {
+            "row": name,
+            "value": shown(row["value"]),
+            "unit": row["unit"],
+            "limit": row["limit"] or "",
+            "ok": "" if row["limit"] is None else "yes" if row["ok"] else "**no**",
+            "basis": row["basis"],
+            "reference": row["reference"],
+        } | {key: _text(row.get(key, "")) for key in extra}
+        lines.append("| " + " | ".join(_escaped(cells[column]) for column in columns) + " |")
     return "\n".join([*lines, ""])
 
 

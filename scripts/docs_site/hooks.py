@@ -16,7 +16,8 @@ from scripts.docs_site.equations import with_equations
 from scripts.docs_site.outside_files import DOCS, LANGUAGES, PAGES, code_page, folder_files, folder_page
 
 os.environ["COLUMNS"] = "100"  # of help: pages do not depend on the terminal
-BENCHMARKS = benchmark_pages((DOCS / "benchmarks.md").read_text("utf-8"))
+BENCHMARKS = benchmark_pages()
+SECTION = re.compile(r"^## (\w+)\n", re.MULTILINE)  # of the page of benchmarks
 FENCE = re.compile(r"^(```\w+) .*$", re.MULTILINE)  # what stands behind a language is for the tests
 ORIGINS = {place: path for path, place in PAGES.items()}  # of pages that lie outside docs/
 
@@ -29,14 +30,14 @@ def on_config(config: Any) -> None:
     split = next(k for k, entry in enumerate(rooms) if "optics" in entry)
     api["API"] = [api["API"], {"thbcad": rooms[:split]}, {"optics": rooms[split:]}]
     benchmarks = next(section["Benchmarks"] for section in config["nav"] if "Benchmarks" in section)
-    benchmarks += [{name: f"benchmarks/{name}.md"} for name in BENCHMARKS if name]
+    benchmarks += [{name: f"benchmarks/{name}.md"} for name in BENCHMARKS]
 
 
 def on_files(files: Files, config: Any) -> Files:
     """Add made pages, and what pages link to outside docs/."""
     pages = {place: path.read_text("utf-8") for place, path in ORIGINS.items()}
     pages |= {room.page: room.text() for room in api_pages.rooms()}
-    pages |= {f"benchmarks/{name}.md": text for name, text in BENCHMARKS.items() if name}
+    pages |= {f"benchmarks/{name}.md": text for name, text in BENCHMARKS.items()}
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     written = {
@@ -73,7 +74,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     if place == outside_files.HOME:
         page.meta["hide"] = ["navigation"]  # it has nothing beside it
     if place == "benchmarks.md":
-        return BENCHMARKS[""]
+        markdown = SECTION.sub(r"## [\1](benchmarks/\1.md)\n", markdown)
     if page.file.generated_by and place not in ORIGINS:
         return markdown
     if place == "commands.md":

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from optics.commands import bench_command, main
+from optics.commands import bench_command, benchmark_tables, main
 from optics.runtime import machine_facts
 
 BENCHMARK = '''"""Two
@@ -113,11 +113,16 @@ def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, caps
     page = (checkout / "docs" / "benchmarks.md").read_text().splitlines()
     assert "## tiny" in page
     assert "Two lines | of one sentence." in page
-    assert "| row | value | unit | limit | ok | basis | quantity | estimator | error | reference |" in page
-    assert "| time | 12.35 | s | &lt;= 15 | yes | measured |  |  |  | peer 3 s |" in page
-    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  | measured |  |  |  |  |" in page
-    assert "| worst | - |  | &lt;= 1 | **no** | measured |  |  |  |  |" in page
-    assert "| ratio | 3 |  |  |  | extrapolated | light | rays | 1.2e-02 | by a law |" in page
+    assert "| row | value | unit | limit | ok | reference |" in page
+    assert "| time | 12.35 | s | &lt;= 15 | yes | peer 3 s |" in page
+    assert "| time > of this | 2 489 |  |  |  |  |" in page
+    assert "| worst | - |  | &lt;= 1 | **no** |  |" in page
+    table = benchmark_tables(checkout)["tiny"].splitlines()
+    assert "| row | value | unit | limit | ok | basis | quantity | estimator | error | reference |" in table
+    assert "| time | 12.35 | s | &lt;= 15 | yes | measured |  |  |  | peer 3 s |" in table
+    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  | measured |  |  |  |  |" in table
+    assert "| worst | - |  | &lt;= 1 | **no** | measured |  |  |  |  |" in table
+    assert "| ratio | 3 |  |  |  | extrapolated | light | rays | 1.2e-02 | by a law |" in table
     assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
     quoted = (checkout / "docs" / "page.md").read_text()
     assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
