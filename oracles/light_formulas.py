@@ -59,10 +59,12 @@ def brute_irradiance(screen, window, x, y, flux):
 
 
 def fresnel(angle, before, behind):
-    """Return the transmittance of unpolarised light at an angle of incidence > 0 (sine and tangent form)."""
+    """Return the transmittance of unpolarised light at an angle of incidence (sine and tangent form)."""
     i = np.asarray(angle, dtype=float)
     t = np.arcsin(np.sin(i) * before / behind)
-    return 1 - 0.5 * ((np.sin(i - t) / np.sin(i + t)) ** 2 + (np.tan(i - t) / np.tan(i + t)) ** 2)
+    straight, some = ((before - behind) / (before + behind)) ** 2, np.where(i == 0, 1.0, i + t)
+    parts = (np.sin(i - t) / np.sin(some)) ** 2 + (np.tan(i - t) / np.tan(some)) ** 2
+    return 1 - np.where(i == 0, straight, 0.5 * parts)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ def landings(blur, rng):
     return moved
 
 
-@pytest.mark.parametrize("blur", blurs())
+@pytest.mark.parametrize("blur", [*blurs()])
 def test_the_transfer_function_is_the_mean_wave_of_random_rays(blur):
     moved = landings(blur, np.random.default_rng(1))
     found = blur.transfer(SCREEN, SCREEN.shape)
@@ -48,7 +48,7 @@ def test_the_transfer_function_is_the_mean_wave_of_random_rays(blur):
         assert abs(found[row, column] - wave) < 5 / np.sqrt(RAYS)
 
 
-@pytest.mark.parametrize("blur", blurs())
+@pytest.mark.parametrize("blur", [*blurs()])
 def test_the_spot_is_the_histogram_of_random_rays(blur):
     """On pixels: second moments agree, and nothing is beyond its reach."""
     rng = np.random.default_rng(2)
@@ -80,7 +80,7 @@ def test_large_pictures_with_a_narrow_spot_are_not_refused():
     assert blur.widened(screen).pixels[0] > 4096
 
 
-@pytest.mark.parametrize("blur", blurs())
+@pytest.mark.parametrize("blur", [*blurs()])
 def test_the_blur_is_its_own_adjoint_and_keeps_the_flux(blur):
     rng = np.random.default_rng(3)
     reach = blur.reach(SCREEN)

@@ -21,7 +21,7 @@ def test_plus_and_minus_keep_lens_names_label_colour_and_joints():
     assert isinstance(part, LensPart)
     assert {"front", "rear", *NAMES[2:]} <= set(part.named_faces)
     assert part.label == "lens"
-    assert part.color.to_tuple() == plain.color.to_tuple()
+    assert tuple(part.color) == tuple(plain.color)
     assert set(part.joints) == {"front vertex", "rear vertex", "rim"}
     assert all(joint.parent is part for joint in part.joints.values())
     outside = 30 * 26 - 20 * 16 - 3.141592653589793

@@ -62,7 +62,7 @@ def kind_of(adaptor):
     return str(adaptor.GetType()).rpartition("_")[2]
 
 
-@pytest.mark.parametrize(("front", "size"), product(CONICS, SIZES))
+@pytest.mark.parametrize(("front", "size"), [*product(CONICS, SIZES)])
 def test_faces_and_rims_are_what_they_are(front, size):
     """Valid and closed before any reader heals; by build123d."""
     lens = lens_of(front, size=size)
