@@ -77,6 +77,13 @@ class Receiver(ABC):
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return directions of any length from points to where light shall land."""
 
+    @property
+    def mirror_axes(self) -> tuple[int, ...]:
+        """Directions (0 for x, 1 for y) in which it is its own mirror image, its chart too."""
+        turns = [np.diag([-1.0 if a == axis else 1.0 for a in range(3)]) for axis in (0, 1)]
+        same = [np.array_equal(m @ self.pose.rotation @ m, self.pose.rotation) for m in turns]
+        return tuple(axis for axis in (0, 1) if same[axis] and not self.pose.shift[axis])
+
     def moved(self, motion: Pose) -> Self:
         """Return the receiver elsewhere.  motion : in the frame of the scene."""
         return self if motion.is_identity else replace(self, pose=motion @ self.pose)
