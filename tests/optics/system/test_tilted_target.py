@@ -34,8 +34,7 @@ def turned(receiver, tilt):
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [150.0, float("inf")])
 def test_a_tilted_target_is_lit_evenly_and_its_file_is_verified(tmp_path, monkeypatch, distance):
-    """By 35 degrees, or 8 for directions: the independent trace of the file ends on the same wall.  The design
-    ends with 0 where all checks of the file hold."""
+    """By 35 degrees, or 8 for directions.  0 says that the independent trace of the file ends there too."""
     tilt = Pose.tilted((0.0, 0.0, 0.0), (35.0 if distance < 1e9 else 8.0, 0.0, 10.0))
     wall = property(lambda target: turned(receiver_at(target.z), tilt))
     monkeypatch.setattr(LightTarget, "receiver", wall)
