@@ -102,6 +102,8 @@ def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
 
 
 def _changed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
+    if not any((p.front_power, p.rear_power, p.thickness, p.index, p.temperature)):
+        return lens
     front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
     thickness, material = lens.thickness + p.thickness, system.material
     if p.temperature and material is not None:

@@ -58,6 +58,15 @@ def test_no_perturbation_leaves_the_light_of_the_same_cells(light, backend):
     assert fates == own
 
 
+def test_no_perturbation_leaves_every_part_itself(light):
+    parts = PerturbedParts.of(light.system, light.lens, NOMINAL)
+    path = light.system.path(light.lens)
+    assert [s.shape for s in parts.path.surfaces] == [light.lens.front, light.lens.rear]
+    assert parts.path.receiver.pose.shift.tolist() == path.receiver.pose.shift.tolist()
+    assert parts.source.is_identity
+    assert perturbed_lens(light.system, light.lens, NOMINAL) is light.lens
+
+
 def test_rays_land_where_numpy_has_them_in_the_frame_of_the_world(light, backend):
     p = EVERYTHING
     parts = PerturbedParts.of(light.system, light.lens, p)
