@@ -71,6 +71,7 @@ def test_a_killed_client_leaves_no_worker_and_resume_completes_the_table(tmp_pat
 
 
 def test_ctrl_c_stops_at_once_and_keeps_what_is_done(tmp_path):
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
     sweep = start_sweep(tmp_path, "--workers", 2)
     some_stored(tmp_path, sweep)
     sweep.send_signal(signal.SIGINT)
