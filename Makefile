@@ -53,7 +53,7 @@ QUICK = \
 	tests/optics/api/test_model.py \
 	tests/optics/colour \
 	tests/optics/as_built/test_measured_points.py \
-	tests/optics/commands/test_limits.py \
+	tests/optics/problem/test_limits.py \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
 	tests/optics/deconvolution/test_deconvolution.py \

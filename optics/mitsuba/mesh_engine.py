@@ -54,7 +54,7 @@ class MeshEngine:
         tracer = MeshTracer(
             lens_mesh(lens),
             _within(rays, lens),
-            system.target.z,
+            system.target.receiver,
             soft_rim=0.0 if system.parallel else SOFT_RIM,
             fresnel=system.problem.optimizer.fresnel,
         )

@@ -20,12 +20,12 @@ from optics.intersections import device_flux, rim_fade
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
-from optics.receivers import receiver_at
 from optics.sources import RayGrid, Rays
 from optics.tracing import Landing, refract
 
 if TYPE_CHECKING:
     from optics.mitsuba.surface_vertices import Jet
+    from optics.receivers import Receiver
     from optics.runtime import DrArray
     from optics.system import OpticalSystem
     from optics.target import Window
@@ -40,18 +40,18 @@ class MeshTracer:
 
     A front without sag is traced once.
 
-    target_z : mm, inf is the far field.  soft_rim, fresnel : as of `Tracer`.
+    receiver : of the light.  soft_rim, fresnel : of a `LightPath`.
     """
 
     def __init__(
         self,
         mesh: LensMesh,
         rays: RayGrid | Rays,
-        target_z: float,
+        receiver: Receiver,
         soft_rim: float = 0.0,
         fresnel: bool = True,
     ) -> None:
-        self._mitsuba, self._mesh, self._target_z = current_mitsuba(), mesh, target_z
+        self._mitsuba, self._mesh, self._receiver = current_mitsuba(), mesh, receiver
         self._soft_rim, self._fresnel = soft_rim, fresnel
         self.backend = mitsuba_backend(self._mitsuba, "single")
         dr, Float = self.backend.dr, self.backend.Float
@@ -95,7 +95,7 @@ class MeshTracer:
         forward = dz > 0
         dz = dr.select(forward, dz, 1)
         number = partial(dr.opaque, self.backend.Float)
-        landed = receiver_at(self._target_z).land(point, (dx, dy, dz), dr, number)
+        landed = self._receiver.land(point, (dx, dy, dz), dr, number)
         return Landing(
             x=landed.u,
             y=landed.v,
@@ -194,7 +194,7 @@ def mesh_irradiance(
 
     counts : (nx, ny) of the system's rays.  vertices : (nx, ny) of front and rear.
     """
-    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.z)
+    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.receiver)
     screen = system.target.screen()
     return TracedModel(tracer.backend, tracer, screen, window).image([sag.coefficients for sag in lens.sags])
 
@@ -212,7 +212,7 @@ def mesh_pipeline(
     The target is the system's, with the whole source flux.  counts : (nx, ny) of the system's rays.
     vertices : (nx, ny) of front and rear.  margin : dark pixels around the target.
     """
-    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.z)
+    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.receiver)
     screen = system.target.screen(margin=margin)
     target = system.target.irradiance(screen, system.problem.source.flux)
     return Objective(TracedModel(tracer.backend, tracer, screen, window), target, 0.0)

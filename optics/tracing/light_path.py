@@ -74,7 +74,8 @@ class LightPath:
 
     Raises
     ------
-    ValueError : another number of media, a share that is none, a surface that reflects into another medium.
+    ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
+        reflects into another medium.
     """
 
     surfaces: tuple[Surface, ...]
@@ -89,6 +90,8 @@ class LightPath:
                 f"{len(self.surfaces)} surfaces lie between {len(self.surfaces) + 1} media,"
                 f" got {len(self.media)}"
             )
+        if self.media[-1].absorption:
+            raise ValueError("the medium before the receiver must be clear: what it absorbs is not traced")
         shares = self.share, *(s.share for s in self.surfaces if s.share is not None)
         if not all(0 <= share <= 1 for share in shares):
             raise ValueError(f"a share of light lies from 0 to 1, got {shares}")

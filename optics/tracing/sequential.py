@@ -150,12 +150,9 @@ class Tracer:
         x, y, z = rays.direction
         # where nothing goes on no denominator may vanish
         landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
-        absorption, flux = self._path.media[-1].absorption, rays.flux
-        if absorption:
-            flux = flux * dr.exp(-self._number(absorption) * landed.length)
         known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
         return Landing(
-            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, flux, 0), known, passages
+            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
         )
 
     def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64] | None]:

@@ -13,6 +13,7 @@ from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.mesh_tracer import MeshTracer, mesh_irradiance, mesh_pipeline
 from optics.optimisation import Objective
 from optics.problem import load_problem
+from optics.receivers import receiver_at
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.system import OpticalSystem
 from optics.target import GaussianWindow, Splat
@@ -37,7 +38,9 @@ def mi(backend):
 def landings(backend, lens, rays, target_z, vertices):
     """Return the landings of the exact tracer and of the meshes."""
     _, exact = tracer_to(backend, lens, rays, target_z).trace(coefficients(lens))
-    _, mesh = MeshTracer(LensMesh.uniform(lens, vertices), rays, target_z).trace(coefficients(lens))
+    _, mesh = MeshTracer(LensMesh.uniform(lens, vertices), rays, receiver_at(target_z)).trace(
+        coefficients(lens)
+    )
     return exact, mesh
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 
 from optics.problem import load_problem
-from tests.optics.cases import SMALL, toml_text
+from optics.system import OpticalSystem
+from tests.optics.cases import SMALL, rough, toml_text, write_problem
+from thbcad.lens import manufacturability
+from thbcad.surfaces import THBSurface
 
 REQUIRED = (
     "source.kind",
@@ -46,3 +49,22 @@ def load_values(folder, values):
 
 def one_sentence(message):
     return bool(message) and "\n" not in message and "Traceback" not in message and len(message) < 600
+
+
+DENSITY = 1.19
+# so much freedom that no limit below is refused as one that cannot be kept
+ROOMY = {"lens.density": DENSITY, "lens.rear.freeform.z_freedom": 4.0}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [3, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.5,
+}
+
+
+def designed(folder, changes=None, height=0.05):
+    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
+    lens's figures."""
+    problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
+    base = OpticalSystem(problem).lens
+    lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
+    return problem, lens, manufacturability(lens, DENSITY)

@@ -111,6 +111,8 @@ def test_a_path_that_is_none_is_refused():
     glass = Medium(1.5)
     with pytest.raises(ValueError, match="1 surfaces lie between 2 media, got 1"):
         LightPath((surface,), (AIR,), FarField())
+    with pytest.raises(ValueError, match="the medium before the receiver must be clear"):
+        LightPath((surface,), (AIR, Medium(1.5, 0.01)), FarField())
     with pytest.raises(ValueError, match=r"surface 0 reflects light, but from .* into"):
         LightPath((mirror,), (AIR, glass), FarField())
     for share in (-0.1, 1.1, float("nan")):

@@ -3,14 +3,13 @@ before a design."""
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
 from dataclasses import fields, replace
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 import pytest
@@ -18,39 +17,18 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from optics.problem import (
     Limits,
-    as_data,
     limit_advice,
     limit_checks,
     limit_sentences,
     load_problem,
-    manufacture_rows,
     require_limits,
 )
 from optics.runtime import UserError
-from optics.system import OpticalSystem
 from tests.cases import ROOT
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import write_problem
+from tests.optics.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
 from thbcad.lens import manufacturability
-from thbcad.surfaces import THBSurface
-
-DENSITY = 1.19
-# so much freedom that no limit below is refused as one that cannot be kept
-ROOMY = {"lens.density": DENSITY, "lens.rear.freeform.z_freedom": 4.0}
-FREE_FRONT = {
-    "lens.front.freeform.spans": [3, 4],
-    "lens.front.freeform.max_level": 1,
-    "lens.front.freeform.z_freedom": 0.5,
-}
-
-
-def designed(folder, changes=None, height=0.05):
-    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
-    lens's figures."""
-    problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
-    base = OpticalSystem(problem).lens
-    lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
-    return problem, lens, manufacturability(lens, DENSITY)
 
 
 def limited(problem, **limits):
@@ -394,60 +372,3 @@ def test_advice_does_not_load_the_cad_kernel(tmp_path):
         check=True,
     )
     assert done.stdout.split() == ["1", "False"]
-
-
-# Text and data
-
-
-def test_rows_name_every_figure_once(tmp_path):
-    _, lens, found = designed(tmp_path, FREE_FRONT)
-    rows = manufacture_rows(found, 550.0)
-    names = [name for name, *_ in rows]
-    assert len(set(names)) == len(names)
-    by_name = {name: (value, unit, place) for name, value, unit, place in rows}
-    assert by_name["volume"] == (lens.volume(), "mm^3", "")
-    assert by_name["mass"] == (lens.volume() * DENSITY / 1000, "g", "")
-    assert by_name["centre thickness"] == (found.centre_thickness.value, "mm", "at x = 0, y = 0 mm")
-    assert by_name["smallest feature of the rear"] == (
-        pytest.approx(15 / 550e-6),
-        "wavelengths",
-        "on level 0",
-    )
-    assert by_name["smallest feature of the front in y"] == (pytest.approx(15.0), "mm", "on level 0")
-    assert by_name["smallest feature of the front in x"] == (pytest.approx(20.0), "mm", "on level 0")
-    assert [name for name in names if name.endswith("of the front")] == [
-        name.replace("rear", "front") for name in names if name.endswith("of the rear")
-    ]
-    assert "mass" not in [name for name, *_ in manufacture_rows(manufacturability(lens), 550.0)]
-
-
-def test_a_plane_is_nowhere_concave(tmp_path):
-    _, _, found = designed(tmp_path)
-    rows = {name: (value, place) for name, value, _, place in manufacture_rows(found, 550.0)}
-    assert rows["least concave radius of the front"] == (inf, "nowhere concave")
-    assert "range of the sag of the front" not in rows
-
-
-def test_the_data_are_plain_json(tmp_path):
-    _, _, found = designed(tmp_path)
-    data = as_data(found)
-    assert json.loads(json.dumps(data, allow_nan=False)) == data
-    assert data["front"]["convex_radius_mm"] == {
-        "value": None,
-        "lower": None,
-        "upper": None,
-        "x": None,
-        "y": None,
-    }
-    assert data["front"]["sag_mm"] is data["front"]["feature"] is None
-    assert data["rear"]["feature"] == {"level": 0, "span_mm": [5.0, 5.0], "size_mm": [15.0, 15.0]}
-    assert data["mass_g"] == found.mass
-    assert data["density_g_cm3"] == DENSITY
-    for bound in (
-        data["thickness_mm"],
-        data["rear"]["slope_degrees"],
-        data["rear"]["heights_mm"],
-        data["rear"]["concave_radius_mm"],
-    ):
-        assert bound["lower"] <= bound["value"] <= bound["upper"]
-        assert all(isfinite(number) for number in bound.values() if np.isscalar(number))
