@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import optics
-from optics.analysis import Measurement, measure
-from optics.as_built import (
+from optics.base.runtime import Backend, Row, load_backend
+from optics.light.analysis import Measurement, measure
+from optics.scene.problem import load_problem
+from optics.tolerancing.metrology import (
     AsBuilt,
     FileFrame,
     MeasuredPoints,
@@ -27,9 +29,7 @@ from optics.as_built import (
     made_surface,
     read_measured,
 )
-from optics.problem import load_problem
-from optics.runtime import Backend, Row, load_backend
-from optics.tolerancing import NOMINAL, Perturbation, PerturbedLight
+from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight
 from thbcad.fitting import quasi_interpolate
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import Pose

@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.export import export
-from optics.problem import load_problem
-from optics.runtime import Backend, Check, Row, load_backend
-from optics.system import OpticalSystem
-from optics.verification import (
+from optics.base.runtime import Backend, Check, Row, load_backend
+from optics.exchange.export import export
+from optics.exchange.verification import (
     StepFile,
     differing_numbers,
     optiland_available,
@@ -29,6 +27,8 @@ from optics.verification import (
     text_and_occt_checks,
     verify,
 )
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
 from thbcad.cad.shapes import lens_part

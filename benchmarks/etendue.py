@@ -15,8 +15,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.deconvolution import CASES, RectangleResponse, compare, disk, landscape, square
-from optics.etendue import (
+from examples.thesis.chapter7.analytic import RectangleResponse
+from examples.thesis.chapter7.comparison import CASES, compare
+from examples.thesis.chapter7.two_source_landscape import disk, landscape, square
+from optics.base.runtime import Row
+from optics.designing.etendue import (
     FIXED,
     SEARCH,
     Approximation,
@@ -28,8 +31,7 @@ from optics.etendue import (
     universal_bound,
     usual_efficiency,
 )
-from optics.runtime import Row
-from optics.system import load_system
+from optics.scene.system import load_system
 from oracles.seen_envelope import sampled_etendue
 
 T = TypeVar("T")
@@ -51,7 +53,7 @@ WIDE = {  # extended.toml with pixels half as wide as their distance
 MEMORY = """
 from pathlib import Path
 from benchmarks.etendue import picture
-from optics.etendue import Kernel, approximate
+from optics.designing.etendue import Kernel, approximate
 approximate(Kernel.disk(20), picture(512))
 lines = Path("/proc/self/status").read_text().splitlines()
 print(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024)

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
-from optics.api import Design
-from optics.form_errors import (
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.interface.api import Design
+from optics.tolerancing.form_errors import (
     BandFormula,
     LocalFormula,
     form_errors_of,
     local_formula_of,
     pixel_mtf,
 )
-from optics.heights import HeightSum, Sine, random_field
-from optics.runtime import Backend, Row, load_backend, median_seconds
+from optics.tolerancing.perturbations import HeightSum, Sine, random_field
 
 PERIODS = (25.0, 10.0, 5.0, 2.0, 1.0)  # mm
 CELLS = (1024, 1024)

@@ -14,9 +14,9 @@ from time import perf_counter
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
 from optics import Design, monte_carlo, tolerances
-from optics.made_lenses import MonteCarlo
-from optics.runtime import Row
-from optics.tolerancing import tolerances_of
+from optics.base.runtime import Row
+from optics.tolerancing.monte_carlo_samples import MonteCarlo
+from optics.tolerancing.perturbations import tolerances_of
 
 SAMPLES, WORKERS = 512, 2
 MOST_SECONDS, MOST_MB = 120.0, 1000.0

@@ -25,11 +25,11 @@ import numpy as np
 
 from benchmarks.cad import rough_lens
 from benchmarks.checkout import EXAMPLES
-from optics.export import Body
-from optics.parts import placed_text
-from optics.problem import load_problem
-from optics.runtime import Row, UserError
-from optics.system import OpticalSystem
+from optics.base.runtime import Row, UserError
+from optics.exchange.assemblies import placed_text
+from optics.exchange.export import Body
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidState, part_step, step_shape
 from thbcad.cad.shapes import Part, lens_part

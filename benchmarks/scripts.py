@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 import optics
 from benchmarks.checkout import EXAMPLES
-from optics.engines import ExactEngine, Film
-from optics.optimisation import MARGIN, Objective, charged_objective, transmitted_flux, window_named
-from optics.runtime import Row, load_backend
+from optics.base.runtime import Row, load_backend
+from optics.designing.optimisation import MARGIN, Objective, charged_objective, transmitted_flux, window_named
+from optics.light.engines import ExactEngine, Film
 from thbcad import THBSpace, THBSurface
 
 SECONDS = 60.0  # of a script

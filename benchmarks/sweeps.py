@@ -14,9 +14,9 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
-from optics.problem import load_problem
-from optics.runtime import Moment, Row
-from optics.sweeps import Designed, Shared, Sweep, SweepPlan, Work, run_sweep, sweep
+from optics.base.runtime import Moment, Row
+from optics.interface.sweeps import Designed, Shared, Sweep, SweepPlan, Work, run_sweep, sweep
+from optics.scene.problem import load_problem
 from oracles.sweep_programs import DISTANCES, Cluster, children, kill, some_stored, start_sweep, stored
 
 PROBLEM = EXAMPLES / "tophat_circle.toml"

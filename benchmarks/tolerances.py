@@ -17,9 +17,15 @@ from numpy.typing import NDArray
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
 from optics import Design
-from optics.analysis import rel_l2
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.tolerancing import LinearLight, Perturbation, PerturbedLight, Tolerance, tolerances_of
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.light.analysis import rel_l2
+from optics.tolerancing.perturbations import (
+    LinearLight,
+    Perturbation,
+    PerturbedLight,
+    Tolerance,
+    tolerances_of,
+)
 
 Floats = NDArray[np.float64]
 

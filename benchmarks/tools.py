@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.api import design
-from optics.problem import load_problem
-from optics.runtime import Backend, Row, load_backend
-from optics.system import OpticalSystem
-from optics.toolpaths import (
+from optics.base.runtime import Backend, Row, load_backend
+from optics.interface.api import design
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.machining import (
     CuspBlur,
     ToolOrder,
     cusp_blur,

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from optics.mitsuba import exact_integrator, load_mitsuba
-from optics.problem import load_problem
-from optics.system import OpticalSystem
+from optics.exchange.mitsuba import exact_integrator, load_mitsuba
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 
 PIXELS, RAYS_PER_PIXEL, STEPS = 64, 9, 10
 RATE = 0.1  # mm per step

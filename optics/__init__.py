@@ -12,21 +12,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.api import (
-        Design as Design,
-        Minimum as Minimum,
-        Model as Model,
-        System as System,
-        design as design,
-        minimise as minimise,
-        mitsuba_scene as mitsuba_scene,
-    )
-    from optics.making import (
-        form_tolerances as form_tolerances,
-        monte_carlo as monte_carlo,
-        tolerances as tolerances,
-    )
-    from optics.optimisers import (
+    from optics.base.optimisers import (
         LBFGS as LBFGS,
         Adam as Adam,
         GradientDescent as GradientDescent,
@@ -35,7 +21,21 @@ if TYPE_CHECKING:
         Optimiser as Optimiser,
         RMSProp as RMSProp,
     )
-    from optics.problem import (
+    from optics.base.runtime import NumericalError as NumericalError, UserError as UserError
+    from optics.interface.api import (
+        Design as Design,
+        Minimum as Minimum,
+        Model as Model,
+        System as System,
+        design as design,
+        form_tolerances as form_tolerances,
+        minimise as minimise,
+        mitsuba_scene as mitsuba_scene,
+        monte_carlo as monte_carlo,
+        tolerances as tolerances,
+    )
+    from optics.interface.sweeps import Sweep as Sweep, SweepRow as SweepRow, sweep as sweep
+    from optics.scene.problem import (
         Export as Export,
         Freeform as Freeform,
         Front as Front,
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
         Verify as Verify,
         load_problem as load_problem,
     )
-    from optics.runtime import NumericalError as NumericalError, UserError as UserError
-    from optics.sweeps import Sweep as Sweep, SweepRow as SweepRow, sweep as sweep
-    from optics.toolpaths import ToolOrder as ToolOrder
+    from optics.tolerancing.machining import ToolOrder as ToolOrder
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

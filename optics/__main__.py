@@ -1,7 +1,7 @@
 """`python -m optics` and the installed command: Ctrl-C ends it with one line, whenever it comes.
 
 Python raises KeyboardInterrupt wherever it is, also among the imports of the command line and while it ends,
-and prints a traceback.  As long as `optics.commands.stop_signals` does not listen there is nothing to tidy
+and prints a traceback.  As long as `commands.stop_signals` does not listen there is nothing to tidy
 up: the process ends at once.  This file imports next to nothing.
 """
 
@@ -30,8 +30,8 @@ def entry() -> None:
 def _run() -> int:
     import gc
 
-    from optics.commands import main
-    from optics.runtime import collect_rarely
+    from optics.base.runtime import collect_rarely
+    from optics.interface.commands import main
 
     collect_rarely()
     if isinstance(sys.stdout, TextIOWrapper):  # None where it is closed

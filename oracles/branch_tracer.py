@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from optics.tracing import FATES
+from optics.light.tracing import FATES
 
 INDEX = 1.5
 

@@ -17,7 +17,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optics.target import Screen
+from optics.scene.receivers import Screen
 
 LEAST_AREA = Fraction(1e-9)  # square pixels
 STEP = Fraction(1, 1 << 100)  # of the derivatives, mm

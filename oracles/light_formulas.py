@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
-from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
 
 
 def window_value(window, distance):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from optics.problem import Source
-from optics.sources import Rays, collimated_beam, concentric, single_rays
+from optics.scene.problem import Source
+from optics.scene.sources import Rays, collimated_beam, concentric, single_rays
 from thbcad import Lens
 
 Floats = NDArray[np.float64]

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.receivers import receiver_at
-from optics.runtime import Backend
-from optics.sources import Profile, Rays, lambertian_parts
-from optics.tracing import LightPath, Tracer
+from optics.base.runtime import Backend
+from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import Profile, Rays, lambertian_parts
 from oracles.exact_meetings import ExactGraph
 from oracles.first_meetings import MEETS, OPEN, first_meetings
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface

@@ -15,11 +15,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.problem import SUN
-from optics.ray_files import RaySet
-from optics.receivers import receiver_at
-from optics.runtime import Backend
-from optics.sources import (
+from optics.base.runtime import Backend
+from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
+from optics.scene.problem import SUN
+from optics.scene.ray_files import RaySet
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import (
     Divergence,
     Profile,
     RayGrid,
@@ -29,7 +31,6 @@ from optics.sources import (
     placed_rays,
     point_rays,
 )
-from optics.tracing import LightPath, Tracer
 from oracles.exact_rays import (
     ARRIVES,
     BESIDE,

@@ -7,8 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from optics.problem import load_problem
-from optics.system import OpticalSystem
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from oracles.error_measures import Point, exponent, observed_order, seconds_at, slope_of_fit, worst_difference
 from oracles.ray_samplings import grid_points, jittered_points, random_points, sampled_rays, sobol_points
 from tests.cases import ROOT

@@ -6,9 +6,9 @@ from io import StringIO
 
 import pytest
 
-from optics.commands import benchmark_page, own_pages
-from optics.problem import load_problem
-from optics.runtime import marked_numbers, read_rows, without_marked_numbers
+from optics.base.runtime import marked_numbers, read_rows, without_marked_numbers
+from optics.interface.commands import benchmark_page, own_pages
+from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, ROOT
 
 PAGES = [
@@ -152,7 +152,13 @@ def test_the_problem_of_the_readme_is_that_of_the_pearl(tmp_path):
 
 
 def test_every_room_stands_on_the_page_of_the_architecture():
+    """Those of optics in its plan too."""
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-    doors = [path for package in ("thbcad", "optics") for path in (ROOT / package).rglob("__init__.py")]
-    rooms = [".".join(path.relative_to(ROOT).parts[1:-1]) for path in doors]
-    assert [room for room in rooms if room and f"`{room}`" not in page] == []
+    plan = set(re.findall(r"\w+", page.partition("```text")[2].partition("```")[0]))
+    geometry, light = (
+        [path.relative_to(ROOT / package).parts[:-1] for path in (ROOT / package).rglob("__init__.py")]
+        for package in ("thbcad", "optics")
+    )
+    assert [room for room in geometry if room and f"`{'.'.join(room)}`" not in page] == []
+    assert [room for room in light if room and f"`{room[-1]}`" not in page] == []
+    assert [room for room in light if room and room[-1] not in plan] == []

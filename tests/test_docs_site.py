@@ -7,9 +7,9 @@ import re
 
 import pytest
 
-from optics.commands import parsers
-from optics.problem import Problem, keys_of, load_problem, table_of
-from optics.runtime import read_rows
+from optics.base.runtime import read_rows
+from optics.interface.commands import parsers
+from optics.scene.problem import Problem, keys_of, load_problem, table_of
 from scripts.docs_site import api_pages
 from scripts.docs_site.benchmark_pages import benchmark_pages
 from scripts.docs_site.command_page import with_help

@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-from optics.parts import part_checks
+from optics.exchange.assemblies import part_checks
 from tests.cases import ROOT
 
 

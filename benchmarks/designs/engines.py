@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.engine_run import EngineRun, run_engine
-from optics.analysis import measure
-from optics.engines import ExactEngine
-from optics.optimisation import design
-from optics.problem import Problem, load_problem, problem_to_toml
-from optics.runtime import Row, load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import Row, load_backend
+from optics.designing.optimisation import design
+from optics.light.analysis import measure
+from optics.light.engines import ExactEngine
+from optics.scene.problem import Problem, load_problem, problem_to_toml
+from optics.scene.system import OpticalSystem
 from thbcad import Lens, write_lens
 
 EXACT, RENDERED, PTRACER = "exact", "mitsuba-exact", "mitsuba-ptracer"
@@ -117,7 +117,7 @@ def _engine_rows(name: str, engine: str, run: EngineRun, exact: EngineRun) -> li
 
 def _picture_rows(lens: Lens, problem: Problem) -> list[Row]:
     """Return the distance of Mitsuba's picture of a scene from our irradiance, and its noise."""
-    from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
+    from optics.exchange.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba()
     system = OpticalSystem(problem)

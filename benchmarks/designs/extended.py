@@ -22,15 +22,15 @@ from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, DesignRun, rel_l2_row, run_design
 from benchmarks.page_picture import keep
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
-from optics.analysis import counted_ways, light_by_other_ways, ray_irradiance
-from optics.api import System
-from optics.engines import ExactEngine
-from optics.optimisation import State, design
-from optics.problem import load_problem, problem_to_toml
-from optics.results import ResultFolder
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.system import OpticalSystem
-from optics.verification import StepFile, verify
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.designing.optimisation import State, design
+from optics.exchange.results import ResultFolder
+from optics.exchange.verification import StepFile, verify
+from optics.interface.api import System
+from optics.light.analysis import counted_ways, light_by_other_ways, ray_irradiance
+from optics.light.engines import ExactEngine
+from optics.scene.problem import load_problem, problem_to_toml
+from optics.scene.system import OpticalSystem
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from thbcad import write_step
 

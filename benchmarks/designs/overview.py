@@ -19,14 +19,15 @@ from scipy.integrate import dblquad
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import LANDING, rel_l2_row, run_design
-from optics.engines import TracedModel
-from optics.optimisation import MARGIN, Objective
-from optics.problem import Optimizer, load_problem, problem_to_toml
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.sources import collimated_beam
-from optics.system import OpticalSystem
-from optics.target import BSplineWindow, GaussianWindow, MappedCells, PixelWindow
-from optics.tracing import Tracer
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.designing.optimisation import MARGIN, Objective
+from optics.light.engines import TracedModel
+from optics.light.measuring import MappedCells
+from optics.light.tracing import Tracer
+from optics.scene.problem import Optimizer, load_problem, problem_to_toml
+from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.sources import collimated_beam
+from optics.scene.system import OpticalSystem
 from thbcad import FreeformSurface, Lens, THBSurface, read_lens
 
 PEARL = EXAMPLES / "pearl.toml"

@@ -18,12 +18,12 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row
-from optics.analysis import measure
-from optics.engines import ExactEngine
-from optics.optimisation import design
-from optics.problem import Freeform, Problem, Refinement, load_problem
-from optics.runtime import Backend, Row, load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import Backend, Row, load_backend
+from optics.designing.optimisation import design
+from optics.light.analysis import measure
+from optics.light.engines import ExactEngine
+from optics.scene.problem import Freeform, Problem, Refinement, load_problem
+from optics.scene.system import OpticalSystem
 
 UNIFORM = (4, 5)  # levels
 # indicator and alpha, level 5

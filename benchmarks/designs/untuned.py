@@ -17,10 +17,10 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row, run_design
-from optics.prediction import expected
-from optics.problem import AUTO, Optimizer, load_problem, problem_to_toml
-from optics.runtime import Row, load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import Row, load_backend
+from optics.designing.prediction import expected
+from optics.scene.problem import AUTO, Optimizer, load_problem, problem_to_toml
+from optics.scene.system import OpticalSystem
 
 PEARL = EXAMPLES / "pearl.toml"
 Z_FREEDOM = 19.0  # mm: busy pictures ask for more sag than the pearl

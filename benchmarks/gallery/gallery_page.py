@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchmarks.gallery.lenses import LENSES, Shown
-from optics.runtime import StoredRows, refreshed
+from optics.base.runtime import StoredRows, refreshed
 
 SECONDS, ERROR, LIGHT, FUNCTIONS = (
     "process start to verified result",

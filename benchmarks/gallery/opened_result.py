@@ -12,11 +12,11 @@ from pathlib import Path
 from PIL import Image
 
 from benchmarks.gallery.small_pictures import webp
-from optics.api import Design
-from optics.figures import scene_paths
-from optics.results import HASHES, hashes
-from optics.runtime import load_backend
-from optics.view import scene_page
+from optics.base.runtime import load_backend
+from optics.exchange.results import HASHES, hashes
+from optics.interface.api import Design
+from optics.reporting.figures import scene_paths
+from optics.reporting.view import scene_page
 from thbcad.io import json_text, write_text
 
 RECORD, REPORT, VIEW = "result.json", "report.html", "view.html"

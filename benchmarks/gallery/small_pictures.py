@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from optics.colour import srgb
-from optics.view import Face, View, oblique, rendered, solid_faces
+from optics.reporting.view import Face, View, oblique, rendered, solid_faces
+from optics.scene.photometry import srgb
 from thbcad import Lens
 
 Floats = NDArray[np.float64]

@@ -8,10 +8,10 @@ import numpy as np
 from skimage.metrics import structural_similarity
 
 from benchmarks.others.case_run import OTHERS, CaseRun, light_rows, run_case, time_rows
-from optics.analysis import ray_irradiance, rel_l2
-from optics.problem import load_problem
-from optics.runtime import Row, load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import Row, load_backend
+from optics.light.analysis import ray_irradiance, rel_l2
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

@@ -9,9 +9,9 @@ from typing import Any
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row, run_design
-from optics.api import Design
-from optics.problem import load_problem
-from optics.runtime import Row
+from optics.base.runtime import Row
+from optics.interface.api import Design
+from optics.scene.problem import load_problem
 
 OTHERS = EXAMPLES / "others"
 # of a design's clock: what others time is the way to the finished surface, without files, checks and figures

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 import optics
-from optics.analysis import Measurement
-from optics.api import Model, System
+from optics.interface.api import Model, System
+from optics.light.analysis import Measurement
 from thbcad import Lens, Samples, THBSurface, least_squares
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
@@ -107,8 +107,8 @@ def trained(
 
 def unfiltered_target(system: System) -> Floats:
     """Return the target irradiance on the pixels, not filtered, (rows, columns), W/mm^2."""
-    from optics.optimisation import transmitted_flux
-    from optics.runtime import load_backend
+    from optics.base.runtime import load_backend
+    from optics.designing.optimisation import transmitted_flux
 
     target = system.optical.target
     return target.irradiance(target.screen(), transmitted_flux(system.optical, load_backend("double", None)))

@@ -15,7 +15,7 @@ from typing import cast
 from benchmarks.checkout import BUILD, ROOT
 from benchmarks.thesis.pages import Section, choices_text, section_text, verdicts_text
 from benchmarks.thesis.records import Found, RunFolder, Study, completed
-from optics.runtime import Row, UserError
+from optics.base.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
 STUDIES = {

@@ -26,7 +26,7 @@ from benchmarks.tracing.error_methods import (
     mesh_points,
     quantity,
 )
-from optics.runtime import Row, load_backend
+from optics.base.runtime import Row, load_backend
 from oracles.error_measures import Point, observed_order, seconds_at
 
 WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared
@@ -40,7 +40,7 @@ def rows() -> list[Row]:
     """Return the measured rows, and draw the curves."""
     mitsuba = find_spec("mitsuba") is not None
     if mitsuba:
-        from optics.mitsuba import load_mitsuba
+        from optics.exchange.mitsuba import load_mitsuba
 
         load_mitsuba(threads=1)
     backend = load_backend("double", 1)

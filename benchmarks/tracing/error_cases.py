@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import BUILD, EXAMPLES
-from optics.engines import ExactEngine
-from optics.intersections import Hits
-from optics.optimisation import design
-from optics.problem import load_problem
-from optics.runtime import Backend, DrArray
-from optics.sources import RayGrid, Rays
-from optics.system import OpticalSystem
-from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, Splat, filter_image
-from optics.tracing import Tracer
+from optics.base.runtime import Backend, DrArray
+from optics.designing.optimisation import design
+from optics.light.engines import ExactEngine
+from optics.light.intersections import Hits
+from optics.light.measuring import Splat
+from optics.light.tracing import Tracer
+from optics.scene.problem import load_problem
+from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, filter_image
+from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
 from oracles.error_measures import relative, slope_of_fit
 from oracles.ray_samplings import grid_points, sampled_rays
 from thbcad import Lens, read_lens, write_lens

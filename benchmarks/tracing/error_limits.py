@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
 from benchmarks.tracing.error_cases import WINDOW, designed
-from optics.engines import SOFT_RIM, ExactEngine, TracedModel
-from optics.optimisation import Objective, stage_objective, stages
-from optics.problem import load_problem
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.system import OpticalSystem
-from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Splat
-from optics.tracing import Tracer
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.designing.optimisation import Objective, stage_objective, stages
+from optics.light.engines import SOFT_RIM, ExactEngine, TracedModel
+from optics.light.measuring import Splat
+from optics.light.tracing import Tracer
+from optics.scene.problem import load_problem
+from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.system import OpticalSystem
 from oracles.error_measures import relative, worst_difference
 from thbcad import Lens
 
@@ -93,7 +94,7 @@ def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
         own = seconds(fit(system, lens, backend, window, RAYS), lens)
         out.append(Row(f"loss + gradient, 449^2 rays, net {net}, {name}", own, "s", "", limit))
         if mitsuba:
-            from optics.mitsuba import mesh_pipeline
+            from optics.exchange.mitsuba import mesh_pipeline
 
             other = seconds(mesh_pipeline(system, lens, RAYS, window, RAYS), lens, 5)
             least = 20 if window.taps == 2 else None
@@ -207,7 +208,7 @@ def _set_up() -> list[Row]:
 def _mesh_accuracy(backend: Backend) -> Row:
     """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base
     lens."""
-    from optics.mitsuba import mesh_irradiance
+    from optics.exchange.mitsuba import mesh_irradiance
 
     system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
     lens, screen = system.lens, system.target.screen()

@@ -20,16 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
-from optics.engines import TracedModel
-from optics.optimisation import Objective
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.target import Splat, filter_image
-from optics.tracing import Tracer
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.designing.optimisation import Objective
+from optics.light.engines import TracedModel
+from optics.light.measuring import Splat
+from optics.light.tracing import Tracer
+from optics.scene.receivers import filter_image
 from oracles.error_measures import Point, relative, slope_of_fit
 from oracles.ray_samplings import jittered_points, random_points, sampled_rays, sobol_points
 
 if TYPE_CHECKING:
-    from optics.mitsuba import LensMesh, MeshTracer
+    from optics.exchange.mitsuba import LensMesh, MeshTracer
 
 Floats = NDArray[np.float64]
 COUNTS = tuple(1 << k for k in (14, 16, 18, 20))
@@ -113,7 +114,7 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
 def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNTS) -> list[Point]:
     """Return the points of Mitsuba's meshes with analytic normals and direct splats, on the exact tracer's
     grids or Sobol points."""
-    from optics.mitsuba import LensMesh, MeshTracer
+    from optics.exchange.mitsuba import LensMesh, MeshTracer
 
     out, mesh = [], LensMesh.uniform(case.lens, VERTICES)
     collimated = case.system.source.collimated
@@ -131,7 +132,7 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
 def camera_points(case: Case, truth: Reference) -> list[Point]:
     """Return the points of Mitsuba's particle tracer and camera; the gradient for few rays only, it takes
     long."""
-    from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
+    from optics.exchange.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi, mesh, out = current_mitsuba(), LensMesh.uniform(case.lens, VERTICES), []
     scene = mitsuba_scene(case.system, mesh)
@@ -174,7 +175,7 @@ def _timed_gradient(
 def _seen(picture: Any) -> Floats:
     """Return the irradiance of a white screen, (rows, columns), from a picture of the dark one; the camera
     sees +x on its left."""
-    from optics.mitsuba import REFLECTANCE
+    from optics.exchange.mitsuba import REFLECTANCE
 
     return np.pi / REFLECTANCE * np.array(picture, dtype=np.float64)[..., 0][:, ::-1]
 
@@ -185,7 +186,7 @@ def camera_noise(case: Case, window: str, paths: int = SPP[-1]) -> Noise:
     Two pictures are sqrt(2) noises apart.  Light by other paths than front, rear, screen is seen alike
     in both, unlike in `Point`.  paths : per pixel.
     """
-    from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
+    from optics.exchange.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi = current_mitsuba()
     scene = mitsuba_scene(case.system, LensMesh.uniform(case.lens, VERTICES))
@@ -231,7 +232,7 @@ def _camera_gradient(
 ) -> Floats:
     """Return the gradient by the coefficients through camera and meshes; the same rays serve image and
     derivative."""
-    from optics.mitsuba import REFLECTANCE, mitsuba_backend
+    from optics.exchange.mitsuba import REFLECTANCE, mitsuba_backend
 
     double = mitsuba_backend(mi)
     dr, leaves = double.dr, [double.array(c) for c in case.coefficients]

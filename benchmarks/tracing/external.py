@@ -14,10 +14,10 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks.tracing.error_cases import designed
-from optics.external import LightComparison, compare_light, file_tracer, light_comparison_checks
-from optics.runtime import Row, load_backend
-from optics.system import OpticalSystem
-from optics.verification import StepFile
+from optics.base.runtime import Row, load_backend
+from optics.exchange.cross_checks import LightComparison, compare_light, file_tracer, light_comparison_checks
+from optics.exchange.verification import StepFile
+from optics.scene.system import OpticalSystem
 from thbcad import Lens, write_step
 
 FULL = {"mitsuba": 10_000_000, "occt": 100_000, "optiland": 100_000}

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from benchmarks.checkout import EXAMPLES
 from benchmarks.tracing.error_cases import AT_ONCE, Case, pearl_case, window_image
 from benchmarks.tracing.error_methods import BOX, SPP, camera_noise, quantity
-from optics.analysis import cell_irradiance, measure
-from optics.problem import Problem, load_problem
-from optics.runtime import Backend, Row, load_backend
-from optics.system import OpticalSystem
-from optics.target import BoxWindow
+from optics.base.runtime import Backend, Row, load_backend
+from optics.light.analysis import cell_irradiance, measure
+from optics.scene.problem import Problem, load_problem
+from optics.scene.receivers import BoxWindow
+from optics.scene.system import OpticalSystem
 from oracles.error_measures import relative
 from oracles.step_light import Beam, Pixels, cell_image, read_rear
 from thbcad import write_step
@@ -134,7 +134,7 @@ def _ratios(case: Case, runs: Sequence[tuple[str, float, float]]) -> list[Row]:
 
     Of a way that does not reach it the least error counts.  runs : estimator, seconds and error of ours.
     """
-    from optics.mitsuba import load_mitsuba
+    from optics.exchange.mitsuba import load_mitsuba
 
     load_mitsuba("llvm_ad_mono", 1)
     few, noise = (camera_noise(case, BOX, paths) for paths in (SPP[0], SPP[-1]))

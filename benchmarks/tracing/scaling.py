@@ -16,13 +16,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.checkout import ROOT
-from optics.engines import TracedModel
-from optics.optimisation import Objective
-from optics.problem import load_problem
-from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.system import OpticalSystem
-from optics.target import PixelWindow
-from optics.tracing import Tracer
+from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.designing.optimisation import Objective
+from optics.light.engines import TracedModel
+from optics.light.tracing import Tracer
+from optics.scene.problem import load_problem
+from optics.scene.receivers import PixelWindow
+from optics.scene.system import OpticalSystem
 from oracles.error_measures import exponent
 from thbcad import KnotVector, Lens, THBSpace, THBSurface
 

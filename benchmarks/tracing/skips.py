@@ -1,4 +1,4 @@
-"""What every skip of `optics.system` saves, and what it changes: loss and gradient with and without it.
+"""What every skip of `optics.scene.system` saves, and what it changes: loss and gradient with and without it.
 
 Run: thbcad bench skips
 
@@ -19,15 +19,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.analysis import measure
-from optics.engines import ExactEngine, TracedModel
-from optics.optimisation import MARGIN, Mirrors, Objective, design, mirror_axes, stage_objective, stages
-from optics.problem import load_problem
-from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
-from optics.sources import RayGrid, collimated_beam, single_rays
-from optics.system import OpticalSystem
-from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Splat
-from optics.tracing import TargetArea, Tracer, trace_nonsequential
+from optics.base.runtime import Backend, DrArray, Row, load_backend, median_seconds
+from optics.designing.optimisation import (
+    MARGIN,
+    Mirrors,
+    Objective,
+    design,
+    mirror_axes,
+    stage_objective,
+    stages,
+)
+from optics.light.analysis import measure
+from optics.light.engines import ExactEngine, TracedModel
+from optics.light.measuring import Splat
+from optics.light.tracing import TargetArea, Tracer, trace_nonsequential
+from optics.scene.problem import load_problem
+from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.sources import RayGrid, collimated_beam, single_rays
+from optics.scene.system import OpticalSystem
 from thbcad import Lens, THBSurface
 
 COUNT, REPEATS = 449, 9
@@ -234,7 +243,7 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """
     if find_spec("mitsuba") is None:
         return []
-    from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
+    from optics.exchange.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba("llvm_ad_mono", 1)
     scene = mitsuba_scene(system, LensMesh.uniform(lens, (COUNT, COUNT)))
@@ -369,7 +378,7 @@ def _whole_design() -> list[Row]:
     backend, seconds, errors = load_backend("double"), [], []
     for chosen, axes in ((lean, (0, 1)), (full, ())):
         system = OpticalSystem(chosen)
-        with patch("optics.optimisation.loop.symmetry_axes", return_value=axes):
+        with patch("optics.designing.optimisation.loop.symmetry_axes", return_value=axes):
             seconds.append(median_seconds(lambda s=system: design(s, backend, ExactEngine(backend)), 3))
             lens, _ = design(system, backend, ExactEngine(backend))
         errors.append(measure(OpticalSystem(problem), lens, backend).metrics["rel_l2"])

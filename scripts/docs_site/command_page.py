@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optics.commands import parsers
+from optics.interface.commands import parsers
 
 
 def with_help(page: str) -> str:

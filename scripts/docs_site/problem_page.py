@@ -6,7 +6,7 @@ import re
 from dataclasses import MISSING
 from typing import Any, get_args
 
-from optics.problem import AUTO, Key, Problem, keys_of, table_of
+from optics.scene.problem import AUTO, Key, Problem, keys_of, table_of
 
 MARK = "<!-- keys -->"
 UNIT = re.compile(

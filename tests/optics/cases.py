@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.problem import load_problem
-from optics.receivers import receiver_at
-from optics.results import ResultFolder, ResultWriter
-from optics.runtime import load_backend
-from optics.sources import collimated_beam
-from optics.system import OpticalSystem
-from optics.tracing import LightPath, Tracer
+from optics.base.runtime import load_backend
+from optics.exchange.results import ResultFolder, ResultWriter
+from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
+from optics.scene.problem import load_problem
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import collimated_beam
+from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

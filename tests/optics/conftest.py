@@ -6,7 +6,7 @@ from functools import partial
 
 import pytest
 
-from optics.runtime import load_backend
+from optics.base.runtime import load_backend
 from tests.optics.cases import write_problem
 
 

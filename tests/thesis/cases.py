@@ -10,7 +10,7 @@ from tests.cases import ROOT
 PROGRAM = """
 import sys
 from pathlib import Path
-from optics.commands import bench_command, main
+from optics.interface.commands import bench_command, main
 bench_command.checkout = Path.cwd
 sys.exit(main(sys.argv[1:]))
 """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from examples.thesis import networks
-from optics.runtime import load_backend
+from optics.base.runtime import load_backend
 
 SHAPE, REACH = (5, 4), (2, 1)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from examples.thesis.small_figures import CUT, PIXELS, POSITIONS, SIGMA, box, gaussian, plates, weights
-from optics.target import GaussianWindow
+from optics.scene.receivers import GaussianWindow
 from tests.cases import EXAMPLES
 
 LONGEST = 60  # lines of a script

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from optics.commands import main
+from optics.interface.commands import main
 from tests.thesis.cases import copied_checkout, studies
 
 STUDY = "9"  # the quickest: four runs, below a second in all
@@ -24,7 +24,7 @@ def checkout(tmp_path_factory):
     folder = copied_checkout(tmp_path_factory.mktemp("checkout"))
     others = {name: m for name, m in sys.modules.items() if name.split(".")[0] in ("benchmarks", "examples")}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("optics.commands.bench_command.checkout", lambda: folder)
+        patch.setattr("optics.interface.commands.bench_command.checkout", lambda: folder)
         patch.setattr(sys, "path", [*sys.path])
         for name in others:
             patch.delitem(sys.modules, name)

@@ -22,10 +22,8 @@ from examples.thesis.small_figures import (
     plates,
     weights,
 )
-from optics.receivers import receiver_at
-from optics.runtime import load_backend
-from optics.sources import Rays
-from optics.tracing import (
+from optics.base.runtime import load_backend
+from optics.light.tracing import (
     TargetArea,
     critical_angle,
     normal_incidence_transmittance,
@@ -33,6 +31,8 @@ from optics.tracing import (
     traced_transmittance,
     transmittances,
 )
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import Rays
 from thbcad import FreeformSurface, Lens
 
 NUMBER = 9

@@ -14,8 +14,8 @@ from benchmarks.thesis.drawing import curve_row, irradiance, panels, png
 from benchmarks.thesis.lens_runs import merit
 from benchmarks.thesis.records import Found, Results, Run
 from examples.thesis.constraints import PENALTIES, RANGES
-from optics.problem import Limits
-from optics.shape import ShapePenalty, shape_penalty
+from optics.designing.penalties import ShapePenalty, shape_penalty
+from optics.scene.problem import Limits
 
 NUMBER = 3
 TITLE = "Constraints"

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import optics
 from benchmarks.checkout import EXAMPLES
 from benchmarks.thesis.records import Found
-from optics.api import Model, System
-from optics.runtime import UserError, median_seconds
+from optics.base.runtime import UserError, median_seconds
+from optics.interface.api import Model, System
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from benchmarks.thesis.drawing import curve_row, irradiance, panels, png
 from benchmarks.thesis.lens_runs import Misfit, merit
 from benchmarks.thesis.records import Found, Results, Run
 from examples.thesis.own_optimiser import AcceptedSteps
-from optics.optimisation import PROBES, BoundedVariables
+from optics.designing.optimisation import PROBES, BoundedVariables
 from thbcad import THBSurface
 
 NUMBER = 2

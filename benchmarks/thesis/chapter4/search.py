@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import optics
 from benchmarks.checkout import EXAMPLES
 from benchmarks.thesis.lens_runs import unfiltered_target
-from optics.api import Model, System
+from optics.interface.api import Model, System
 from thbcad import THBSpace
 
 Floats = NDArray[np.float64]

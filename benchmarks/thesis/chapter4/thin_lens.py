@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.thesis.records import Found
-from optics.runtime import load_backend
+from optics.base.runtime import load_backend
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from benchmarks.checkout import EXAMPLES
 from benchmarks.thesis.chapter5.step_light import step_irradiance
 from benchmarks.thesis.lens_runs import Misfit, Training, merit, trained, unfiltered_target
 from benchmarks.thesis.records import Found, Results, Run
-from optics.api import System
-from optics.problem import Problem
+from optics.interface.api import System
+from optics.scene.problem import Problem
 
 PROBLEM = EXAMPLES / "thesis" / "fixed_nets.toml"
 TARGETS = {

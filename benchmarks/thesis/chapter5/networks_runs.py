@@ -12,8 +12,8 @@ import optics
 from benchmarks.thesis.lens_runs import Training, merit, trained, unfiltered_target
 from benchmarks.thesis.records import Found, Run
 from examples.thesis.networks import PROBLEM, loss_through
-from optics.api import System
-from optics.problem import Problem
+from optics.interface.api import System
+from optics.scene.problem import Problem
 from thbcad import THBSurface
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.api import System
-from optics.sources import single_rays
-from optics.target import Screen
-from optics.verification import trace_step
+from optics.exchange.verification import trace_step
+from optics.interface.api import System
+from optics.scene.receivers import Screen
+from optics.scene.sources import single_rays
 from thbcad import Lens, read_step, write_step
 
 Floats = NDArray[np.float64]

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 import optics
 from benchmarks.thesis.lens_runs import Misfit, Training, trained, unfiltered_target
-from optics.api import System
-from optics.engines import Engine, ExactEngine
-from optics.optimisation import mark, summed_over_cells, vertex_knots
-from optics.runtime import load_backend
+from optics.base.runtime import load_backend
+from optics.designing.optimisation import mark, summed_over_cells, vertex_knots
+from optics.interface.api import System
+from optics.light.engines import Engine, ExactEngine
 from thbcad import Lens, THBSurface
 from thbcad.hierarchy import THBSpace
 

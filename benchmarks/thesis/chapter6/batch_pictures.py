@@ -11,10 +11,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from benchmarks.thesis.chapter6.batch_records import SHOWN, unpacked
 from benchmarks.thesis.drawing import few_colours, irradiance, mesh, panels, plt, png, relief
 from benchmarks.thesis.records import Found
-from optics.figures import draw_solid, scene_paths, scene_view
-from optics.runtime import load_backend
-from optics.system import OpticalSystem
-from optics.view import View, oblique, solid_faces
+from optics.base.runtime import load_backend
+from optics.reporting.figures import draw_solid, scene_paths, scene_view
+from optics.reporting.view import View, oblique, solid_faces
+from optics.scene.system import OpticalSystem
 from thbcad import Lens
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from benchmarks.thesis.chapter6.adam_batches import Batch, Plan, adam_batches
 from benchmarks.thesis.chapter6.second_tracer import step_loss
 from benchmarks.thesis.lens_runs import measured_merit, sag_figures, unfiltered_target
 from benchmarks.thesis.records import Found
-from optics.analysis import Measurement
-from optics.api import System
-from optics.engines import ExactEngine
-from optics.runtime import load_backend
+from optics.base.runtime import load_backend
+from optics.interface.api import System
+from optics.light.analysis import Measurement
+from optics.light.engines import ExactEngine
 from thbcad import Lens, THBSurface
 from thbcad.hierarchy import THBSpace
 from thbcad.io import json_text, sag_from_dict, sag_to_dict

@@ -17,11 +17,11 @@ from benchmarks.thesis.chapter6.batch_pictures import (
 )
 from benchmarks.thesis.drawing import curves, plt, png
 from benchmarks.thesis.records import Results
-from optics.analysis import fans
-from optics.figures import draw_fan
-from optics.problem import load_problem
-from optics.runtime import load_backend
-from optics.system import OpticalSystem
+from optics.base.runtime import load_backend
+from optics.light.analysis import fans
+from optics.reporting.figures import draw_fan
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from thbcad import Lens
 
 CURVES = {"symmetric mesh": "thb", "mesh not symmetric": "asymmetric", "target filtered too": "filtered"}

@@ -11,7 +11,7 @@ from benchmarks.checkout import EXAMPLES
 from benchmarks.thesis.chapter6.adam_batches import Plan, near_dof
 from benchmarks.thesis.chapter6.batch_records import designed, recorded
 from benchmarks.thesis.records import Found, Run
-from optics.analysis import Measurement
+from optics.light.analysis import Measurement
 from thbcad import Lens
 
 DOF = (25, 49, 70, 253, 637, 2180)  # at the ends of the batches, section 6.3.2

@@ -17,8 +17,8 @@ from benchmarks.thesis.chapter6.batch_pictures import (
 )
 from benchmarks.thesis.drawing import plt, png
 from benchmarks.thesis.records import Results
-from optics.problem import load_problem
-from optics.system import OpticalSystem
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,11 +22,11 @@ from benchmarks.thesis.chapter6.adam_batches import (
 )
 from benchmarks.thesis.chapter6.batch_records import designed, recorded
 from benchmarks.thesis.records import Found, Run
-from optics.analysis import Measurement
-from optics.problem import Refinement
-from optics.runtime import load_backend
-from optics.system import OpticalSystem
-from optics.tracing import Tracer
+from optics.base.runtime import load_backend
+from optics.light.analysis import Measurement
+from optics.light.tracing import Tracer
+from optics.scene.problem import Refinement
+from optics.scene.system import OpticalSystem
 from thbcad import Lens
 
 DOF = (100, 161, 387, 1297, 3818, 11955)  # of Table 6.2

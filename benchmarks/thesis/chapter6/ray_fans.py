@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from benchmarks.thesis.drawing import panels, png
 from benchmarks.thesis.pages import Choice, Claim, Picture
 from benchmarks.thesis.records import Found, Numbers
-from optics.analysis import fans
-from optics.runtime import load_backend
-from optics.system import OpticalSystem
-from optics.tracing import SENTENCES
+from optics.base.runtime import load_backend
+from optics.light.analysis import fans
+from optics.light.tracing import SENTENCES
+from optics.scene.system import OpticalSystem
 from thbcad import Lens
 
 PICTURE = Picture(

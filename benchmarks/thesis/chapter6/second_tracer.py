@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.api import System
-from optics.sources import single_rays
-from optics.target import Screen
-from optics.tracing import LandingPoints
-from optics.verification import StepFile, trace_step
+from optics.exchange.verification import StepFile, trace_step
+from optics.interface.api import System
+from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Screen
+from optics.scene.sources import single_rays
 from thbcad import Lens, write_step
 
 Floats = NDArray[np.float64]

@@ -12,20 +12,20 @@ from benchmarks.thesis.chapter7 import several_sources_page
 from benchmarks.thesis.drawing import png
 from benchmarks.thesis.pages import Section
 from benchmarks.thesis.records import Arrays, Found, Results, Run
-from examples.chapter7 import SOURCES, SPLITS, TARGETS, deconvolution, methods, positions, rectangles
-from optics.deconvolution import (
-    CASES,
-    MARKS,
-    STEPS,
-    Case,
-    RectangleResponse,
-    Response,
-    compare,
-    figure_7_4,
-    landscape,
-    two_sources,
+from examples.thesis.chapter7.analytic import RectangleResponse
+from examples.thesis.chapter7.comparison import CASES, Response, compare
+from examples.thesis.chapter7.deconvolution import Case, figure_7_4
+from examples.thesis.chapter7.pictures import (
+    SOURCES,
+    SPLITS,
+    TARGETS,
+    deconvolution,
+    methods,
+    positions,
+    rectangles,
 )
-from optics.etendue import Approximation
+from examples.thesis.chapter7.two_source_landscape import MARKS, STEPS, landscape, two_sources
+from optics.designing.etendue import Approximation
 
 NUMBER = several_sources_page.NUMBER
 TITLE = several_sources_page.TITLE

@@ -10,7 +10,8 @@ from scipy.stats import spearmanr
 
 from benchmarks.thesis.pages import Choice, Claim, Picture, Section, Table
 from benchmarks.thesis.records import Results
-from optics.deconvolution import CASES, MARKS
+from examples.thesis.chapter7.comparison import CASES
+from examples.thesis.chapter7.two_source_landscape import MARKS
 
 NUMBER = 10
 TITLE = "Light from several sources"

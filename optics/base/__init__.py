@@ -1,0 +1,1 @@
+"""What everything stands on: errors, checks, Dr.Jit's backends, workers, optimisers."""

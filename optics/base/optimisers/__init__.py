@@ -1,0 +1,18 @@
+"""Optimisers of a function with its gradient behind one interface: first-order steps, line search, L-BFGS."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.base.optimisers.gradient_steps import (
+        Adam as Adam,
+        GradientDescent as GradientDescent,
+        Momentum as Momentum,
+        RMSProp as RMSProp,
+    )
+    from optics.base.optimisers.iterations import Function as Function, Optimiser as Optimiser
+    from optics.base.optimisers.line_search import LineSearch as LineSearch
+    from optics.base.optimisers.quasi_newton import LBFGS as LBFGS
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,70 @@
+"""Errors, checks, messages, rows of tables, and the one place that loads Dr.Jit."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.base.runtime.backend import (
+        ARRAY_TYPES as ARRAY_TYPES,
+        PACKED as PACKED,
+        PRECISIONS as PRECISIONS,
+        Backend as Backend,
+        DrArray as DrArray,
+        load_backend as load_backend,
+    )
+    from optics.base.runtime.checks import (
+        SURE as SURE,
+        Check as Check,
+        Grade as Grade,
+        Result as Result,
+        check_lines as check_lines,
+        checks_of as checks_of,
+        grade as grade,
+        verification as verification,
+    )
+    from optics.base.runtime.errors import (
+        LONGEST as LONGEST,
+        NumericalError as NumericalError,
+        UserError as UserError,
+        is_text as is_text,
+        note as note,
+        printable as printable,
+        speaking_of as speaking_of,
+    )
+    from optics.base.runtime.garbage import collect_rarely as collect_rarely
+    from optics.base.runtime.helper_process import (
+        HelperProcess as HelperProcess,
+        ProcessEnded as ProcessEnded,
+        load as load,
+        peak_mb as peak_mb,
+        process_for as process_for,
+        serve as serve,
+    )
+    from optics.base.runtime.llvm import llvm_library as llvm_library
+    from optics.base.runtime.lost_interrupts import lost_interrupts_again as lost_interrupts_again
+    from optics.base.runtime.order_free_sums import OrderFreeSums as OrderFreeSums
+    from optics.base.runtime.progress import Moment as Moment, Phase as Phase, Progress as Progress
+    from optics.base.runtime.quoted_numbers import (
+        marked_numbers as marked_numbers,
+        quoted_rows as quoted_rows,
+        refreshed as refreshed,
+        without_marked_numbers as without_marked_numbers,
+    )
+    from optics.base.runtime.rows import Row as Row, median_seconds as median_seconds, table as table
+    from optics.base.runtime.stored_rows import (
+        StoredRows as StoredRows,
+        machine as machine,
+        machine_facts as machine_facts,
+        overview_page as overview_page,
+        read_rows as read_rows,
+        rows_page as rows_page,
+        store_rows as store_rows,
+    )
+    from optics.base.runtime.user_files import (
+        read_at_most as read_at_most,
+        reading as reading,
+        require_regular_file as require_regular_file,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,119 @@
+"""The one place that loads Dr.Jit."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from importlib import import_module
+from resource import RLIMIT_AS, getrlimit
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optics.base.runtime.garbage import give_back_memory
+from optics.base.runtime.llvm import llvm_library, require_loadable
+from thbcad.doors import loaded
+
+DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
+
+LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
+ARRAY_TYPES = "drjit.llvm.ad"  # of the device, with derivatives: the one place that names it
+PACKET = 64  # numbers, more than any processor handles at once
+PACKED = 4  # numbers of `Backend.Packet`
+# by name: Dr.Jit's and numpy's type, resolution
+PRECISIONS: dict[str, tuple[str, type[np.floating], float]] = {
+    "double": ("Float64", np.float64, 1e-10),
+    "single": ("Float32", np.float32, 2e-6),
+}
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Dr.Jit with the array types of one device and precision.
+
+    dr : the drjit module
+    Float, Index : differentiable float and unsigned integer array types
+    dtype : of numpy, like Float
+    resolution : within which a ray counts as meeting a surface, relative to the lengths of lens and ray
+    """
+
+    dr: ModuleType
+    Float: type[DrArray]
+    Index: type[DrArray]
+    dtype: type[np.floating]
+    resolution: float
+
+    @property
+    def types(self) -> ModuleType:
+        """The array types of the device, with derivatives."""
+        return _types()
+
+    @property
+    def Packet(self) -> type[DrArray]:
+        """Array type of four numbers side by side in memory, which are read, written or added to together."""
+        return self.types.Array4f64 if self.dtype is np.float64 else self.types.Array4f
+
+    @property
+    def Pair(self) -> type[DrArray]:
+        """Array type of two numbers side by side in memory."""
+        return self.types.Array2f64 if self.dtype is np.float64 else self.types.Array2f
+
+    def doubled(self) -> Backend:
+        """Return the same backend with numbers of double precision."""
+        _, dtype, resolution = PRECISIONS["double"]
+        return replace(self, Float=self.types.Float64, dtype=dtype, resolution=resolution)
+
+    def array(self, values: ArrayLike) -> DrArray:
+        """Return numbers as a flat Dr.Jit array.
+
+        Dr.Jit takes numpy's memory as it is.  Its kernels read whole packets, past the end of it, and are
+        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a
+        packet.
+        """
+        flat = np.ravel(values)
+        buffer = np.zeros(len(flat) + 2 * PACKET, dtype=self.dtype)
+        start = -(buffer.ctypes.data // buffer.itemsize) % PACKET
+        row = buffer[start : start + len(flat)]
+        row[:] = flat
+        return self.Float(row)
+
+    def release(self) -> None:
+        """Give memory back to the system that Dr.Jit keeps for arrays to come."""
+        self.dr.flush_malloc_cache()
+        give_back_memory()
+
+
+def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
+    """Load Dr.Jit's LLVM backend.
+
+    threads : number of threads, 0 for all cores, None for as many as before.
+
+    Raises
+    ------
+    ImportError : Dr.Jit is not installed.
+    UserError : no usable LLVM library.
+    MemoryError : too little for it.
+    """
+    os.environ["DRJIT_LIBLLVM_PATH"] = library = llvm_library()
+    if 0 <= getrlimit(RLIMIT_AS)[0] < LEAST_ROOM:  # infinity is -1
+        raise MemoryError("there is too little room for LLVM")
+    drjit = loaded("drjit")
+    if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
+        require_loadable(library)
+    if threads is not None:
+        drjit.set_thread_count(threads or _cores())
+    name, dtype, resolution = PRECISIONS[precision]
+    types = _types()
+    return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
+
+
+def _types() -> ModuleType:
+    """Return the array types of the device, with derivatives."""
+    return import_module(ARRAY_TYPES)
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

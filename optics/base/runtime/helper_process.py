@@ -1,0 +1,182 @@
+"""Work in other processes, beside this one.
+
+OpenCASCADE and matplotlib hold Python's lock while they load and while they work: in a thread they would stop
+what they should run beside.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from fcntl import F_SETFL, F_SETOWN, fcntl
+from importlib import import_module
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
+from typing import Any
+
+from optics.base.runtime.garbage import collect_and_give_back, collect_rarely
+from optics.base.runtime.lost_interrupts import lost_interrupts_again
+
+PROGRAM = "from optics.base.runtime import serve; serve()"
+PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
+TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
+
+
+class ProcessEnded(RuntimeError):
+    """A process ended before it answered."""
+
+
+class HelperProcess:
+    """A Python process that calls functions for this one, one after the other, as it is asked.
+
+    It ends when this process ends, however that ends, since its pipes close then: see `_end_with`.  Ctrl-C in
+    a terminal does not reach it.
+    """
+
+    def __init__(self) -> None:
+        self._pipe, theirs = Pipe()
+        alive, self._alive = Pipe(duplex=False)  # nothing is ever sent
+        paths = os.pathsep.join(map(os.path.abspath, sys.path))
+        # not before `serve` listens: Python's start would print what Ctrl-C stops
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        with theirs, alive:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno()), str(alive.fileno())],
+                env=os.environ | {"PYTHONPATH": paths},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno(), alive.fileno()],
+                process_group=0,
+            )
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
+
+    def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
+        """Return what a function of a module will return; an exception that it raises is raised here."""
+        return self._caller.submit(self._answer, module, function, arguments)
+
+    def stop(self) -> None:
+        """End the process as Ctrl-C does, so that no half of a file is left, or else without asking.
+
+        A package that is being loaded may swallow the first signal.
+        """
+        for ask in (signal.SIGINT, signal.SIGINT, signal.SIGKILL):
+            self._process.send_signal(ask)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE)
+                break
+        self._caller.shutdown(cancel_futures=True)
+        self._pipe.close()
+        self._alive.close()
+
+    def _answer(self, module: str, function: str, arguments: Sequence[Any]) -> Any:
+        try:
+            self._pipe.send((module, function, arguments))
+            value, error = self._pipe.recv()
+        except (EOFError, OSError):
+            code = self._process.wait()
+            raise ProcessEnded(f"a helper process ended with code {code} in {module}.{function}") from None
+        if error is not None:
+            raise error
+        return value
+
+
+@contextmanager
+def process_for(work: str) -> Iterator[HelperProcess]:
+    """Yield the HelperProcess of this one for some work.
+
+    It is kept for the next time, unless what is done with it fails.
+    """
+    process = _KEPT[work] = _KEPT.get(work) or HelperProcess()
+    try:
+        yield process
+    except BaseException:
+        if _KEPT.get(work) is process:
+            del _KEPT[work]
+        process.stop()
+        raise
+
+
+_KEPT: dict[str, HelperProcess] = {}
+
+
+def serve() -> None:
+    """Answer the requests of the process that started this one, until that ends."""
+    _end_with(int(sys.argv[2]))
+    collect_rarely()
+    with (
+        suppress(EOFError, OSError, KeyboardInterrupt),
+        lost_interrupts_again(lambda: signal.SIGINT),
+        Connection(int(sys.argv[1])) as pipe,
+    ):
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # work in the background inherits none
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        while True:
+            with _stopped_while_loading():  # arguments, too, may need a package
+                request = pipe.recv()
+            pipe.send(_called(*request))
+            collect_and_give_back()
+    os._exit(0)  # to take the loaded packages down takes longer than some requests
+
+
+def _end_with(pipe: int) -> None:
+    """Let the kernel end this process when the other end of a pipe closes (Linux).
+
+    OCCT holds Python's lock for seconds: neither a thread nor a handler of Python would see it before.
+    Elsewhere what is being done is done first.
+    """
+    if sys.platform == "linux":
+        signal.signal(signal.SIGIO, signal.SIG_DFL)  # which ends the process
+        fcntl(pipe, F_SETOWN, os.getpid())
+        fcntl(pipe, F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
+
+
+def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:
+    """Return (what the function returns, None) or (None, what it raises)."""
+    try:
+        with _stopped_while_loading():
+            return getattr(import_module(module), function)(*arguments), None
+    except Exception as error:
+        where = "".join(traceback.format_exception(error))
+        if isinstance(error, MemoryError):
+            error = MemoryError(str(error))  # numpy has its own
+        if type(error).__module__.partition(".")[0] in TRAVELLING:
+            error.add_note(where)
+            return None, error
+        return None, RuntimeError(where)
+
+
+@contextmanager
+def _stopped_while_loading() -> Iterator[None]:
+    """Raise the KeyboardInterrupt that a package such as OCP turns into its own error while it is loaded."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__ from None
+        raise
+
+
+def load(module: str, name: str) -> None:
+    """Load what a function of a module needs, before it is asked for."""
+    getattr(import_module(module), name)
+
+
+def peak_mb() -> float:
+    """Return the most memory that this process held at a time, MB.
+
+    Linux writes it in /proc.  `getrusage` begins with what the process held that started this one.
+    """
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text("utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return getrusage(RUSAGE_SELF).ru_maxrss / 1024

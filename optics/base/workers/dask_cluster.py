@@ -1,0 +1,81 @@
+"""Workers of a dask.distributed cluster that runs already."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from concurrent.futures import CancelledError
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import UserError
+from optics.base.workers.pool_protocol import Worker
+from optics.base.workers.worker_side import UnpreparedError
+from thbcad.doors import loaded
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# they would print tracebacks, until after the end, of a lost scheduler, which is told in one sentence
+LOGS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
+PATIENCE = 10.0  # seconds in which a scheduler answers: a busy one needs less than one
+
+
+class DaskCluster:
+    """The workers of a scheduler.  Each is its own executor, so that it is known what a killed one did.
+
+    Raises
+    ------
+    ImportError : dask.distributed is not installed.
+    UserError : no scheduler answers.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        distributed = loaded("distributed")
+        # a client that has lost its scheduler looks for it for so long
+        loaded("dask").config.set({"distributed.comm.timeouts.connect": f"{PATIENCE} s"})
+        self.ended: tuple[type[BaseException], ...] = (
+            distributed.KilledWorker,
+            CancelledError,
+            asyncio.CancelledError,
+            UnpreparedError,
+        )
+        self._scheduler, self._workers = scheduler, dict[str, Worker]()
+        for name in LOGS:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        try:
+            self._client: Client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, AssertionError) as error:  # the last where its thread starts too late
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise UserError(
+                f"no dask scheduler answers at {scheduler} ({reason}); start one with `dask scheduler`"
+            ) from None
+
+    def present(self) -> Mapping[str, Worker]:
+        threads = self._threads()
+        for gone in self._workers.keys() - threads.keys():
+            del self._workers[gone]
+        for address, count in threads.items():
+            if address not in self._workers:
+                # pure: the same task of two runs is two tasks
+                executor = self._client.get_executor(workers=[address], allow_other_workers=False, pure=False)
+                self._workers[address] = Worker(executor, count)
+        return self._workers
+
+    def lost(self, name: str) -> None:
+        self._workers.pop(name, None)
+
+    def close(self) -> None:
+        self._client.close(timeout=PATIENCE)
+
+    def _threads(self) -> dict[str, int]:
+        """Return the number of threads of every worker, as the scheduler knows it now."""
+        try:
+            if self._client.status != "running":
+                raise OSError
+            return dict(self._client.nthreads())
+        except (OSError, TimeoutError, CancelledError, asyncio.CancelledError):
+            raise UserError(
+                f"the dask scheduler at {self._scheduler} does not answer any more; start scheduler and "
+                "workers again"
+            ) from None

@@ -1,0 +1,1 @@
+"""How a lens is found: bounds, transport, penalties, optimisation, prediction."""

@@ -1,0 +1,247 @@
+"""How much of the light's way to every pixel the lens can fill: the silhouette of its envelope.
+
+The envelope holds every lens of a problem: conic +- z_freedom of front and rear, and the straight edges
+between their rims.  Light comes from its convex hull B.  A point x of the target sees B under the projected
+solid angle
+
+    P(x) = integral of cos(theta) dOmega = 1/2 sum over edges of angle(a, b) (a x b)_z / |a x b|
+
+over the edges of its silhouette, with a and b from x to the ends of an edge (Lambert).
+
+A pixel gets the mean of P over its points x = c + delta.  With the tangents u of directions, w = (1 + u^2)^-2
+and the depth d of a point of B below the target,
+
+    P(x) = integral of w(u) du over U(x) = {(b - x) / d : b in B},    U(x) = U' - delta / m,
+
+where U' is what c sees of B sheared by delta (d / m - 1), that is (b - c) / d + delta (1 / m - 1 / d), with m
+the harmonic mean of the least and the greatest depth.  So U' lies in the view from c of the hull of B sheared
+to the four corners of the pixel.  For a fixed u the mean of w at u - delta / m and at u + delta / m is below
+w(u) R with
+
+    R = (1 + T) / (1 - T)^2,    T = (2 |u| / (1 + u^2))^2 |delta|^2 / m^2.
+
+Hence mean P <= R P_c(sheared hull): both errors are those of half a pixel and vanish with it, and pixels are
+divided into equal parts where there is time.
+
+In the far field the area A of B's shadow stands for P, with dA = sum of A_f max(0, N_f v) over the faces,
+convex in v = (tan u, tan v, 1): greatest at a corner of a part of a pixel.
+
+Source: J. H. Lambert, Photometria (1760); J. R. Howell, A Catalog of Radiation Heat Transfer Configuration
+Factors, for polygons.
+"""
+
+from __future__ import annotations
+
+from math import ceil, hypot, isqrt, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from optics.scene.problem import freedom_of
+
+if TYPE_CHECKING:
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import FreeformSurface
+
+CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
+PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 or 2 % too large
+POINTS = 1 << 18  # parts of pixels on a target, at most: below a second
+SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixels on the target
+OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
+
+Array = NDArray[np.float64]
+
+
+def pixel_etendue(system: OpticalSystem) -> Array:
+    """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
+    points, screen = envelope(system), system.target.screen()
+    parts = _parts(screen, 180 / pi if screen.angular else system.target.z - points[:, 2].max())
+    fine = screen.finer(parts)
+    if screen.angular:
+        part = _shadow(fine, points) * _solid_angle(fine)
+    else:
+        part = _seen(fine, points, system.target.z) * fine.pixel_area
+    rows, columns = screen.shape
+    return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
+
+
+def _parts(screen: Screen, depth: float) -> int:
+    """Return into how many parts a pixel is divided in each direction.
+
+    depth : the least, mm; in the far field the degrees of a radian
+    """
+    affordable = isqrt(POINTS // (screen.pixels[0] * screen.pixels[1]))
+    wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
+    return max(1, wanted)
+
+
+def envelope(system: OpticalSystem) -> Array:
+    """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
+    spec, lens = system.problem.lens, system.lens
+    points = np.concatenate(
+        [
+            _around(lens.front, 0.0, freedom_of(spec.front)),
+            _around(lens.rear, lens.thickness, freedom_of(spec.rear)),
+        ]
+    )
+    return points[ConvexHull(points).vertices]
+
+
+def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
+    """Return points whose convex hull holds a surface with its freedom, (n, 3).
+
+    A conic lies on one side of its tangent planes, here those at the middles of cells, and on the other side
+    of what its four corners span: its height is convex for positive radii and concave for negative ones.
+    """
+    inward = 1.0 if surface.conic.radius > 0 else -1.0
+    x, y = (h * (2 * np.arange(CELLS + 1) / CELLS - 1) for h in surface.half_width)
+    middle = ((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
+    height, along_x, along_y = (surface.conic(*middle, d) for d in ((0, 0), (1, 0), (0, 1)))
+    a, b = (h / CELLS for h in surface.half_width)
+    found = []
+    for i in (-1, 1):
+        for j in (-1, 1):
+            tangent = vertex + height + i * a * along_x + j * b * along_y - inward * freedom
+            at = np.broadcast_arrays(middle[0] + i * a, middle[1] + j * b, tangent)
+            found.append(np.stack([c.ravel() for c in at], axis=1))
+            hx, hy = i * surface.half_width[0], j * surface.half_width[1]
+            found.append(np.array([[hx, hy, vertex + surface.conic(hx, hy) + inward * freedom]]))
+    return np.concatenate(found)
+
+
+def _seen(screen: Screen, points: Array, z: float) -> Array:
+    """Return an upper bound of the mean of P over every pixel of a target plane, (rows, columns) sr."""
+    depth = z - points[:, 2]
+    nearest, farthest = depth.min(), depth.max()
+    if nearest <= 0:
+        return np.full(screen.shape, pi)
+    middle = 2 / (1 / nearest + 1 / farthest)
+    shear = np.outer(depth / middle - 1, np.array(screen.pitch) / 2)
+    swept = np.concatenate(
+        [points + np.pad(shear * sign, ((0, 0), (0, 1))) for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    )
+    # the envelope is its own mirror image in x and in y: a quarter of the pixels tells all
+    quarter = [np.abs(a)[: (len(a) + 1) // 2] for a in screen.centres]
+    x, y = (a.ravel() for a in np.meshgrid(*quarter))
+    half = np.abs(swept[:, :2]).max(axis=0)
+    least = np.hypot(*(np.maximum(a - h, 0.0) for a, h in zip((x, y), half))) / farthest
+    most = np.hypot(x + half[0], y + half[1]) / nearest
+    u = np.clip(1.0, least, most)
+    t = (u / (1 + u * u) * hypot(*screen.pitch) / middle) ** 2
+    spread = np.divide(1 + t, (1 - t) ** 2, out=np.full_like(t, np.inf), where=t < 1)
+    bound = np.minimum(projected_solid_angle(swept, x, y, z) * spread, pi)
+    rows, columns = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in screen.shape)
+    return bound.reshape(len(quarter[1]), -1)[np.ix_(rows, columns)]
+
+
+def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
+    """Return P of the convex hull of `points` (n, 3), seen from (x, y, z) above all of them, (m,) sr."""
+    hull = ConvexHull(points)
+    visible = [_side(plane, x, y, z) > 0 for plane in hull.equations]
+    total = np.zeros_like(x)
+    for face, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors)):
+        for k, other in enumerate(neighbours):
+            at = np.flatnonzero(visible[face] & ~visible[other])
+            if len(at):
+                i, j = np.delete(corners, k)
+                # the face lies to the left of the edge seen from outside
+                turn = np.linalg.det(
+                    [points[j] - points[i], points[corners[k]] - points[i], hull.equations[face, :3]]
+                )
+                ends = (points[i], points[j]) if turn > 0 else (points[j], points[i])
+                total[at] += _edge_term(
+                    *(e[:, None] - np.array([x[at], y[at], np.full(len(at), z)]) for e in ends)
+                )
+    return np.maximum(total, 0.0)
+
+
+def _side(plane: Array, x: Array, y: Array, z: float) -> Array:
+    return plane[0] * x + plane[1] * y + (plane[2] * z + plane[3])
+
+
+def _edge_term(a: Array, b: Array) -> Array:
+    """Return angle(a, b) (a x b)_z / |a x b| / 2 of vectors (3, n)."""
+    normal = np.cross(a, b, axis=0)
+    length = np.sqrt((normal**2).sum(axis=0))
+    angle = np.arctan2(length, (a * b).sum(axis=0))
+    return np.divide(angle * normal[2], 2 * length, out=np.zeros_like(length), where=length > 0)
+
+
+def _shadow(screen: Screen, points: Array) -> Array:
+    """Return an upper bound of the shadow's area over every pixel of the far field, (rows, columns) mm^2."""
+    a, b = _tangents(screen)
+    area = _thrown(points, a[None, :], b[:, None])
+    corner = np.maximum(area[1:], area[:-1])
+    least = [np.where(t[1:] * t[:-1] > 0, np.minimum(np.abs(t[1:]), np.abs(t[:-1])), 0.0) for t in (a, b)]
+    length = np.sqrt(1 + least[0][None, :] ** 2 + least[1][:, None] ** 2)
+    return np.maximum(corner[:, 1:], corner[:, :-1]) / length
+
+
+def _thrown(points: Array, a: Array, b: Array) -> Array:
+    """Return the area of the shadow along (a, b, 1) on a plane z = constant, mm^2; a and b broadcast."""
+    hull = ConvexHull(points)
+    area = np.zeros(np.broadcast_shapes(a.shape, b.shape))
+    for plane, corners in zip(hull.equations, hull.simplices):
+        p, q, r = points[corners]
+        size = np.linalg.norm(np.cross(q - p, r - p)) / 2
+        area += size * np.maximum(plane[0] * a + plane[1] * b + plane[2], 0.0)
+    return area
+
+
+def _solid_angle(screen: Screen) -> Array:
+    """Return the solid angle of every pixel of the far field, (rows, columns) sr."""
+    a, b = _tangents(screen)
+    corner = np.arctan(a[None, :] * b[:, None] / np.sqrt(1 + a[None, :] ** 2 + b[:, None] ** 2))
+    return -np.diff(np.diff(corner, axis=0), axis=1)
+
+
+def _tangents(screen: Screen) -> tuple[Array, Array]:
+    """Return the tangents of the borders of columns and rows; those of rows fall."""
+    a, b = (
+        np.tan(np.radians(h * (2 * np.arange(n + 1) / n - 1)))
+        for h, n in zip(screen.half_width, screen.pixels)
+    )
+    return a, -b
+
+
+def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
+    """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
+
+    The envelope is sampled from within, by points of its surfaces; Gauss's rule takes means over pixels.
+
+    etendue : (rows, columns), mm^2 sr, the bound
+    """
+    screen, points = system.target.screen(), _within(system)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    rows, columns = (np.unique(np.linspace(0, n - 1, LOOKED_AT).round().astype(int)) for n in screen.shape)
+    along = (
+        (centres[at, None] + pitch / 2 * nodes).ravel()
+        for centres, at, pitch in zip(screen.centres, (columns, rows), screen.pitch)
+    )
+    x, y = np.meshgrid(*along)
+    if screen.angular:
+        a, b = np.tan(np.radians(x)), np.tan(np.radians(y))
+        seen = _thrown(points, a, b) * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2
+        seen *= (pi / 180) ** 2
+    else:
+        seen = projected_solid_angle(points, x.ravel(), y.ravel(), system.target.z)
+    seen = seen.reshape(len(rows), NODES, len(columns), NODES)
+    filled = np.einsum("injm,n,m->ij", seen, weights, weights) / 4 * screen.pixel_area
+    return float((etendue[np.ix_(rows, columns)] / filled).max())
+
+
+def _within(system: OpticalSystem) -> Array:
+    """Return points of all lenses: of front and rear at both ends of z_freedom, (n, 3) mm."""
+    spec, lens, at = system.problem.lens, system.lens, np.linspace(-1, 1, SAMPLES)
+    points = []
+    for surface, vertex, freedom in (
+        (lens.front, 0.0, freedom_of(spec.front)),
+        (lens.rear, lens.thickness, freedom_of(spec.rear)),
+    ):
+        x, y = np.meshgrid(*(h * at for h in surface.half_width))
+        for shift in (-freedom, freedom):
+            points.append(np.stack([x, y, vertex + surface.conic(x, y) + shift], axis=-1).reshape(-1, 3))
+    return np.concatenate(points)

@@ -1,0 +1,186 @@
+"""The etendue of a problem's source, front and target, and what it takes for one image of the source.
+
+Etendue is dU = dx dy dp dq with the direction cosines p, q (thesis 2.30), and lossless optics conserves it. A
+source of radiance at most L is seen with that radiance at most, whatever the lens.  At a point x of the
+target
+
+    E = L integral of (N d) cos(theta) / r^2 dS = L integral of (N d) cos^3(theta) / D^2 dS
+      <= L S(x) cos^3(theta) / D^2
+
+over the part of the rear surface, of area S(x), through which x sees the source.  N is the normal, d the ray,
+D the distance along z.
+
+Through every point of the rear the source lights a part of the target, its image.  The integral of S(x) over
+the target is that of the images' areas over the rear.  So the mean area over a rear of area S is
+
+    a >= 1 / (L S) integral of E D^2 / cos^3(theta) dx dy,
+
+near the axis D^2 U / S with the etendue U = integral of E / L.  Losses and light beside the target make it
+larger.  In the far field du dv / dOmega stands for D^2 / cos^3(theta).  A shift-invariant system (thesis 7.1)
+throws the same image through every point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isinf, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.problem import freedom_of
+from optics.scene.sources import Rays
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Problem
+    from optics.scene.sources import Profile
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+RAYS = (512, 256)  # for the fraction of the light that meets the front
+NODES = 8  # of Gauss's rule over the rear aperture, in each direction
+AREA_CELLS = 512  # of the rear, in each direction
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Throughput:
+    """What can pass from the source to the target.
+
+    source : etendue of the source, mm^2 sr
+    front : etendue of its light that meets the front, mm^2 sr
+    target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr
+    radiance : the greatest of the source, W / (mm^2 sr); inf without extent
+    meets_front : flux on the front of the base lens, W
+    """
+
+    source: float
+    front: float
+    target: float
+    radiance: float
+    meets_front: float
+
+
+def throughput(system: OpticalSystem) -> Throughput:
+    """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter."""
+    problem = system.problem
+    etendue, fraction = system.source.etendue, front_fraction(system)
+    return Throughput(
+        source=etendue,
+        front=fraction * etendue,
+        target=aperture_etendue(problem),
+        radiance=radiance(system),
+        meets_front=fraction * problem.source.flux,
+    )
+
+
+def radiance(system: OpticalSystem) -> float:
+    """Return the greatest radiance of the source, W / (mm^2 sr); inf without extent."""
+    etendue = system.source.etendue
+    return system.problem.source.flux * brightest(system.source.profile) / etendue if etendue else inf
+
+
+def brightest(profile: Profile) -> float:
+    """Return the greatest density of an area over its mean.
+
+    Of a picture it is that of the brightest pixel.
+    """
+    if profile.kind in ("uniform", "round"):
+        return 1.0
+    if profile.light is not None:
+        return float(profile.light.max() / profile.light.mean())
+    return profile.area / 4 * float(profile(np.zeros(1), np.zeros(1))[0])
+
+
+def front_fraction(system: OpticalSystem) -> float:
+    """Return the fraction of the source's flux that meets the front, by a fixed set of rays.
+
+    A ray meets the graph z(x, y) over the rectangle if it is below the graph where it enters the prism
+    |x| <= hx, |y| <= hy, and above it where it leaves the prism.
+    """
+    front, rays = system.lens.front, system.source.rays(RAYS)
+    if not isinstance(rays, Rays):
+        return rays.total / (rays.total + rays.missed)
+    origin, direction = rays.origin, rays.direction
+    with np.errstate(divide="ignore"):
+        slabs = [
+            np.sort([(s * h - o) / d for s in (-1, 1)], axis=0)
+            for h, o, d in zip(front.half_width, origin, direction)
+        ]
+    enter = np.maximum(0.0, np.maximum(slabs[0][0], slabs[1][0]))
+    leave = np.minimum(slabs[0][1], slabs[1][1])
+    inside = enter < leave
+    above = []
+    for travel in (enter, leave):
+        x, y, z = origin + np.where(inside & np.isfinite(travel), travel, 0.0) * direction
+        surface = front(*(np.clip(a, -h, h) for a, h in zip((x, y), front.half_width)))
+        above.append((z >= surface) | np.isinf(travel))
+    return float(rays.flux[inside & ~above[0] & above[1]].sum() / rays.total)
+
+
+def aperture_etendue(problem: Problem) -> float:
+    """Return the etendue of all rays from the rear aperture to the target, mm^2 sr.
+
+    The aperture is taken as a flat rectangle.  The projected solid angle of a rectangle seen from a point has
+    a closed form; Gauss's rule integrates it over the aperture.
+    """
+    target = problem.target
+    far = isinf(target.distance)
+    half = np.tan(np.radians(target.half_width)) if far else np.divide(target.half_width, target.distance)
+    x, y, area = _aperture_nodes(problem)
+    # of the target's corners as seen from each point; an aperture is a point in the far field
+    across, up = (np.zeros_like(a) if far else a / target.distance for a in (x, y))
+    seen = sum(i * j * _corner(i * half[0] - across, j * half[1] - up) for i in (1, -1) for j in (1, -1))
+    return float((area * seen).sum())
+
+
+def rear_area(lens: Lens) -> float:
+    """Return the area of the rear surface, mm^2: the integral of sqrt(1 + z_x^2 + z_y^2), by the midpoint
+    rule.
+    """
+    hx, hy = lens.rear.half_width
+    at = (2 * np.arange(AREA_CELLS) + 1) / AREA_CELLS - 1
+    zx, zy = (lens.rear.grid(hx * at, hy * at, d) for d in ((1, 0), (0, 1)))
+    return float(4 * hx * hy * np.sqrt(1 + zx * zx + zy * zy).mean())
+
+
+def spread(system: OpticalSystem) -> Array:
+    """Return the least D^2 / cos^3(theta) of every pixel as seen from the rear, (rows, columns) mm^2.
+
+    It is (D^2 + r^2)^(3/2) / D, with the lateral distance r of the pixel's nearest point from the aperture.
+    The rear lies between D_1 and D_2 before the target, and the least is at D = r / sqrt(2).  In the far
+    field it is du dv / dOmega, square degrees.
+    """
+    target, rear = system.problem.target, system.problem.lens.rear
+    if system.target.far_field:
+        return (180 / pi) ** 2 / system.target.screen().projection()
+    corner = float(system.lens.rear.conic(*rear.half_width))
+    nearest, farthest = (
+        target.distance - f(0.0, corner) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
+    )
+    across, up = (
+        np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)
+        for h, n, r in zip(target.half_width, target.pixels, rear.half_width)
+    )
+    lateral = up[:, None] ** 2 + across[None, :] ** 2
+    distance = np.clip(np.sqrt(lateral / 2), nearest, farthest)
+    return (distance**2 + lateral) ** 1.5 / distance
+
+
+def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:
+    """Return x, y in mm and areas in mm^2 of the nodes over the rear aperture, each (n,)."""
+    a, w = np.polynomial.legendre.leggauss(NODES)
+    rx, ry = problem.lens.rear.half_width
+    x, y = np.meshgrid(rx * a, ry * a, indexing="ij")
+    return x.ravel(), y.ravel(), (rx * ry * np.outer(w, w)).ravel()
+
+
+def _corner(x: Array, y: Array) -> Array:
+    """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1.
+
+    It is odd in x and in y.  Source: Howell, factor B-3.
+    """
+    wide, tall = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
+    return (x / wide * np.arctan(y / wide) + y / tall * np.arctan(x / tall)) / 2

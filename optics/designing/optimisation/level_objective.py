@@ -1,0 +1,229 @@
+"""The objective of a stage, and the cells that a stage's lens asks to refine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import gcd
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation.indicators import (
+    mark,
+    promised_decrease,
+    refined_once,
+    summed_over_cells,
+    vertex_knots,
+)
+from optics.designing.optimisation.objective import Objective
+from optics.designing.optimisation.stage_plan import PROBES, last_level
+from optics.designing.optimisation.symmetry import Mirrors
+from optics.designing.penalties import shape_penalty
+from optics.light.analysis import light_by_other_ways
+from optics.light.engines import Film, sharp_engine
+from optics.scene.problem import feature_levels, per_level
+from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.designing.optimisation.stage_plan import Stage
+    from optics.designing.optimisation.transport_start import TransportStart
+    from optics.light.engines import Engine, LightModel
+    from optics.scene.problem import Problem
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
+FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
+
+
+def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
+    """Return the smooth window in which the rays of a stage are measured.
+
+    A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
+    It serves extended sources too where exact cells are asked for.
+    """
+    name = problem.optimizer.window
+    sharp = name in ("cells", "pixel")
+    window = window_named(problem, ("pixel" if final else "bspline") if sharp else name)
+    assert window is not None
+    return window
+
+
+def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | GaussianWindow | None:
+    """Return a window of a problem by its name, None for exact cells.
+
+    Raises
+    ------
+    UserError : an unknown name.
+    """
+    o = problem.optimizer
+    windows = {
+        "cells": None,
+        "pixel": PixelWindow(o.blur),
+        "bspline": BSplineWindow(o.window_degree),
+        "gaussian": GaussianWindow(o.sigma),
+    }
+    if name not in windows:
+        raise UserError(f"window must be one of {', '.join(map(repr, windows))}, got {name!r}")
+    return windows[name]
+
+
+def surfaces_can_cross(system: OpticalSystem) -> bool:
+    """Return whether sags within z_freedom can make the surfaces of the lens cross."""
+    return system.lens.least_thickness().lower <= sum(f.freedom for f in system.freeforms)
+
+
+def stage_film(system: OpticalSystem, stage: Stage) -> Film:
+    """Return what an engine is to measure on a stage."""
+    if stage.exact:
+        return Film(stage.screen, stage.rays)
+    window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
+    return Film(stage.screen, stage.rays, window)
+
+
+def stage_objective(
+    system: OpticalSystem,
+    lens: Lens,
+    stage: Stage,
+    target: NDArray[np.float64],
+    engine: Engine,
+    axes: Sequence[int] = (),
+    fresh: np.random.Generator | None = None,
+    background: NDArray[np.float64] | None = None,
+) -> Objective:
+    """Return the Objective of a stage: its light, its target, and the problem's charges.
+
+    axes : directions of mirror symmetry, in which half of the rays may do.
+    fresh : draws other rays than those of the optimiser; cells are always the same.
+    background : light of other ways, irradiance on the stage's pixels.
+    """
+    axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
+    engine = sharp_engine(engine) if stage.aimed else engine
+    model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
+    return charged_objective(system, lens, model, target, background)
+
+
+def background(
+    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, axes: Sequence[int]
+) -> NDArray[np.float64] | None:
+    """Return the irradiance that a lens sends to a stage's pixels by other ways than front and rear, W/mm^2.
+
+    It is None where it is negligible, and before the finish: what a level changes moves it.
+    axes : directions in which it is averaged with its mirror image.
+    """
+    if not (stage.finish and system.by_edges):
+        return None
+    other = light_by_other_ways(system, lens, stage.screen, backend)
+    if other.negligible:
+        return None
+    image = other.light.irradiance
+    for axis in axes:
+        image = (image + np.flip(image, 1 - axis)) / 2
+    return image
+
+
+def charged_objective(
+    system: OpticalSystem,
+    lens: Lens,
+    model: LightModel,
+    target: NDArray[np.float64],
+    background: NDArray[np.float64] | None = None,
+) -> Objective:
+    """Return the Objective of a light model with the charges of a problem."""
+    options, limits = system.problem.optimizer, system.problem.limits
+    if not limits.thickness and surfaces_can_cross(system):
+        limits = replace(limits, thickness=THINNEST * lens.thickness)
+    shape = shape_penalty(lens, limits, system.problem.lens.density, options.roughness_weight)
+    return Objective(
+        model,
+        target,
+        lost_flux_weight=options.lost_flux_weight,
+        dark_flux_weight=options.dark_flux_weight,
+        shape=shape,
+        background=background,
+    )
+
+
+def marked_cells(
+    system: OpticalSystem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
+) -> list[dict[int, NDArray[np.int64]]]:
+    """Return the cells of every free surface to refine after a level ({} after the last)."""
+    problem = system.problem
+    if stage.level == last_level(problem):
+        return [{}] * len(lens.sags)
+    alpha, out = per_level(problem.refinement.alpha, stage.level), []
+    for sag, finest, indicator in zip(lens.sags, feature_levels(problem), indicators(lens, stage)):
+        indicator = Mirrors(sag.space, axes).of_cells(indicator)
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest)))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Indicators:
+    """The refinement indicators of a design.
+
+    Called with (Lens, Stage) they return numbers per leaf cell of every free surface.  Only the last one has
+    slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
+    """
+
+    system: OpticalSystem
+    engine: Engine
+    target: NDArray[np.float64]
+    start: TransportStart | None
+    background: NDArray[np.float64] | None = None
+
+    def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        indicator = self.system.problem.refinement.indicator
+        if indicator == "decrease":
+            return self._decrease(lens, stage)
+        if indicator == "vertex" or not self.start:
+            return self.vertex(lens, stage)
+        misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
+        return [misfit] if len(lens.sags) == 1 else [self.vertex(lens, stage)[0], misfit]
+
+    def vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
+        rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
+        spans = [f.spans for f in self.system.freeforms]
+        knots = [
+            vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
+            for h, row in zip(rectangles, spans)
+        ]
+        objective = self._objective(lens, stage)
+        gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
+        return [
+            summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
+            for sag, (kv_x, kv_y), gradient in zip(lens.sags, knots, gradients)
+        ]
+
+    def _objective(self, lens: Lens, stage: Stage) -> Objective:
+        return stage_objective(self.system, lens, stage, self.target, self.engine, background=self.background)
+
+    def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
+        finer = [
+            THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
+            for sag, space in zip(lens.sags, spaces)
+        ]
+        refined = lens.with_sags(finer)
+        objective = self._objective(refined, stage)
+        coefficients = [sag.coefficients for sag in finer]
+        gradients = objective(coefficients).gradients
+        probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
+        return [
+            promised_decrease(sag.space, space, g, p)
+            for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
+        ]
+
+
+def _vertices(rays: int, spans: int) -> int:
+    """Return a vertex count near `rays` whose vertices lie on no knot line (mirror symmetry stays)."""
+    steps = rays
+    while gcd(steps, 2 * spans) > 1:
+        steps += 1
+    return steps + 1

@@ -1,0 +1,221 @@
+"""Optimisation that ends within the limits of manufacturing.
+
+Limits are charged at points, and certified everywhere.  Where a start or a minimum exceeds a limit:
+
+1. the start is moved within the limits, as far as the charges see them; limits that no start is found for
+   are charged no more;
+2. the minimum is improved in a few passes of the augmented Lagrangian (`ShapePenalty.tightened`);
+3. the result is moved within the limits at denser points, with more room until the limits are certified.
+
+A move minimises the charges alone, first over the heights of whole surfaces, which light hardly feels, then
+over the optimiser's variables, which are scaled by what light feels; of the way it keeps what it needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from optics.designing.penalties import ROOM, shape_penalty
+from optics.scene.problem import limit_misses
+from thbcad.lens import manufacturability
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation.bounded_variables import BoundedVariables
+    from optics.designing.optimisation.recorder import Recorder
+    from optics.designing.penalties import ShapePenalty
+    from optics.scene.problem import Miss, Problem
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+PASSES = 3  # of the augmented Lagrangian at most
+SHORTER = 0.5  # of the stage's iterations, in every pass
+ROOMS = 6  # that are tried, of a limit: 0.001, 0.003, ... 0.24
+MORE_ROOM = 3.0
+LIFTS = 20  # iterations that find the heights of surfaces
+FLAT = 1e-6  # of the charges: what heights do not change, as they change no curvature but for rounding
+MOVES = 100  # iterations of a move
+TRIES = 60  # lengths of a step: charges of curvature begin suddenly, far below the first length
+CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
+INSIDE = 0.99  # of z_freedom
+CUT = 0.01  # of z_freedom: less is not worth a sentence
+
+Floats = NDArray[np.float64]
+
+
+class LimitKeeper:
+    """Minimises the objective of a stage within the limits of a system's problem.
+
+    note : called with a sentence where z_freedom is in the way.
+    """
+
+    def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], None]) -> None:
+        self._system, self._lens, self._note = system, lens, note
+        problem = system.problem
+        self._dense = shape_penalty(lens, problem.limits, problem.lens.density, fine=True)
+        self._bounds = [freeform.freedom for freeform in system.freeforms]
+
+    def minimized(self, recorder: Recorder, iterations: int) -> tuple[THBSurface, ...]:
+        """Return the best sags that are found, within the limits where that can be.
+
+        Raises
+        ------
+        Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
+        """
+        shape = recorder.shape
+        if self._dense is None or shape is None:
+            return recorder.minimized()
+        try:
+            if shape.exceeded(_coefficients(self._lens.sags)):
+                recorder.precondition()
+                start, keys = self._start(shape.with_rooms({}), recorder.variables)
+                shape = shape.only(keys)
+                recorder.go_on(start, shape)
+            sags = recorder.minimized()
+            for _ in range(PASSES):
+                if not shape.exceeded(_coefficients(sags)):
+                    break
+                shape = shape.tightened(_coefficients(sags))
+                recorder.go_on(sags, shape)
+                sags = recorder.minimized(ceil(SHORTER * iterations))
+            return self._certified(sags, recorder.variables.around(sags), shape.keys)
+        except KeyboardInterrupt:
+            raise recorder.stopped from None
+
+    def _start(
+        self, charges: ShapePenalty, variables: BoundedVariables
+    ) -> tuple[Sequence[THBSurface], tuple[str, ...]]:
+        """Return the start moved within the limits, and those that it keeps: all, or as many as are found
+        one after the other.
+
+        A limit that no sag can keep would spoil the light, and the other limits, for nothing.
+        """
+        start = self._moved(self._lens.sags, charges, variables)
+        if start:
+            self._note_cut(charges)
+            return start, charges.keys
+        best: Sequence[THBSurface] = self._lens.sags
+        keys: tuple[str, ...] = ()
+        for key in charges.keys:
+            start = self._moved(self._lens.sags, charges.only((*keys, key)), variables)
+            if start:
+                best, keys = start, (*keys, key)
+        return best, keys
+
+    def _certified(
+        self, sags: tuple[THBSurface, ...], variables: BoundedVariables, keys: Sequence[str]
+    ) -> tuple[THBSurface, ...]:
+        """Return the sags moved within the certified limits of these keys; unchanged where that cannot be."""
+        assert self._dense is not None
+        dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
+        for _ in range(ROOMS):
+            misses = chargeable_misses(self._system.problem, self._lens.with_sags(found))
+            missed = {m.key for m in misses}.intersection(keys)
+            if not missed:
+                return found
+            rooms |= {key: MORE_ROOM * rooms[key] if key in rooms else ROOM for key in missed}
+            moved = self._moved(sags, dense.with_rooms(rooms), variables)
+            if not moved:
+                break
+            found = moved
+        return sags
+
+    def _moved(
+        self, sags: Sequence[THBSurface], charges: ShapePenalty, variables: BoundedVariables
+    ) -> tuple[THBSurface, ...] | None:
+        """Return sags near others that leave half the room of every charge; None where none are found."""
+        coefficients, _, _ = self._lifted(sags, charges)
+        if not charges.cleared(coefficients):
+            lifted = tuple(THBSurface(s.space, c) for s, c in zip(sags, coefficients))
+            coefficients = _bent(variables.around(lifted), charges)
+        if not charges.cleared(coefficients):
+            return None
+        return tuple(THBSurface(sag.space, c) for sag, c in zip(sags, coefficients))
+
+    def _lifted(
+        self, sags: Sequence[THBSurface], charges: ShapePenalty
+    ) -> tuple[list[Floats], Floats, float]:
+        """Return coefficients with the heights that keep most of the limits, the heights, and what is cut
+        off, mm."""
+        before, bounds = _coefficients(sags), [INSIDE * bound for bound in self._bounds]
+        heights = _heights(before, bounds, charges)
+        lifted = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
+        cut = max(float(np.abs(c + h - d).max()) for c, h, d in zip(before, heights, lifted))
+        return lifted, heights, cut if heights.any() else 0.0
+
+    def _note_cut(self, charges: ShapePenalty) -> None:
+        """Tell where z_freedom cuts off much of a start that is moved within the limits."""
+        _, heights, cut = self._lifted(self._lens.sags, charges)
+        if cut > CUT * min(self._bounds):
+            shaped = self._system.shaped
+            thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
+            self._note(
+                f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom cuts "
+                f"off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
+            )
+
+
+def chargeable_misses(problem: Problem, lens: Lens) -> list[Miss]:
+    """Return the limits that a lens may miss, but for those that no coefficient can mend."""
+    free = {"", *problem.lens.free}
+    metrics = manufacturability(lens, problem.lens.density or None)
+    missed = [m for m in limit_misses(problem, metrics) if m.most > 0]
+    return [m for m in missed if m.key != "feature" and m.surface in free]
+
+
+def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:
+    return [sag.coefficients for sag in sags]
+
+
+def _heights(before: list[Floats], bounds: Sequence[float], charges: ShapePenalty) -> Floats:
+    """Return the heights that make the charges least when they are added to the surfaces, mm."""
+
+    def charge(heights: Floats) -> tuple[float, Floats]:
+        coefficients = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
+        loss, gradients = charges(coefficients)
+        free = zip(gradients, coefficients, bounds)
+        return loss, np.array([g[np.abs(c) < b].sum() for g, c, b in free])
+
+    start = np.zeros(len(before))
+    loss, slope = charge(start)
+    if np.abs(slope * bounds).max() <= FLAT * loss:
+        return start
+    options = {"maxiter": LIFTS, "gtol": FLAT * loss / max(bounds)}
+    least = minimize(charge, start, jac=True, method="BFGS", options=options)
+    result: Floats = least.x if least.fun < loss else start
+    return result
+
+
+def _bent(variables: BoundedVariables, charges: ShapePenalty) -> list[Floats]:
+    """Return coefficients that are cleared, on the line from the variables' start to a least charge."""
+
+    def at(weights: Floats) -> list[Floats]:
+        return variables.coefficients(weights)[0]
+
+    start = charges(at(variables.zeros()))[0]
+
+    def charge(weights: Floats) -> tuple[float, Floats]:
+        coefficients, slopes = variables.coefficients(weights)
+        loss, gradients = charges(coefficients)
+        return loss / start, variables.gradient(gradients, slopes) / start
+
+    def stop(weights: Floats) -> None:
+        if charges.cleared(at(weights)):
+            raise StopIteration
+
+    options = {"maxiter": MOVES, "maxls": TRIES, "gtol": 0.0, "ftol": 0.0}
+    zeros = variables.zeros()
+    found = minimize(charge, zeros, jac=True, method="L-BFGS-B", callback=stop, options=options).x
+    if charges.cleared(at(found)):
+        low, high = 0.0, 1.0
+        for _ in range(CUTS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if charges.cleared(at(middle * found)) else (middle, high)
+        found = high * found
+    return at(found)

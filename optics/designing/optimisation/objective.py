@@ -1,0 +1,130 @@
+"""The objective of one level and its gradient by the THB coefficients of every free surface.
+
+    L(c) = ||E + B - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
+
+E is the irradiance on the target's pixels and a dark margin around them, as an engine measures it, and T the
+target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  B is a
+background that no coefficient changes: light that other ways through the lens bring.  Phi is the flux asked
+for.  The second term charges light beside the target: d_k is the distance of landing point k from the target
+rectangle, r the target's larger half-width.  The third charges light that misses the pixels where T > 0,
+wherever it is lost.  The last is `ShapePenalty`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from optics.designing.penalties import ShapePenalty
+    from optics.light.engines import Light, LightModel
+    from thbcad.splines import KnotVector
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The loss, its gradients by each sag's coefficients, and fit = ||E + B - T|| / ||T||."""
+
+    loss: float
+    gradients: list[Floats]
+    fit: float
+
+
+class Objective:
+    """Loss and gradient for one mesh, screen and set of rays.
+
+    Call it with the THB coefficients of every sag, front first.
+
+    model : of the light.
+    target, background : irradiance on the screen's pixels without margin, W/mm^2.
+    """
+
+    def __init__(
+        self,
+        model: LightModel,
+        target: Floats,
+        lost_flux_weight: float,
+        dark_flux_weight: float = 0.0,
+        shape: ShapePenalty | None = None,
+        background: Floats | None = None,
+    ) -> None:
+        self._model, self._shape, self._dark = model, shape, dark_flux_weight
+        screen = model.screen
+        self._target = model.filtered(screen.pad(target))
+        around = 0.0 if background is None else model.filtered(screen.pad(background))
+        self._missing = self._target - around
+        scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
+        self._norm = 1.0 / np.square(self._target).sum()
+        self._charge = lost_flux_weight / scale
+        self._reward = (self._target > 0) * (dark_flux_weight / self._target.sum())
+
+    def __call__(self, coefficients: Sequence[Floats]) -> Evaluation:
+        """Return the Evaluation at the coefficients of every sag, front first."""
+        light = self._model.light(coefficients)
+        loss, fit, by_image = self._charged(light)
+        gradients = light.pull_back(by_image, self._charge)
+        if self._shape is None:
+            return Evaluation(loss, gradients, fit)
+        more, slopes = self._shape(coefficients)
+        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
+
+    @property
+    def target(self) -> Floats:
+        """The target irradiance on the padded screen, measured as the light is, W/mm^2."""
+        return self._target
+
+    @property
+    def shape(self) -> ShapePenalty | None:
+        """What the shape is charged for."""
+        return self._shape
+
+    def charging(self, shape: ShapePenalty | None) -> Objective:
+        """Return the objective with other charges for the shape."""
+        other = copy(self)
+        other._shape = shape
+        return other
+
+    def image(self, coefficients: Sequence[Floats]) -> Floats:
+        """Return the measured irradiance on the target's pixels, W/mm^2."""
+        return self._model.screen.crop(self._model.image(coefficients))
+
+    def vertex_gradients(
+        self, coefficients: Sequence[Floats], knots: Sequence[Sequence[KnotVector]]
+    ) -> list[Floats]:
+        """Return |dL/dZ| for the vertices of a bilinear grid over every free surface (thesis 6.2).
+
+        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
+        """
+        light = self._model.light(coefficients)
+        _, _, by_image = self._charged(light)
+        return [np.abs(g) for g in light.vertex_gradients(by_image, self._charge, knots)]
+
+    def curvature(self, coefficients: Sequence[Floats], count: int, seed: int) -> list[list[Floats]]:
+        """Return vectors J^T s / ||T|| with random signs s.
+
+        J is the derivative of the measured irradiance by the coefficients.  The mean square of the vectors is
+        half the diagonal of the Gauss-Newton Hessian of the fit.
+
+        Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer.
+        Math. 57 (2007).
+        """
+        rng, scale, out = np.random.default_rng(seed), np.sqrt(self._norm), []
+        light = self._model.light(coefficients)
+        for _ in range(count):
+            signs = rng.choice((-1.0, 1.0), self._target.size).reshape(self._target.shape, order="F")
+            out.append(light.pull_back(scale * signs))
+        return out
+
+    def _charged(self, light: Light) -> tuple[float, float, Floats]:
+        """Return (loss without the shape, fit, the loss's derivative by the image)."""
+        difference = light.image - self._missing
+        fit = self._norm * float(np.vdot(difference, difference))
+        loss = fit + self._charge * light.lost + self._dark - float(np.vdot(light.image, self._reward))
+        return loss, float(np.sqrt(fit)), 2 * self._norm * difference - self._reward

@@ -1,0 +1,175 @@
+"""The plan of a design: levels with their pixels and rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import UserError
+from optics.scene.problem import per_level
+from optics.scene.system import freeforms
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Problem
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+
+PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
+MOST_RAYS = 40_000_000  # at once
+MARGIN = 8  # dark pixels around the target
+PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
+# cells of the source in each direction, per pixel and per knot span that is lit: with fewer the optimiser
+# fits the corners and not the light between them
+CELLS_PER_PIXEL = 3.0
+CELLS_PER_SPAN = 3.6
+# seconds of an evaluation, and of a stage without any, as measured on the examples for two quiet cores
+PER_EVALUATION, PER_RAY, PER_DOF = 0.006, 3.3e-8, 5e-7
+MARKING_PER_RAY = 2.2e-7
+BACKGROUND = 6.0  # of a finish, which renews the light by other ways
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Pixels and rays of one level.
+
+    rays : in x and y; the corners of cells where the stage is exact.
+    final : the last one, with the window of the problem; all others take wide windows, which move light over
+        long distances.
+    exact : the light of cells on the pixels themselves, not that of rays in a window.
+    finish : on unmerged pixels, with a narrower window.
+    aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
+    """
+
+    level: int
+    iterations: int
+    screen: Screen
+    rays: tuple[int, int]
+    final: bool
+    exact: bool
+    finish: bool = False
+    aimed: bool = False
+
+    @property
+    def name(self) -> str:
+        """In a word or three."""
+        if self.finish:
+            return "finish"
+        return f"sharp level {self.level}" if self.aimed else f"level {self.level}"
+
+    @property
+    def evaluations(self) -> int:
+        """Expected evaluations of loss and gradient, with those that estimate curvature."""
+        return self.iterations + 1 + PROBES
+
+    def seconds(self, dof: float) -> float:
+        """Return the expected seconds, on a machine with two quiet cores, with this many degrees of freedom.
+
+        Only the ratios of stages and other phases count: the machine's own speed turns out in the run.
+        """
+        rays = self.rays[0] * self.rays[1]
+        if not self.iterations:
+            return MARKING_PER_RAY * rays
+        return self.before + stage_seconds(self.iterations, rays, dof)
+
+    @property
+    def before(self) -> float:
+        """The expected seconds before the first evaluation."""
+        return BACKGROUND if self.finish else 0.0
+
+
+def stage_seconds(iterations: int, rays: float, dof: float) -> float:
+    """Return the expected seconds of the evaluations of a stage, see `Stage.seconds`."""
+    return (iterations + 1 + PROBES) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
+
+
+def first_level(problem: Problem, moved: bool) -> int:
+    """Return the level at which optimisation starts.
+
+    A transport start makes the levels superfluous whose spans are wider than four pixels.
+    """
+    last = last_level(problem)
+    if not moved:
+        return 0
+    fine = [level for level in range(last + 1) if _coarsening(problem, level) == problem.optimizer.merge]
+    return fine[0] if fine else last
+
+
+def last_level(problem: Problem) -> int:
+    """Return the level at which the run ends."""
+    return max(f.finest for f in freeforms(problem))
+
+
+def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
+    """Return the Stage of every level that is optimised.
+
+    A blurred system that starts from transport optimises its sharp light before its blurred light: the loss
+    of blurred light alone falls slowly, since it hardly sees single pixels.
+
+    moved : the design starts from an optimal-transport map
+    """
+    system = system.shaping
+    problem = system.problem
+    last = last_level(problem)
+    out = []
+    for level in range(first_level(problem, moved), last + 1):
+        iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
+        out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
+    if moved and system.aim:
+        screen = system.aim.screen(margin=MARGIN)
+        out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
+    if problem.optimizer.finish:
+        out.append(replace(_stage(system, last, problem.optimizer.finish, 1, True), finish=True))
+    return out
+
+
+def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
+    problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
+    exact = final and problem.optimizer.window == "cells" and not system.source.extended
+    counts = _cells(system, level, screen) if exact else _rays(system, level, screen)
+    rays_x, rays_y = (n + 1 for n in counts)
+    if rays_x * rays_y > MOST_RAYS:
+        raise UserError(
+            f"level {level} would trace {rays_x} x {rays_y} rays at once, too many for the memory of most "
+            "machines; use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+        )
+    return Stage(
+        level=level,
+        iterations=iterations,
+        screen=screen,
+        rays=(rays_x, rays_y),
+        final=final,
+        exact=exact,
+    )
+
+
+def _rays(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
+    per_pixel, spans = system.problem.optimizer.rays_per_pixel, _spans(system.problem, level)
+    return [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
+
+
+def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
+    half_width, spans = getattr(system.lens, system.shaped).half_width, _spans(system.problem, level)
+    size = system.problem.source.half_width if system.shapes_parallel else half_width
+    lit = [min(1.0, s / h) for s, h in zip(size, half_width)]
+    wanted = [
+        max(64, CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s * p) for n, s, p in zip(screen.pixels, spans, lit)
+    ]
+    return [2 * ceil(n / 2) for n in wanted]  # even: one half may do
+
+
+def _spans(problem: Problem, level: int) -> list[int]:
+    """Return the knot spans in x and y of the finest free surface on a level."""
+    return [
+        max(n << min(level, f.finest) for n, f in zip(row, freeforms(problem)))
+        for row in zip(*(f.spans for f in freeforms(problem)))
+    ]
+
+
+def _coarsening(problem: Problem, level: int) -> int:
+    """Return how many pixels a level merges in each direction: optimizer.merge times a power of 2."""
+    spans = _spans(problem, level)
+    coarsening = problem.optimizer.merge
+    while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
+        coarsening *= 2
+    return coarsening

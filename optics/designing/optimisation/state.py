@@ -1,0 +1,110 @@
+"""What a run needs to go on, and where it starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation.stage_plan import first_level, stages
+from optics.scene.problem import feature_levels
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True)
+class Row:
+    """One evaluation in the history; those that only estimate curvature are counted but have no row.
+
+    stage : index in the plan
+    fit : on the rays of the optimiser.
+    fresh_fit : on others, where the row is the result of a stage with an extended source.
+    """
+
+    level: int
+    dof: int
+    evaluation: int
+    loss: float
+    fit: float
+    seconds: float
+    stage: int
+    fresh_fit: float | None = None
+
+
+@dataclass(frozen=True)
+class State:
+    """What a run needs to go on.
+
+    moved : the plan is that of a design that starts from an optimal-transport map.
+    stage : index of the next Stage in that plan; the plan's length at the end of a run.
+    sags : the surfaces that this stage starts from, front first.
+    """
+
+    moved: bool
+    stage: int
+    sags: tuple[THBSurface, ...]
+    history: tuple[Row, ...] = ()
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of all sags."""
+        return sum(sag.space.dim for sag in self.sags)
+
+    @property
+    def evaluations(self) -> int:
+        return self.history[-1].evaluation if self.history else 0
+
+    @property
+    def result(self) -> Row | None:
+        """The row of the last stage's result, where it was measured with other rays."""
+        return next((row for row in reversed(self.history) if row.fresh_fit is not None), None)
+
+    @property
+    def seconds(self) -> float:
+        return self.history[-1].seconds if self.history else 0.0
+
+
+def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
+    """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
+    first = first_level(system.problem, moved)
+    finest = feature_levels(system.problem)
+    return tuple(sag.uniform(min(first, level)) for sag, level in zip(system.lens.sags, finest))
+
+
+def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
+    """Return the State that optimises the sags of an earlier design on the last level, without a new mesh.
+
+    A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
+    optimiser averages the sags with their mirror images.
+
+    Raises
+    ------
+    UserError : no surface has a sag, or one lies over another rectangle, conic or mesh.
+    """
+    if not earlier.sags:
+        raise UserError("the earlier design has no freeform surface to start from")
+    sags = []
+    for name in ("front", "rear"):
+        base, other = getattr(system.lens, name), getattr(earlier, name)
+        if base.sag is not None:
+            sags.append(base.sag if other.sag is None else other.sag)
+        same = base.half_width == other.half_width and base.conic == other.conic
+        if base.sag is not None and other.sag is not None:
+            same = same and all(
+                a.degree == b.degree and np.array_equal(a.knots, b.knots)
+                for a, b in zip(
+                    (base.sag.space.kv_u, base.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v)
+                )
+            )
+        if not same or (base.sag is None and other.sag is not None):
+            raise UserError(
+                f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
+                f"spans; make lens.{name} equal to its problem.toml"
+            )
+    final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
+    return State(False, final, tuple(sags))

@@ -1,0 +1,90 @@
+"""Mirror symmetry: a problem that is its own mirror image gets a lens that is.
+
+Rounding breaks the symmetry of a long optimisation; so coefficients and indicators are
+averaged with their mirror images, which makes them equal bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from optics.scene.sources import Profile
+    from optics.scene.system import OpticalSystem
+    from thbcad.hierarchy import THBSpace
+
+TOLERANCE = 1e-12  # of the greatest value
+
+
+def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...]:
+    """Return the directions (0 for x, 1 for y) in which target and source are their own mirror images.
+
+    target : (rows, columns), on the target's pixels.
+    """
+    images = [target] if profile.light is None else [target, profile.light]
+    return tuple(
+        axis
+        for axis in (0, 1)
+        if all(np.abs(image - np.flip(image, 1 - axis)).max() <= TOLERANCE * image.max() for image in images)
+    )
+
+
+def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
+    """Return the directions in which target, receiver and source of a system are their own mirror images."""
+    if not system.source.symmetric:
+        return ()
+    axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
+    return tuple(axis for axis in axes if axis in system.target.receiver.mirror_axes)
+
+
+class Mirrors:
+    """Averaging over the mirror images of a mesh.
+
+    axes : directions; those in which the mesh is not its own mirror image are left out.
+    """
+
+    def __init__(self, space: THBSpace, axes: Sequence[int]) -> None:
+        counts = [kv.dim - kv.degree for kv in (space.kv_u, space.kv_v)]  # spans of level 0
+        degrees = space.kv_u.degree, space.kv_v.degree
+        self._functions, self._cells, self._axes = [], [], []
+        for axis in axes:
+            functions = _mirrored(space.functions, axis, counts[axis], degrees[axis])
+            cells = _mirrored(space.cells, axis, counts[axis], 0)
+            if functions is not None and cells is not None:
+                self._axes.append(axis)
+                self._functions.append(functions)
+                self._cells.append(cells)
+
+    def keeps(self, axis: int) -> bool:
+        """Whether values are averaged in a direction."""
+        return axis in self._axes
+
+    def of_coefficients(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return coefficients (or their gradient) averaged with their mirror images, (dim,)."""
+        return _averaged(values, self._functions)
+
+    def of_cells(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return numbers of leaf cells averaged with their mirror images, (n_cells,)."""
+        return _averaged(values, self._cells)
+
+
+def _averaged(values: NDArray[np.float64], permutations: Sequence[NDArray[np.int64]]) -> NDArray[np.float64]:
+    for permutation in permutations:
+        values = (values + values[permutation]) / 2
+    return values
+
+
+def _mirrored(rows: NDArray[np.int64], axis: int, spans: int, extra: int) -> NDArray[np.int64] | None:
+    """Return the row of the mirror image of every [level, i, j]; None where one is missing."""
+    images = rows.copy()
+    images[:, 1 + axis] = (spans << rows[:, 0]) + extra - 1 - rows[:, 1 + axis]
+    order, mirrored = (np.lexsort(r.T[::-1]) for r in (rows, images))
+    if not np.array_equal(rows[order], images[mirrored]):
+        return None
+    permutation = np.empty(len(rows), dtype=np.int64)
+    permutation[mirrored] = order
+    return permutation

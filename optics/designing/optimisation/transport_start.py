@@ -1,0 +1,304 @@
+"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
+
+The light of a source without extent has one direction at every point of the rear surface.  Optimal
+transport from its density there to the target gives the target point of each point, Snell's law the
+slope that sends the light there.  Where the rays spread inside the lens, density and directions depend on the
+shape that is looked for.  They are traced again on each new shape, a few times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.designing.optimisation.indicators import summed_over_cells
+from optics.designing.optimisation.rear_light import (
+    DARK,
+    LEAST_WEIGHT,
+    RearLight,
+    centres,
+    refraction_of,
+    traced_light,
+)
+from optics.designing.transport import height_from_slopes, prewarped, transport_map
+from optics.light.blur import aimed
+from optics.scene.receivers import Screen, lit_part
+from optics.scene.system import target_irradiance
+from thbcad.fitting import fit_slopes, level_misfits, seen_functions
+from thbcad.lens import require_sound
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import FreeformSurface, Lens
+
+SNELL_STEPS = 4
+TRACED_STEPS = 3  # of tracing to a shape and computing the next
+CELLS_PER_PIXEL = 2
+LEAST_CELLS, MOST_CELLS = 64, 512
+DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
+EVEN_DETAIL = 0.05  # the same of even light, which has an outline but no texture
+INSIDE = 0.97  # of z_freedom
+ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a little more
+# of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
+# z_freedom 9.5: rel_l2 0.041); with a fifth, optimising every level pays (z_freedom 8: 0.059 against 0.115)
+MOST_CUT = 0.05
+# at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
+HALVINGS = 20
+CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TransportFit:
+    """A sag with about the slopes of a transport map.
+
+    asked : mm, the greatest |c| that the slopes ask for where there is light.
+    cut : share of the coefficients that z_freedom cuts off.
+    crosses : the sag within z_freedom would cross the front; it is scaled down.
+    """
+
+    sag: THBSurface
+    asked: float
+    cut: float
+    crosses: bool
+
+
+class TransportStart:
+    """Slopes of the rear, or of a front that alone is free, that send light without extent to the target.
+
+    A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
+    space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
+
+    traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
+    bent : share of the light that a slope can send to where the map wants it
+
+    most : cells of the map in each direction, at most.
+    """
+
+    def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
+        system = aimed(system, backend)
+        self._system, self._lens, self._backend = system, system.lens, backend
+        screen = system.goal.screen()
+        self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
+        nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
+        self._cells = nx, ny
+        self._surface: FreeformSurface = getattr(system.lens, system.shaped)
+        self._vertex = system.lens.thickness if system.shaped == "rear" else 0.0
+        self._refraction = refraction_of(system)
+        self._bound = INSIDE * system.freeforms[-1].freedom
+        self.traced: TransportFit | None = None
+        self.bent = 1.0
+        if system.shapes_parallel:
+            self._light, self._slopes = self._shape_parallel()
+        else:
+            self._light, self._slopes, self.traced = self._shape_traced()
+
+    def fit(self, space: THBSpace) -> TransportFit:
+        """Return the sag in a THB space over x, y in mm.
+
+        Coefficients beyond z_freedom are cut off there; the others still send their light where it belongs.
+        A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
+        """
+        return self._fit(space, self._light, self._slopes)
+
+    def misfit(self, sag: THBSurface) -> Floats:
+        """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
+
+        Shape (n_cells,).
+        """
+        light, (zx, zy) = self._light, self._slopes
+        off_x = sag.grid(light.x, light.y, (1, 0)) - zx
+        off_y = sag.grid(light.x, light.y, (0, 1)) - zy
+        deviation = off_x**2 + off_y**2
+        return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
+
+    def rear_slopes(self) -> tuple[RearLight, list[Floats]]:
+        """Return the light at the shaped surface, and the slopes (zx, zy) that all of it needs, (nx, ny)."""
+        light, above, conic = self._light, self._slopes, self._surface.conic
+        x, y = light.x[:, None], light.y[None, :]
+        return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
+
+    def level(self, least: int, finest: int) -> int:
+        """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
+        (EVEN_DETAIL where even light is asked for).
+
+        That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
+        slopes' misfit.  Slopes that no surface has remain in all of them.
+        """
+        light, (zx, zy), target = self._light, self._slopes, self._system.target
+        misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
+        throw = np.degrees(1.0) if target.far_field else target.settings.distance
+        moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
+        gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
+        detail = DETAIL if target.even_region is None else EVEN_DETAIL
+        return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
+
+    def within(self, fit: TransportFit) -> bool:
+        """Whether the sag of a fit keeps to z_freedom and clear of the front."""
+        return fit.asked <= self._bound and not fit.crosses
+
+    def follows(self, fit: TransportFit) -> bool:
+        """Whether the sag of a fit sends most of the light where the map wants it."""
+        return fit.cut <= MOST_CUT and not fit.crosses
+
+    def note(self, fit: TransportFit) -> str:
+        """Return a sentence for the user where z_freedom or the thickness is too small for the map, or ""."""
+        if self.within(fit):
+            return ""
+        asked = f"the transport map asks for a sag of +-{fit.asked:.3g} mm"
+        if fit.asked > max(self._surface.half_width):
+            return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
+        if fit.crosses:
+            return (
+                f"{asked}, which would bring rear and front together; raise lens.thickness for better light"
+            )
+        return (
+            f"{asked}, more than z_freedom allows: for better light "
+            f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
+        )
+
+    def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:
+        zx, zy = slopes
+        sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
+        seen = seen_functions(space, light.x, light.y)
+        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
+        kept = np.clip(sag.coefficients, -self._bound, self._bound)
+        for _ in range(HALVINGS):
+            try:
+                require_sound(_with_last(self._lens, THBSurface(space, kept)))
+                break
+            except ValueError:
+                kept, crosses = kept / 2, True
+        cut = float(np.mean(size > self._bound))
+        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
+
+    def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
+        """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
+        source, lens = self._system.source, self._lens
+        size = self._system.problem.source.half_width
+        half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
+        relative = [b / s for b, s in zip(half, size)]
+
+        def emitted(grid: tuple[int, ...]) -> Floats:
+            s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
+            return source.profile(s[:, None], t[None, :])
+
+        x, y = centres(half, self._cells)
+        along = np.zeros(self._cells)
+        light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
+        arrival = self._arrival(light, half, self.lit)
+        above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
+        picture = self._prewarped(light, arrival, above)
+        if picture is not None:
+            arrival = self._arrival(light, half, picture)
+            above, _ = self._above(light, arrival, _height(light, above), 1)
+        return light, above
+
+    def _above(
+        self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int
+    ) -> tuple[list[Floats], float]:
+        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm, and
+        the share of the light that slopes can send there.
+        """
+        base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
+        for _ in range(steps):
+            points = light.x[:, None], light.y[None, :], base + sag
+            slopes, _, refracts = self._refraction.slopes(points, light.direction, arrival)
+            above = _above_conic(light, self._surface, slopes)
+            sag = _height(light, above)
+        return above, float(np.average(refracts, weights=light.emitted(self._cells)))
+
+    def _prewarped(
+        self, light: RearLight, arrival: Sequence[Floats], above: Sequence[Floats]
+    ) -> Floats | None:
+        """Return the picture to ask for, so that the one that is wanted arrives.
+
+        None where it would hardly be another one.
+        """
+        landing = self._landing(light, _height(light, above))
+        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
+        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
+        wanted = self._density(self.lit, self._cells)
+        asked = prewarped(wanted, sent, beside, light.emitted(self._cells))
+        change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
+        much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
+        return asked.T[::-1] if much else None
+
+    def _landing(self, light: RearLight, sag: Floats) -> list[Floats]:
+        """Return where light lands that a sag on the cells refracts, mm or degrees."""
+        x, y = light.x[:, None], light.y[None, :]
+        steep = np.gradient(sag, *_spacing(light))
+        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
+        height = self._vertex + self._surface.conic(x, y) + sag
+        return self._refraction.landing((x, y, height), light.direction, slopes)
+
+    def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
+        """Return light, slopes and fit for rays that spread inside the lens.
+
+        The fit is on the mesh of the sag, refined once or twice.
+        """
+        lens = self._lens
+        space = lens.sags[-1].space.uniform(min(2, self._system.freeforms[-1].finest))
+        sag = THBSurface(space, np.zeros(space.dim))
+        for _ in range(TRACED_STEPS):
+            lens = _with_last(lens, sag)
+            surface = getattr(lens, self._system.shaped)
+            light = traced_light(self._backend, self._system, lens, self._cells)
+            arrival = self._arrival(light, surface.half_width, self.lit)
+            height = self._vertex + surface.grid(light.x, light.y)
+            points = light.x[:, None], light.y[None, :], height
+            slopes, gentle, refracts = self._refraction.slopes(points, light.direction, arrival)
+            self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
+            gentle &= light.weight > LEAST_WEIGHT
+            # where no light is, the slopes go on: fits of all levels then agree along the border of the light
+            own = [sag.grid(light.x, light.y, d) for d in ((1, 0), (0, 1))]
+            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, surface, slopes), own)]
+            light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
+            fit = self._fit(space, light, wanted)
+            sag = fit.sag
+        return light, wanted, fit
+
+    def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
+        """Return a picture of the lit rectangle as cell means, (nx, ny)."""
+        return target_irradiance(picture, Screen(self.half_lit, grid), "stretch", 1.0)[::-1].T
+
+    def _arrival(self, light: RearLight, half: Sequence[float], picture: Floats) -> tuple[Floats, Floats]:
+        """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
+        aspect = np.sqrt(half[0] * self.half_lit[0] / (half[1] * self.half_lit[1]))
+        density = partial(self._density, picture)
+        plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
+        return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
+
+
+def _with_last(lens: Lens, sag: THBSurface) -> Lens:
+    """Return the lens with another sag on the last of its free surfaces."""
+    return lens.with_sags([*lens.sags[:-1], sag])
+
+
+def _above_conic(light: RearLight, surface: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
+    """Return the slopes that a sag adds to those of the surface's conic."""
+    x, y = light.x[:, None], light.y[None, :]
+    return [s - surface.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
+
+
+def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
+    """Return the sag with about these slopes, whose greatest and least value are opposite, (nx, ny), mm.
+
+    That is the constant which `fit_slopes` chooses, as far as coefficients are values.
+    """
+    zx, zy = slopes
+    sag = height_from_slopes(zx, zy, _spacing(light))
+    return sag - (sag.max() + sag.min()) / 2
+
+
+def _spacing(light: RearLight) -> list[float]:
+    return [float(row[1] - row[0]) for row in (light.x, light.y)]

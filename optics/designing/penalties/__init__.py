@@ -1,0 +1,14 @@
+"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.designing.penalties.charges import (
+        ROOM as ROOM,
+        ShapePenalty as ShapePenalty,
+        shape_penalty as shape_penalty,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,116 @@
+"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds.
+
+With the Hessian D^2 of a sag s, h the larger half-width, and means over points of the surface,
+
+    roughness    h^2 mean |D^2 s|^2                  the bending energy of a thin plate
+    a limit      w mean max(0, g + shift)^2          g the relative excess over the limit, w = WEIGHT
+
+A shift is a Lagrange multiplier divided by 2 w, as in the augmented Lagrangian.  It begins as ROOM and
+follows the excess at a minimum.  Source: M. Powell, A method for nonlinear constraints in
+minimization problems, in: R. Fletcher (ed.), Optimization, 1969.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.designing.penalties.bending_limits import bending_limits
+from optics.designing.penalties.height_limits import height_limits
+from optics.designing.penalties.sample_points import Excess, Floats, SurfaceSamples, free_surfaces
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Limits
+    from thbcad.lens import Lens
+
+WEIGHT = 100.0  # charge for the mean square of relative excesses
+ROOM = 1e-3  # of a limit: what lies between the points stays within it
+HEAVIER = 10.0  # times heavier in every pass: few are made
+HESSIAN = ((2, 0), (1, 1), (1, 1), (0, 2))
+
+
+class ShapePenalty:
+    """The shape's part of the loss, and its gradient by the coefficients of every sag, front first.
+
+    excesses : over limits, each charged.  roughness : weight.
+    """
+
+    def __init__(self, lens: Lens, excesses: Sequence[Excess], roughness: float = 0.0) -> None:
+        free = [surface for _, surface in free_surfaces(lens)]
+        self._embeddings = [sag.space.embedding for sag in lens.sags]
+        self._excesses, self._weight = excesses, WEIGHT
+        self._shifts = [np.full(excess.mean.shape, ROOM) for excess in excesses]
+        self._rough = [SurfaceSamples(s, k) for k, s in enumerate(free)] if roughness else []
+        self._roughness = [roughness * max(s.half_width) ** 2 for s in free]
+
+    def __call__(self, coefficients: Sequence[Floats]) -> tuple[float, list[Floats]]:
+        """Return (loss, gradients)."""
+        nets = self._nets(coefficients)
+        loss, slopes = 0.0, [np.zeros_like(net) for net in nets]
+        for samples, net, slope, weight in zip(self._rough, nets, slopes, self._roughness):
+            for derivative in set(HESSIAN):
+                values = samples.sag(net, derivative)
+                weights = HESSIAN.count(derivative) * weight * samples.mean
+                loss += float((weights * values**2).sum())
+                slope += samples.pulled(2 * weights * values, derivative)
+        for excess, shift in zip(self._excesses, self._shifts):
+            values, pull = excess(nets, shift)
+            charged = np.maximum(values, 0)
+            loss += self._weight * float((excess.mean * charged**2).sum())
+            if charged.any():
+                pull(2 * self._weight * excess.mean * charged, slopes)
+        return loss, [e.adjoint(slope) for e, slope in zip(self._embeddings, slopes)]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The limits that are charged."""
+        return tuple(dict.fromkeys(excess.key for excess in self._excesses))
+
+    def only(self, keys: Sequence[str]) -> ShapePenalty:
+        """Return the penalty without the charges for other limits."""
+        other, kept = copy(self), [k for k, e in enumerate(self._excesses) if e.key in keys]
+        other._excesses = [self._excesses[k] for k in kept]
+        other._shifts = [self._shifts[k] for k in kept]
+        return other
+
+    def exceeded(self, coefficients: Sequence[Floats]) -> bool:
+        """Return whether a limit is exceeded at a point."""
+        nets = self._nets(coefficients)
+        return any((e(nets, np.zeros_like(e.mean))[0] > 0).any() for e in self._excesses)
+
+    def cleared(self, coefficients: Sequence[Floats]) -> bool:
+        """Return whether half of every shift, or more, is left between excess and limit."""
+        nets, pairs = self._nets(coefficients), zip(self._excesses, self._shifts)
+        return all((excess(nets, shift)[0] <= shift / 2).all() for excess, shift in pairs)
+
+    def tightened(self, coefficients: Sequence[Floats]) -> ShapePenalty:
+        """Return the penalty with the multipliers of a minimum, and HEAVIER times the weight."""
+        nets, tightened = self._nets(coefficients), copy(self)
+        pairs = zip(self._excesses, self._shifts)
+        grown = [np.maximum(excess(nets, shift)[0].max(axis=0), 0) for excess, shift in pairs]
+        tightened._weight *= HEAVIER
+        tightened._shifts = [shift / HEAVIER for shift in grown]
+        return tightened
+
+    def with_rooms(self, rooms: Mapping[str, float]) -> ShapePenalty:
+        """Return the penalty with room between points and limits, relative to these, by key."""
+        other = copy(self)
+        other._shifts = [np.full(e.mean.shape, rooms.get(e.key, ROOM)) for e in self._excesses]
+        return other
+
+    def _nets(self, coefficients: Sequence[Floats]) -> list[Floats]:
+        return [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
+
+
+def shape_penalty(
+    lens: Lens, limits: Limits, density: float = 0.0, roughness: float = 0.0, fine: bool = False
+) -> ShapePenalty | None:
+    """Return what the shape of a lens is charged for, or None.
+
+    density : g/cm^3, for limits.mass.  fine : at twice as many points each way.
+    """
+    excesses = [*height_limits(lens, limits, density, fine), *bending_limits(lens, limits, fine)]
+    return ShapePenalty(lens, excesses, roughness) if excesses or roughness else None

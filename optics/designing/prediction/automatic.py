@@ -1,0 +1,177 @@
+"""Numbers that a problem leaves to the program: the base lens, the bounds of its sags, the levels.
+
+All come from the slopes (zx, zy) that the transport map asks of the rear.  The base is the conic of curvature
+c = 1 / R whose own slopes are nearest to them,
+
+    sum w |(zx, zy) - grad conic(x, y; c, K)|^2  ->  min,      K = -1 where it is left to the program:
+
+a paraboloid lies in the space of the sag and is exact in every file.  The sag has to make up for the rest;
+its bound is MARGIN times what that takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import hypot, inf, isinf, sqrt
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation import TransportStart, transmitted_flux
+from optics.designing.prediction.start_light import seen_level
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, base_of
+from optics.scene.system import OpticalSystem, solvable_system
+from thbcad.fitting import fit_slopes, seen_functions
+from thbcad.sags import Conic
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.designing.optimisation import RearLight
+    from optics.scene.problem import Front, Problem, Rear
+    from thbcad.lens import FreeformSurface
+
+Surface = TypeVar("Surface", "Front", "Rear")
+Floats = NDArray[np.float64]
+
+LEAST = 3  # level: the optimiser mends what the transport map's own cells leave
+CELLS = 64  # of the map that tells the base, in each direction: its curvature needs no detail
+STEPS = 2  # of a map and a base: where rays spread in the lens, the map depends on the base
+LEAST_BENT = 0.9  # share of the light that must be within reach of a refracting surface
+STEEPEST = 0.9  # of the slope that reflects parallel light totally: the conic's at the corner, at most
+THINNEST = 0.2  # of the thickness: what the conic leaves at the corner, at least
+FARTHEST = 0.5  # of the way to the target: where the conic may reach
+ROOM = 0.4  # of the way to the target: the sag that a map may take before its bound is known
+MARGIN = 1.5  # of z_freedom over the sag that the map asks for
+NEEDED = 1.05  # the same where the lens is too thin for MARGIN
+LEAST_FREEDOM = 0.01  # of the half-width: where a conic alone would do, the optimiser still needs some sag
+KEPT = 0.9  # of the least thickness: the bounds of all sags together, at most, if the map allows
+SPACE_LEVELS = 2  # of the mesh on which the sag is estimated
+
+
+def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, TransportStart | None]:
+    """Return the system with numbers for all that is left to the program, and its transport start if known.
+
+    A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
+    to see (`seen_level`).
+
+    Raises
+    ------
+    UserError : no transport map tells the base lens, or the lens that it tells cannot be.
+    """
+    if system.problem.lens.automatic:
+        system = _with_base(system, backend)
+    if all(freeform.max_level != AUTO for freeform in system.freeforms):
+        return system, None
+    start = TransportStart(system, backend)
+    level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
+    spec = system.problem.lens
+    front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
+    rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
+    lens = replace(spec, front=front, rear=rear)
+    return OpticalSystem(replace(system.problem, lens=lens)), start
+
+
+def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
+    if freeform is None or freeform.max_level != AUTO:
+        return freeform
+    return replace(freeform, max_level=level)
+
+
+def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
+    """Return the system with a base lens and bounds of its sags."""
+    asked, base = system.problem, base_of(system.problem.lens.rear)
+    widest = min(asked.lens.thickness, ROOM * asked.target.distance)
+    for _ in range(STEPS):
+        wide = solvable_system(_with_numbers(asked, base, widest))
+        if not wide.parallel:
+            transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
+        start = TransportStart(wide, backend, CELLS)
+        _require_bent(start.bent)
+        light, slopes = start.rear_slopes()
+        base = _nearest_base(asked, light, slopes)
+    based = solvable_system(_with_numbers(asked, base, widest))
+    return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
+
+
+def _require_bent(share: float) -> None:
+    if share < LEAST_BENT:
+        raise UserError(
+            f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
+            f"{share:.0%} of the light to where it should go; give radius, conic and z_freedom of the lens "
+            "as numbers, or make target.half_width smaller or target.distance larger"
+        )
+
+
+def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) -> tuple[float, float]:
+    """Return radius and conic constant of the rear."""
+    rear = asked.lens.rear
+    constant = -1.0 if isinstance(rear.conic, str) else rear.conic
+    if not isinstance(rear.radius, str):
+        return rear.radius, constant
+    x, y = light.x[:, None], light.y[None, :]
+
+    def misfit(c: float) -> float:
+        conic = Conic(1 / c if c else inf, constant)
+        return float(
+            sum(np.sum(light.weight * (s - conic(x, y, d)) ** 2) for s, d in zip(slopes, ((1, 0), (0, 1))))
+        )
+
+    bounds = _curvatures(asked, constant)
+    found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6 * np.ptp(bounds)})
+    flattest = LEAST_FREEDOM * max(rear.half_width)  # a plane does where the least sag makes up for the conic
+    if abs(found.x) * hypot(*rear.half_width) ** 2 / 2 < flattest:
+        return inf, constant
+    return float(f"{1 / found.x:.3g}"), constant
+
+
+def _curvatures(problem: Problem, constant: float) -> tuple[float, float]:
+    """Return the least and the greatest curvature that the rear may have.
+
+    A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
+    c = 2 z / (r^2 + (1 + K) z^2).
+    """
+    spec, k = problem.lens, 1 + constant
+    r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
+    at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
+    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * problem.target.distance
+    most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))
+    least = max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
+    return least, most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))
+
+
+def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> float:
+    """Return the bound of the sags, mm, on the base lens of a system.
+
+    It is MARGIN times the greatest coefficient of a sag with the slopes that the base lacks.  Where the lens
+    is too thin for that, it is what keeps the surfaces apart, but not less than the map needs.
+    """
+    lens = system.lens
+    shaped: FreeformSurface = getattr(lens, system.shaped)
+    x, y = light.x[:, None], light.y[None, :]
+    space = lens.sags[-1].space.uniform(SPACE_LEVELS)
+    zx, zy = (s - shaped.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1))))
+    sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
+    asked = float(np.abs(sag.coefficients[seen_functions(space, light.x, light.y)]).max())
+    wanted = max(MARGIN * asked, LEAST_FREEDOM * max(shaped.half_width))
+    room = KEPT * lens.least_thickness().lower / len(lens.sags)
+    return float(f"{min(wanted, max(room, NEEDED * asked)):.2g}")
+
+
+def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -> Problem:
+    """Return the problem with numbers for the base lens and the bounds of its sags."""
+    spec = problem.lens
+    flat = base_of(spec.front)
+    front = replace(_numbered(spec.front, freedom), radius=flat[0], conic=flat[1])
+    rear = replace(_numbered(spec.rear, freedom), radius=base[0], conic=base[1])
+    return replace(problem, lens=replace(spec, front=front, rear=rear))
+
+
+def _numbered(surface: Surface, freedom: float) -> Surface:
+    """Return a surface with a number for the bound of its sag."""
+    if surface.freeform is None or surface.freeform.z_freedom != AUTO:
+        return surface
+    return replace(surface, freeform=replace(surface.freeform, z_freedom=freedom))

@@ -1,0 +1,63 @@
+"""Seconds and memory that a design will take, from its plan alone.
+
+    seconds = START + RAY * rays of all evaluations + FUNCTION * functions of the finest mesh
+
+RAY depends on how rays meet the rear.  Transport maps of rays that are traced, and blurred light, take their
+time too.  START, RAY and FUNCTION were fitted to stored designs on two cores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from optics.designing.optimisation import PROBES, last_level, symmetry_axes
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation import Stage
+    from optics.scene.system import OpticalSystem
+
+# fitted to every second picture of docs/data/untuned.json and the designs of overview.json; all twenty are
+# within 1.2 times
+START = 4.0  # s, for start, STEP file, measurement, checks and figures
+RAY = 0.055e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
+FUNCTION = 24.0e-6  # s per function of the finest mesh, in files and checks
+MAPPED = 5.0  # s more for a transport map of rays that are not parallel where they are shaped
+BLURRED = 1.5  # s more where light is blurred
+SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
+# the peaks of overview.json and of the twenty pictures within 1.2 times
+BASE_MB = 930.0
+BYTES = 365  # per ray
+CELL_BYTES = 2000  # the same for cells whose rays are searched for
+
+
+def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
+    """Return the seconds of a design on two cores, from the start of the process to the verified result."""
+    work = sum((s.iterations + 1 + PROBES) * n for s, n in _rays(system, plan))
+    kind = 1.0 if system.parallel else SEARCHED
+    if len(system.freeforms) > 1:
+        kind = BOTH_FREE
+    functions = 1
+    for axis in (0, 1):
+        functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
+    more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred else 0.0)
+    return START + more + RAY * kind * work + FUNCTION * functions
+
+
+def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
+    """Return the peak memory of a design and its helper processes, MB."""
+
+    def bytes_of(stage: Stage, rays: float) -> float:
+        return rays * (CELL_BYTES if stage.exact and not system.parallel else BYTES)
+
+    return BASE_MB + max((bytes_of(s, n) for s, n in _rays(system, plan)), default=0.0) / 1e6
+
+
+def _rays(system: OpticalSystem, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:
+    """Return the stages that optimise, and the rays that one evaluation traces: a mirror image needs none."""
+    halves = 2 ** len(symmetry_axes(system))
+
+    def traced(stage: Stage) -> float:
+        return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)
+
+    return [(stage, traced(stage)) for stage in plan if stage.iterations]

@@ -1,0 +1,172 @@
+"""What to expect of a lens before it is designed: size, light, detail, error, time and sensitivity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.designing.etendue import image_half_width, usual_efficiency
+from optics.designing.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
+from optics.designing.prediction.cost import memory_mb, seconds
+from optics.designing.prediction.picture_error import predicted_rel_l2
+from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
+from optics.designing.prediction.start_light import light_before
+from optics.light.blur import blur_of
+from optics.light.outgoing import Concentration, greatest_concentration
+from thbcad.lens import mass
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.designing.optimisation import RearLight, Stage
+    from optics.scene.system import OpticalSystem
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
+# of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
+# half of 4096 pixels in place of 0.174 changes the one to expect of the design from 0.0202 to 0.0195
+MOST_PIXELS = 2048
+SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What to expect of a lens.  Lengths on the target are mm, in the far field degrees.
+
+    size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
+    sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
+    efficiency, stray : of the transport start, share of the source's flux on the target and beside it.
+    pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
+        (None without extent).
+    moved : the design starts from the whole transport map.
+    rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
+        cuts it off, or where rays spread in the lens.
+    start_rel_l2 : of the transport start, None where the source has extent.
+    seconds, memory_mb : of the design.
+    """
+
+    size: tuple[float, float, float]
+    volume: float
+    mass: float | None
+    sag: float
+    freedom: float
+    note: str
+    efficiency: float
+    stray: float
+    pixel: float
+    net: float
+    blur: float | None
+    moved: bool
+    rel_l2: float | None
+    start_rel_l2: float | None
+    seconds: float
+    memory_mb: float
+    sensitivity: Sensitivity
+    concentration: Concentration
+
+
+def expected(
+    system: OpticalSystem, backend: Backend, start: TransportStart | None = None
+) -> tuple[Expectation, list[Stage]]:
+    """Return what to expect of a system whose numbers are all known, and the plan of its design.
+
+    start : of the system, where it is known already.
+
+    Raises
+    ------
+    UserError : the design would take too much memory, (almost) nothing passes the lens.
+    """
+    stages(system.shaping, moved=True)  # refuses sizes before any memory is taken
+    transmitted_flux(system, backend)
+    start = start or TransportStart(system, backend)
+    fit = start.fit(_start_space(system))
+    lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
+    moved = _moves(system, start)
+    traced = system.shaping
+    plan = stages(traced, moved)
+    fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
+    flux = system.problem.source.flux
+    light, slopes = start.rear_slopes()
+    density = system.problem.lens.density
+    volume = lens.volume()
+    return Expectation(
+        size=_size(lens),
+        volume=volume,
+        mass=mass(volume, density) if density else None,
+        sag=fit.asked,
+        freedom=system.freeforms[-1].freedom,
+        note=start.note(fit),
+        efficiency=fates.on_target / flux,
+        stray=fates.off_target / flux,
+        pixel=max(system.target.screen().pitch),
+        net=_net(system, start.half_lit, light),
+        blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),
+        moved=moved,
+        rel_l2=predicted_rel_l2(start.lit, error)
+        if error and moved and start.within(fit) and system.parallel and not system.blurred
+        else None,
+        start_rel_l2=error,
+        seconds=seconds(system, plan),
+        memory_mb=memory_mb(system, plan),
+        sensitivity=sensitivity(system, light, slopes),
+        concentration=greatest_concentration(system, lens, backend),
+    ), plan
+
+
+def _start_space(system: OpticalSystem) -> THBSpace:
+    """Return the mesh on which the start is traced: that of the finest level, or the last before it that is
+    quick."""
+    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
+    return system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0)))
+
+
+def _moves(system: OpticalSystem, start: TransportStart) -> bool:
+    """Return whether the design starts from the whole transport map."""
+    if system.problem.optimizer.start == "flat":
+        return False
+    if start.traced is not None and not start.within(start.traced):
+        return False
+    return start.follows(start.fit(first_sags(system, moved=True)[-1].space))
+
+
+def _size(lens: Lens) -> tuple[float, float, float]:
+    """Return width, height and depth, mm."""
+    wide, high = (2 * max(h) for h in zip(lens.front.half_width, lens.rear.half_width))
+    heights = []
+    for surface in (lens.front, lens.rear):
+        x, y = (np.linspace(-h, h, SAMPLES) for h in surface.half_width)
+        heights.append(surface.grid(x, y))
+    front, rear = heights
+    return wide, high, float(lens.thickness + rear.max() - front.min())
+
+
+def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> float:
+    """Return the mean size on the target of a knot span of the finest mesh.
+
+    half : half-widths of the lit part of the target.
+    """
+    surface, freeform = getattr(system.lens, system.shaped), system.freeforms[-1]
+    magnification = sqrt(prod(half) / prod(_half_lit(light)))
+    span = max(2 * h / (n << freeform.finest) for h, n in zip(surface.half_width, freeform.spans))
+    return span * magnification
+
+
+def _half_lit(light: RearLight) -> Sequence[float]:
+    """Return half of the width and the height of the light on the shaped surface, mm."""
+    lit = light.weight > light.weight.max() / 10
+    seen = light.x[lit.any(axis=1)], light.y[lit.any(axis=0)]
+    return [float(np.ptp(a) + cell[1] - cell[0]) / 2 for a, cell in zip(seen, (light.x, light.y))]
+
+
+def _blur(system: OpticalSystem) -> float | None:
+    """Return the least width of the images of the source, None where it has no extent or it is not known."""
+    if not system.source.etendue:
+        return None
+    return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

@@ -1,0 +1,116 @@
+"""What to expect of a lens, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
+from optics.light.outgoing import concentration_sentence
+
+if TYPE_CHECKING:
+    from optics.designing.prediction.expectation import Expectation
+    from optics.scene.system import OpticalSystem
+
+LEAST_ERROR = 0.01  # smaller predictions say no more than that
+MM3_PER_CM3 = 1000
+
+
+def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    """Return one line for each thing to expect."""
+    wide, high, deep = expected.size
+    heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
+    rear = system.lens.rear.conic
+    return [
+        f"expected lens: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
+        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with {_conic(rear.radius, rear.constant)}",
+        f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
+        f"z_freedom allows +-{expected.freedom:.3g} mm",
+        f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
+        f"{expected.stray:.1%} beside it",
+        f"{concentration_sentence(system, expected.concentration)}; at the start of the design",
+        _detail_line(system, expected),
+        _error_line(system, expected),
+        f"cost: about {expected.seconds:.2g} s on two cores as in docs/benchmarks.md, "
+        f"about {expected.memory_mb / 1000:.2g} GB of memory",
+        *_sensitivity_lines(system, expected),
+    ]
+
+
+def _conic(radius: float, constant: float) -> str:
+    return f"radius {radius:.4g} mm, K {constant:.3g}"
+
+
+def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
+    sizes = {"a pixel": expected.pixel, "a knot span of the finest mesh": expected.net}
+    if expected.blur is not None:
+        sizes[_blurring(system)] = expected.blur
+    what = max(sizes, key=lambda name: sizes[name])
+    others = ", ".join(f"{name} {_length(system, size)}" for name, size in sizes.items() if name != what)
+    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others})"
+
+
+def _blurring(system: OpticalSystem) -> str:
+    """Return what blurs the light: the extent of the source, or its divergence."""
+    if not system.blurred:
+        return "the image of the source"
+    if not system.source.diverging:
+        return "the blur of the rough surfaces"
+    sun = system.problem.source.divergence_profile == "sun"
+    return "the image of the sun" if sun else "the image of the beam's angles"
+
+
+def _error_line(system: OpticalSystem, expected: Expectation) -> str:
+    if system.source.extended and not system.blurred:
+        return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
+    if system.blurred:
+        return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
+    start = f"the start has {expected.start_rel_l2:.2g}"
+    if not expected.moved or expected.sag > expected.freedom:
+        return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
+    if expected.rel_l2 is None:
+        return f"rel_l2: not predicted where rays spread in the lens; {start}"
+    if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
+        basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 60 iterations"
+        return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"
+    return f"rel_l2: below {max(expected.rel_l2, LEAST_ERROR):.2g}; {start}"
+
+
+def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    shifts = expected.sensitivity
+    whose = "the lens" if system.source.collimated else "the source"
+    return [
+        f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
+        f"by {_length(system, shifts.index_most)} at most",
+        *_dispersion_lines(system, expected),
+        f"{RIPPLE * 1000:g} um of ripple with a period of {PERIOD:g} mm shifts it by "
+        f"{_shift(system, expected, shifts.ripple)}",
+        f"{DECENTRE:g} mm of decentre of {whose} shifts it by {_shift(system, expected, shifts.decentre)}",
+    ]
+
+
+def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    """Return what the catalogue's uncertainty and the light's colours do, to first order in the index."""
+    per_index, material, lines = expected.sensitivity.index / INDEX, system.material, []
+    if material is not None and material.accuracy is not None:
+        size = _shift(system, expected, per_index * material.accuracy)
+        lines.append(
+            f"{material.name}: another grade or melt may differ by {material.accuracy:g} in index, "
+            f"which shifts the light by {size} on average"
+        )
+    if len(system.wavelengths) > 1:
+        blue, *_, red = system.wavelengths
+        falls = blue.medium.index - red.medium.index
+        size = _shift(system, expected, per_index * abs(falls))
+        lines.append(
+            f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {falls:.4f}, "
+            f"which shifts the light by {size} on average"
+        )
+    return lines
+
+
+def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:
+    return f"{_length(system, size)} ({size / expected.pixel:.2g} pixels)"
+
+
+def _length(system: OpticalSystem, size: float) -> str:
+    return f"{size:.2g} {'degrees' if system.target.far_field else 'mm'}"

@@ -1,0 +1,1 @@
+"""Files: results, STEP and its proofs, other programs, parts and assemblies."""

@@ -1,0 +1,197 @@
+"""Where the light of a design goes, held in convex regions: source to front, front to rear, rear to target.
+
+Light that leaves a source at most at the angle theta from z reaches the front within the source's figure
+grown by (z - z_source) tan(theta).  In the glass its angle is at most asin(sin(theta) / n) behind a plane
+front, and behind another one that of the light or of the front's normal, whichever is greater: Snell's law
+makes the refracted direction a positive sum of both.  What leaves the rear is followed to the lit part of the
+target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import asin, atan, inf, isinf, radians, sin, tan
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.certified import (
+    DIRECTIONS,
+    ConvexRegion,
+    Stack,
+    rectangle_supports,
+    region_between,
+    supports_of,
+)
+from thbcad.splines import KnotVector, tensor_apply
+
+if TYPE_CHECKING:
+    from optics.scene.system import LightTarget, OpticalSystem
+    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.splines import BSplineSurface
+
+Floats = NDArray[np.float64]
+
+CELLS = 16  # of a surface in each direction, between which its heights are bounded
+CONIC = 1e-11  # mm, of a conic from its spline
+BEYOND = 1.0  # mm before and behind all of a part
+STEEPEST = 89.9  # degrees, beyond which light is taken to go everywhere
+
+
+@dataclass(frozen=True, eq=False)
+class LightHulls:
+    """Regions that hold the light, by name, and what of front and rear is lit.
+
+    regions : {"source to front": region, ...}; without a known light "front to rear" alone
+    lit : {"front": supports, "rear": supports}, mm
+    prisms : {"front": region, "rear": region}, all that lies above and below the lit figures
+    target : supports of the lit part of the target in mm, of tangents in the far field; None is unknown
+    exact : light passes everywhere in the hull of the glass
+    """
+
+    regions: dict[str, ConvexRegion]
+    lit: dict[str, Floats]
+    prisms: dict[str, ConvexRegion]
+    target: Floats | None
+    exact: bool
+
+
+def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, float]) -> LightHulls:
+    """Return the LightHulls of a lens in the light of a system, or in any light.
+
+    heights : z of the lowest and the highest point of the part, mm.
+    """
+    full = {
+        "front": rectangle_supports(lens.front.half_width),
+        "rear": rectangle_supports(lens.rear.half_width),
+    }
+    if system is None:
+        surfaces = _surfaces(lens, full)
+        glass = region_between(surfaces["front"], surfaces["rear"])
+        same = lens.front.half_width == lens.rear.half_width
+        return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, same)
+    low, high = heights[0] - BEYOND, heights[1] + BEYOND
+    whole = _surfaces(lens, full)
+    source, steepest = system.source.envelope()
+    up = [float(whole["front"].heights.max() - z) for z in (source.heights.min(), source.heights.max())]
+    lit = {"front": np.minimum(full["front"], source.supports.max(axis=0) + _grown(steepest, up[0]))}
+    deep = float(whole["rear"].heights.max() - whole["front"].heights.min())
+    inside = _grown(_inner_angle(lens, steepest), deep)
+    lit["rear"] = np.minimum(full["rear"], lit["front"] + inside)
+    surfaces = _surfaces(lens, lit)
+    source = Stack(source.heights, np.minimum(source.supports, lit["front"] + _grown(steepest, up[0])))
+    if system.source.from_afar:  # it comes from before all of the part
+        back = min(low, float(source.heights.min()))
+        source = Stack(np.array([back]), source.supports + _grown(steepest, float(source.heights[0]) - back))
+    if source.heights.max() < low < surfaces["front"].heights.min():
+        source = source.towards(surfaces["front"], low)
+    target = _lit_target(system.target)
+    regions = {
+        "source to front": region_between(source, surfaces["front"]),
+        "front to rear": region_between(surfaces["front"], surfaces["rear"]),
+        "rear to target": region_between(
+            surfaces["rear"], _ahead(surfaces["rear"], target, system.target.z, high)
+        ),
+    }
+    return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel)
+
+
+def glass_region(lens: Lens) -> ConvexRegion:
+    """Return a region that holds all straight paths between front and rear."""
+    surfaces = _surfaces(
+        lens, {name: rectangle_supports(getattr(lens, name).half_width) for name in ("front", "rear")}
+    )
+    return region_between(surfaces["front"], surfaces["rear"])
+
+
+def _grown(degrees: float, along: float) -> float:
+    """Return how far light at an angle from z goes aside, mm."""
+    return inf if degrees > STEEPEST else max(along, 0.0) * tan(radians(degrees))
+
+
+def _inner_angle(lens: Lens, steepest: float) -> float:
+    """Return the greatest angle of light from z behind the front, degrees."""
+    if lens.front.is_plane:
+        return float(np.degrees(asin(sin(radians(min(steepest, 90.0))) / lens.index)))
+    graph = lens.own_graphs()[0]
+    along, up = _steepest(graph.kv_u, graph.coefficients), _steepest(graph.kv_v, graph.coefficients.T)
+    return max(steepest, float(np.degrees(atan(np.hypot(along, up)))))
+
+
+def _steepest(kv: KnotVector, heights: Floats) -> float:
+    """Return a bound of the derivative by the first parameter, from differences of the poles' heights."""
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.max(kv.degree * np.abs(np.diff(heights, axis=0)) / widths[:, None]))
+
+
+def _prisms(lit: dict[str, Floats], heights: tuple[float, float]) -> dict[str, ConvexRegion]:
+    ends = heights[0] - BEYOND, heights[1] + BEYOND
+    return {
+        name: region_between(*(Stack(np.array([z]), supports[None]) for z in ends))
+        for name, supports in lit.items()
+    }
+
+
+def _surfaces(lens: Lens, lit: dict[str, Floats]) -> dict[str, Stack]:
+    front, rear = lens.own_graphs()
+    return {
+        "front": _lit_surface(front, lens.front, 0.0, lit["front"]),
+        "rear": _lit_surface(rear, lens.rear, lens.thickness, lit["rear"]),
+    }
+
+
+def _lit_surface(graph: BSplineSurface, surface: FreeformSurface, vertex: float, lit: Floats) -> Stack:
+    """Return the lit part of a surface: its cells, each between the least and the greatest coefficient of the
+    splines that are not zero there."""
+    kvs, operators, ends = [], [], []
+    for kv in (graph.kv_u, graph.kv_v):
+        finer = kv.merged(KnotVector.uniform(kv.degree, CELLS, kv.start, kv.stop))
+        kvs.append(finer)
+        operators.append(kv.prolongation(finer))
+        ends.append(np.linspace(kv.start, kv.stop, CELLS + 1))
+    net = tensor_apply(operators[0], operators[1], graph.coefficients)
+    (x, y), heights, supports = (row.tolist() for row in ends), [], []
+    for i, j in np.ndindex(CELLS, CELLS):
+        middle = (x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2
+        half = (x[i + 1] - x[i]) / 2, (y[j + 1] - y[j]) / 2
+        cell = np.minimum(lit, DIRECTIONS @ middle + rectangle_supports(half))
+        if (cell + np.roll(cell, len(cell) // 2) < 0).any():
+            continue  # beside the light
+        part = net[_active(kvs[0], x[i], x[i + 1]), _active(kvs[1], y[j], y[j + 1])]
+        heights += [vertex + part.min() - CONIC, vertex + part.max() + CONIC]
+        supports += [cell, cell]
+    return Stack(np.array(heights), np.array(supports))
+
+
+def _active(kv: KnotVector, low: float, high: float) -> slice:
+    """Return the splines that are not zero somewhere between two parameters."""
+    first = int(np.searchsorted(kv.knots[kv.degree + 1 :], low, side="right"))
+    return slice(first, int(np.searchsorted(kv.knots[: kv.dim], high, side="left")))
+
+
+def _lit_target(target: LightTarget) -> Floats:
+    """Return the supports of the pixels that are to be lit, in mm, or of tangents in the far field."""
+    screen = target.screen()
+    lit = target.irradiance(screen, 1.0) > 0
+    (x, y), (wide, tall) = screen.centres, np.divide(screen.pitch, 2)
+    rows = np.flatnonzero(lit.any(axis=1))
+    first, last = lit[rows].argmax(axis=1), lit.shape[1] - 1 - lit[rows, ::-1].argmax(axis=1)
+    points = np.concatenate(
+        [
+            np.stack([x[columns] + side * wide, y[rows] + up * tall], axis=1)
+            for columns, side in ((first, -1), (last, 1))
+            for up in (-1, 1)
+        ]
+    )
+    return supports_of(np.tan(np.radians(points)) if target.far_field else points)
+
+
+def _ahead(rear: Stack, target: Floats, z: float, high: float) -> Stack:
+    """Return where light from the rear to the target ends: at the target, or behind all of the part."""
+    high = max(high, float(rear.heights.max()) + BEYOND)
+    if isinf(z):
+        reached = rear.supports + (high - rear.heights)[:, None] * target
+        return Stack(np.array([high]), reached.max(axis=0)[None])
+    screen = Stack(np.array([z]), target[None])
+    return screen if z <= high else rear.towards(screen, high)

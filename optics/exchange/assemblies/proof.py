@@ -1,0 +1,142 @@
+"""Checks of a STEP file that holds a lens with its mount against the lens in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import Check, reading
+from optics.exchange.assemblies.light_checks import light_checks
+from optics.exchange.assemblies.light_proof import PartLight
+from optics.exchange.assemblies.part_rays import landing_checks
+from optics.exchange.assemblies.placement_text import placed_text
+from optics.exchange.verification import same_surface, whole_checks
+from thbcad.cad.exchange import SolidState, step_bytes, step_shape
+from thbcad.cad.parts import (
+    PlacedLens,
+    edge_deviation,
+    face_deviation,
+    placed_lens,
+    projected_area,
+    surface_numbers,
+)
+from thbcad.io import brep_of_text
+
+if TYPE_CHECKING:
+    from optics.exchange.assemblies.placement_text import PlacedText
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+TOLERANCE = 1e-6  # mm, as of a lens by itself
+# mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear: bores through a
+# designed rear are off by up to 0.7 um, where the light is proven or traced all the same
+OTHER_EDGES = 1e-3
+TRIM = 1e-7  # mm, of the edges of front and rear and of their images in the parameters
+SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
+AREA = 1e-9  # relative: rims are straight in x and y, and rounding is all that is left
+MOTION = 1e-12  # rounding of two rotations
+
+
+def part_checks(
+    path: Path, lens: Lens, by_optiland: bool, system: OpticalSystem | None = None
+) -> tuple[list[Check], list[str]]:
+    """Return the Checks of a part with a lens, by its text, by OCCT and in its light, and what is left out.
+
+    system : whose light the lens shapes; None is not known.
+
+    Raises
+    ------
+    UserError : the file cannot be read, is not whole, or not one solid.
+    """
+    with reading(path):
+        text = placed_text(path)  # first the reader that damaged files cannot crash
+        shape = step_shape(path)
+    checks, left_out = whole_checks(text.solid, OTHER_EDGES)
+    checks += _text_checks(text, lens)
+    state = SolidState(shape)
+    checks += _solid_checks(state)
+    try:
+        placed = placed_lens(shape, lens)
+    except ValueError as error:
+        return [
+            *checks,
+            Check(f"front and rear of the lens in the part, by OCCT: {error}", 1, 0, ""),
+        ], left_out
+    apart = float(np.abs(placed.matrix - text.motion).max())
+    checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
+    off = _areas_off(placed, lens)
+    trimmed = max(off.values()) > AREA
+    checks.append(
+        Check(
+            "tolerance that faces, edges and vertices need to meet",
+            state.tolerance,
+            OTHER_EDGES if trimmed else TOLERANCE,
+            "mm",
+        )
+    )
+    checks += _face_checks(placed, lens, OTHER_EDGES if trimmed else TRIM)
+    if system is None:
+        checks += [
+            Check(f"area of the {name} that the part covers or cuts, relative", value, AREA, "")
+            for name, value in off.items()
+        ]
+    part = PartLight.of(placed, lens, system)
+    of_light, words = light_checks(part)
+    return [*checks, *of_light, *landing_checks(placed, part, by_optiland)], left_out + words
+
+
+def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
+    """Return the Checks that the text holds the surfaces of front and rear, number by number, once each."""
+    fresh = {face.name: face for face in brep_of_text(step_bytes(lens).decode("latin-1")).faces}
+    checks = []
+    for name in ("front", "rear"):
+        named = [face for face in text.solid.faces if face.name == name]
+        off = abs(len(named) - 1) + sum(not same_surface(face, fresh[name]) for face in named)
+        checks.append(
+            Check(f"text of the file: faces named {name} that are not the {name} of the lens", off, 0, "")
+        )
+    rotation = text.motion[:, :3]
+    mirrored = abs(np.linalg.det(rotation) - 1)
+    off_rotation = max(float(np.abs(rotation @ rotation.T - np.eye(3)).max()), float(mirrored))
+    checks.append(Check("text of the file: placement that is no rotation", off_rotation, MOTION, ""))
+    return checks
+
+
+def _solid_checks(state: SolidState) -> list[Check]:
+    return [
+        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
+        Check("free edges, by OCCT", state.free_edges, 0, ""),
+        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
+        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+    ]
+
+
+def _areas_off(placed: PlacedLens, lens: Lens) -> dict[str, float]:
+    """Return by how much the areas of front and rear differ from those of the lens, relative."""
+    back = placed.placement.Inverted()
+    off = {}
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        full = 4 * surface.half_width[0] * surface.half_width[1]
+        off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
+    return off
+
+
+def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:
+    """Return the Checks of the numbers, the points and the edges of front and rear.
+
+    trim : mm, that their edges may miss them by.
+    """
+    checks = []
+    for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
+        geometry = placed.geometry(name)
+        differing = surface_numbers(geometry).differing(surface_numbers(placed.surfaces[name]))
+        deviation = face_deviation(geometry, surface, vertex)
+        edges = edge_deviation(placed.faces[name])
+        checks += [
+            Check(f"{name} numbers that differ from the lens in memory, by OCCT", differing, 0, ""),
+            Check(f"{name} face against the lens in memory, by OCCT", deviation, SURFACE, "mm"),
+            Check(f"edges of the {name} and their images, by OCCT", edges, trim, "mm"),
+        ]
+    return checks

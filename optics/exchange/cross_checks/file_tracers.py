@@ -1,0 +1,178 @@
+"""Independent programs that trace the lens of a STEP file, by name.
+
+They take nothing but the file: its faces, and the refractive index in its text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from optics.base.runtime import PRECISIONS, UserError
+from optics.light.tracing import LandingPoints
+from thbcad.doors import pip_command
+from thbcad.sags import PlacedConic
+
+if TYPE_CHECKING:
+    from optics.exchange.verification import StepFile
+    from optics.scene.receivers import Receiver
+    from optics.scene.sources import Rays
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import OpticalForm
+
+INDEX = re.compile(r"refractive index ([0-9.]+(?:[eE][-+]?[0-9]+)?)\Z")
+
+
+class Speed(NamedTuple):
+    """How many rays a tracer is given.
+
+    usual : without --rays.  most : with it.  a_second : about, at 227 x 227 poles on two cores.
+    """
+
+    usual: int
+    most: int
+    a_second: int
+
+
+LEAST_RAYS = 1000
+NODES = 769  # in each direction, at least: pearl's light moves by 0.01 pixels, in 7 s for its nodes
+SPEEDS = {
+    "mitsuba": Speed(10_000_000, 1_000_000_000, 1_000_000),
+    "optiland": Speed(20_000, 200_000, 500),
+    "occt": Speed(100_000, 1_000_000, 1_700),
+}
+PACKAGES = {"mitsuba": ("mitsuba", "mitsuba"), "optiland": ("optiland", "verify"), "occt": ("OCP", "optics")}
+
+
+@dataclass(frozen=True)
+class FileTracer:
+    """A program that traces a STEP file.
+
+    trace : rays to landing points.  coarser : the same through meshes of every second node, None where the
+        faces are traced exactly.
+    start : z before the lens, mm.  index : refractive index in the file.
+    resolution : of landing points, mm (degrees in the far field), by the digits of the program's numbers;
+        None where the problem's limit holds.
+    """
+
+    name: str
+    trace: Callable[[Rays], LandingPoints]
+    coarser: Callable[[Rays], LandingPoints] | None
+    start: float
+    index: float
+    resolution: float | None
+
+
+def require_tracer(name: str, rays: int | None) -> int:
+    """Return how many rays a tracer is given.  rays : None is its usual number.
+
+    Raises
+    ------
+    UserError : it is not installed, or too few or too many rays.
+    """
+    package, extra = PACKAGES[name]
+    if find_spec(package) is None:
+        raise UserError(f"{name} is not installed and cannot trace the file; {pip_command(extra)}")
+    usual, most, a_second = SPEEDS[name]
+    if rays is not None and not LEAST_RAYS <= rays <= most:
+        raise UserError(
+            f"--rays must lie between {LEAST_RAYS} and {most} for {name}, which traces about {a_second} rays "
+            f"a second, got {rays}"
+        )
+    return usual if rays is None else rays
+
+
+def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = NODES) -> FileTracer:
+    """Return a tracer of a STEP file to the target of a system.
+
+    nodes : of Mitsuba's meshes, in each direction of a face that is not plane, at least.
+
+    Raises
+    ------
+    UserError : Mitsuba cannot be loaded.
+    OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
+    """
+    index, target = index_of(file), system.target.receiver
+    resolution = None
+    coarser: Callable[[Rays], LandingPoints] | None = None
+    trace: Callable[[Rays], LandingPoints]
+    if name == "mitsuba":
+        trace, coarser = _by_mitsuba(file, system, index, nodes)
+        digits = PRECISIONS["single"][2]
+        resolution = float(np.degrees(digits)) if target.far_field else digits * system.target.z
+    elif name == "optiland":
+        trace = _by_optiland(file, index, target)
+    else:
+        trace = _by_occt(file, index, target)
+    heights = [_lowest(face) for face in (file.solid.front, file.solid.rear)]
+    return FileTracer(
+        name=name,
+        trace=trace,
+        coarser=coarser,
+        start=min(heights) - 1.0,
+        index=index,
+        resolution=resolution,
+    )
+
+
+def _lowest(face: OpticalForm) -> float:
+    """Return a height that no point of a face is below, mm."""
+    if isinstance(face, PlacedConic):
+        return min(face.vertex, float(face(*face.half_width)))
+    return float(face.coefficients[..., 2].min())
+
+
+def index_of(file: StepFile) -> float:
+    """Return the refractive index that the text of a STEP file names.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or names no index.
+    """
+    found = {float(m[1]) for words in file.text.labels["material"] if (m := INDEX.match(words))}
+    if len(found) != 1:
+        raise ValueError(
+            f"{file.path} names {len(found)} refractive indices where a lens has one; export it again"
+        )
+    return found.pop()
+
+
+def _by_mitsuba(
+    file: StepFile, system: OpticalSystem, index: float, least: int
+) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
+    from optics.exchange.cross_checks.meshed_file import MeshedLens, optical_nodes
+    from optics.exchange.mitsuba import load_mitsuba
+
+    nodes = optical_nodes(file, least)
+    load_mitsuba(threads=system.problem.run.threads)
+    fine, coarse = (MeshedLens(n, index, system.target.receiver) for n in (nodes, nodes.coarser))
+    return fine, coarse
+
+
+def _by_optiland(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
+    from optics.exchange.verification import optiland_trace
+
+    step = file.solid
+
+    def trace(rays: Rays) -> LandingPoints:
+        landing = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, index, target)
+        return LandingPoints(landing.points, landing.flux * rays.flux)
+
+    return trace
+
+
+def _by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
+    from optics.exchange.verification import occt_trace, optical_faces
+
+    optical, shape = optical_faces(file.text), file.solid.shape
+
+    def trace(rays: Rays) -> LandingPoints:
+        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
+        return LandingPoints(landing.points, landing.flux * rays.flux)
+
+    return trace

@@ -1,0 +1,26 @@
+"""Files for other programs, read back and compared."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.exchange.export.body import Body as Body
+    from optics.exchange.export.formats import (
+        MESHES as MESHES,
+        SOLIDS as SOLIDS,
+        Labels as Labels,
+        export as export,
+        format_of as format_of,
+        labelled_lens as labelled_lens,
+        report_of as report_of,
+        require_free as require_free,
+        require_free_files as require_free_files,
+    )
+    from optics.exchange.export.read_back import (
+        READERS as READERS,
+        read_mesh as read_mesh,
+        require_readers as require_readers,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

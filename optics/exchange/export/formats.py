@@ -1,0 +1,297 @@
+"""Files of a whole lens for other programs: written, read back by independent code, compared with it."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optics.base.runtime import UserError
+from optics.exchange.export.body import Body
+from optics.exchange.export.drawing_checks import drawing_checks
+from optics.exchange.export.read_back import (
+    array_checks,
+    cloud_checks,
+    face_checks,
+    mesh_checks,
+    patch_checks,
+    require_readers,
+    sag_checks,
+    solid_checks,
+)
+from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
+from optics.scene.system import lens_product
+from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
+from thbcad.io import (
+    cloud_text,
+    obj_bytes,
+    ply_bytes,
+    sag_text,
+    stl_bytes,
+    table_size,
+    threemf_bytes,
+    write_files,
+)
+from thbcad.lens import Product, Tessellation, placed_surfaces
+from thbcad.meshes import glb_bytes
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Check
+    from thbcad.lens import Lens
+
+CHORD = 1e-3  # mm
+EXACT_VOLUME = 1e-10  # relative, of the text of a STEP file whose edges lie on its faces
+FITTED_VOLUME = 1e-9  # the same, of edges within 1e-9 mm
+PLAIN = Body()
+MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
+    "stl": (stl_bytes, True),
+    "3mf": (threemf_bytes, True),
+    "obj": (obj_bytes, False),
+    "ply": (ply_bytes, False),
+    "glb": (glb_bytes, True),
+}
+SUFFIXES = {
+    "step": "step",
+    "stp": "step",
+    "iges": "iges",
+    "igs": "iges",
+    "brep": "brep",
+    "dat": "dat",
+    "xyz": "xyz",
+    "npz": "npz",
+    "svg": "svg",
+    "dxf": "dxf",
+}
+SUFFIXES |= {name: name for name in MESHES}
+SOLIDS = ("step", "iges", "brep")
+FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What CAD files say about a lens, and the schema of STEP files."""
+
+    product: Product = Product()
+    schema: str = "AP242"
+
+
+def labelled_lens(result: str) -> tuple[Lens, Labels]:
+    """Return the lens of a result folder or of a native lens file, and its labels.
+
+    Raises
+    ------
+    UserError : there is none, or it is damaged.
+    """
+    path = Path(result)
+    if path.is_dir():
+        problem, lens, _ = ResultFolder(path).read()
+        return lens, Labels(lens_product(problem), problem.export.schema)
+    return lens_of(path, "give a result folder or a lens.json"), Labels()
+
+
+def format_of(out: str, wanted: str | None) -> str:
+    """Return the format asked for, or else that of the suffix.
+
+    Raises
+    ------
+    UserError : it is unknown, or not what the suffix promises.
+    """
+    name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
+    if name not in SUFFIXES:
+        asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
+        raise UserError(
+            f"{asked} is unknown; choose --format from {', '.join(FORMATS)}; for light take --light "
+            "rear with .tm25ray, .dat or .ray, or a file that ends in .ies or .ldt; for a scene of Mitsuba "
+            "one that ends in .xml"
+        )
+    promised = SUFFIXES.get(Path(out).suffix[1:].lower())
+    if promised not in (None, SUFFIXES[name]):
+        raise UserError(
+            f"{out} would hold {SUFFIXES[name]}, but its suffix promises {promised}; change --format or --out"
+        )
+    return SUFFIXES[name]
+
+
+def output_files(path: Path, name: str, body: Body = PLAIN) -> list[Path]:
+    """Return the files that an export in a format writes besides its report."""
+    suffix = f".{name}" if body.separate else path.suffix
+    if body.separate or name in ("dat", "xyz"):
+        return [path.with_name(f"{path.stem}_{word}{suffix}") for word in ("front", "rear")]
+    return [path]
+
+
+def report_of(out: str) -> Path:
+    """Return the file in which the checks of an export are kept."""
+    return Path(f"{out}.json")
+
+
+def export(
+    lens: Lens,
+    name: str,
+    out: str,
+    chord: float = CHORD,
+    body: Body = PLAIN,
+    labels: Labels | None = None,
+) -> tuple[list[Path], list[Check]]:
+    """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
+
+    A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
+
+    chord : mm, the error that meshes may have, and grid sags between their points
+    body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
+        drawings
+    labels : for STEP and IGES; None is those of a nameless lens
+
+    Raises
+    ------
+    UserError : the path cannot be written, what reads the format back is not installed, a chord error that
+        cannot be kept, a body that the format or the lens does not allow.
+    """
+    path = Path(out)
+    for option, asked, allowed in (
+        ("--patches needs", body.patches, ("step",)),
+        ("--separate needs", body.separate, SOLIDS),
+        ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
+    ):
+        if asked and name not in allowed:
+            raise UserError(f"{option} {', '.join(allowed)}, got {name}")
+    require_writable(path)
+    require_readers(name)
+    try:
+        if name in MESHES:
+            write, single = MESHES[name]
+            mesh = body.mesh(lens, chord, single)
+            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord, body)
+        if name in ("dat", "xyz"):
+            return _tables(lens, name, path, chord)
+        if name == "npz":
+            return _written({path: _arrays(lens)}), array_checks(lens, path)
+        if name in DRAWINGS:
+            return _drawing(lens, name, path, chord, body, labels or Labels())
+        if body.separate:
+            return _faces(lens, name, path)
+        return _solid(lens, name, path, body, labels or Labels())
+    except OSError as error:  # a full disk
+        raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+    except (ValueError, RuntimeError, ImportError) as error:
+        raise UserError(f"cannot export {path}: {error}") from None
+
+
+def require_free(out: str, name: str, body: Body, force: bool) -> None:
+    """Raise UserError where an export cannot write, or would replace what no export wrote.
+
+    force : replace it nevertheless, but never a file of a result
+    """
+    require_free_files(output_files(Path(out), name, body), out, force)
+
+
+def require_free_files(files: Sequence[Path], out: str, force: bool) -> None:
+    """Raise UserError as `require_free` where files, or the report of an export, would replace others."""
+    report = report_of(out)
+    for path in (*files, report):
+        require_writable(path)
+        if is_result_file(path.name) and ResultFolder(path.parent).has_result():
+            raise UserError(f"{path} is part of the result in {path.parent}; choose another --out")
+    require_own(report.parent, [path.name for path in (*files, report)], report.name, force)
+
+
+def _written(files: dict[Path, bytes]) -> list[Path]:
+    """Write files, all or none of them."""
+    write_files(files)
+    return list(files)
+
+
+def _drawing(
+    lens: Lens, name: str, path: Path, chord: float, body: Body, labels: Labels
+) -> tuple[list[Path], list[Check]]:
+    """Write the drawing of the lens."""
+    sheet = lens_sheet(lens, labels.product, chord, body.aperture, body.flange, body.polygon)
+    files = _written({path: drawing_bytes(sheet, name)})
+    return files, drawing_checks(lens, sheet, path, name, body)
+
+
+def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
+    """Write a sag table or a point cloud of the front and of the rear."""
+    files: dict[Path, bytes] = {}
+    checks = []
+    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
+    for file, (word, surface, vertex) in zip(output_files(path, name), faces):
+        size = table_size(surface)
+        if name == "dat":
+            files[file] = sag_text(surface, size)
+            checks.append(partial(sag_checks, word, surface, file, chord))
+        else:
+            files[file] = cloud_text(surface, vertex, word == "rear", size)
+            checks.append(partial(cloud_checks, word, surface, vertex, file))
+    return _written(files), [result for check in checks for result in check()]
+
+
+def _arrays(lens: Lens) -> bytes:
+    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm.
+
+    Nothing in it is executed.
+    """
+    arrays: dict[str, ArrayLike] = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
+    for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.own_graphs()):
+        arrays |= {
+            f"{word}_knots_x": graph.kv_u.knots,
+            f"{word}_knots_y": graph.kv_v.knots,
+            f"{word}_degrees": np.array([graph.kv_u.degree, graph.kv_v.degree]),
+            f"{word}_coefficients": graph.coefficients,
+            f"{word}_half_width": np.array(surface.half_width),
+            f"{word}_radius": np.float64(surface.conic.radius),
+            f"{word}_conic": np.float64(surface.conic.constant),
+        }
+    buffer = io.BytesIO()
+    # numpy's stubs let any keyword be `allow_pickle`
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tuple[list[Path], list[Check]]:
+    """Write the lens as a solid in a CAD format."""
+    from thbcad.cad.exchange import brep_text, part_iges, part_step, read_brep, read_iges, read_step
+
+    part = body.part(lens)
+    if name == "step":
+        files = _written({path: part_step(part, labels.product, labels.schema)})
+    else:
+        files = _written({path: part_iges(part, labels.product) if name == "iges" else brep_text(part.solid)})
+    if body.patches:
+        return files, patch_checks(lens, path, len(part.faces))
+    read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
+    checks = solid_checks(lens, read, name, len(part.faces), body.volume(lens))
+    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and body.shaped else checks
+
+
+def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
+    """Return the Check of the volume of a STEP file by its text, without OCCT."""
+    from optics.exchange.verification import volume_check
+    from thbcad.io import parse_brep
+
+    limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
+    return [volume_check(parse_brep(path), body.volume(lens), limit)]
+
+
+def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
+    """Write front and rear as loose faces, one to a file."""
+    from thbcad.cad.exchange import read_faces, write_faces
+
+    surfaces, files = dict(zip(("front", "rear"), placed_surfaces(lens))), {}
+    with tempfile.TemporaryDirectory() as folder:
+        for word, surface in surfaces.items():
+            file = path.with_name(f"{path.stem}_{word}.{name}")
+            write_faces([surface], Path(folder) / file.name)
+            files[file] = (Path(folder) / file.name).read_bytes()
+    checks = [
+        face_checks(word, surfaces[word], read_faces(file), name)
+        for word, file in zip(surfaces, _written(files))
+    ]
+    return list(files), [check for face in checks for check in face]

@@ -1,0 +1,141 @@
+"""Heights and slopes at the vertices of a mesh, and how they follow the coefficients of a sag.
+
+The vertices lie on the grid of positions x times y.  With the tensor-product net C of the sag, which is
+linear in its THB coefficients c, and with the matrices A, A' of the basis functions' values and slopes at x,
+and B, B' at y,
+
+    z = conic + A C B^T,    zx = conic_x + A' C B^T,    zy = conic_y + A C B'^T.
+
+The derivative by the net is A^T gz B + A'^T gx B + A^T gy B'.  With the functions of other knots in place of
+the sag's it is that by the heights of another net over the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from thbcad.checks import read_only
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, DrArray
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import FreeformSurface
+    from thbcad.splines import KnotVector
+
+    Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # z, zx, zy, Float64 (n,) each
+
+Floats = NDArray[np.float64]
+Matrices: TypeAlias = "list[tuple[csr_array, csr_array]]"  # values and slopes in x, and in y
+ORDERS = ((0, 0), (1, 0), (0, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceVertices:
+    """Vertices of one surface at the relative positions s x t in [-1, 1], t first.
+
+    vertex : z of the surface's vertex in the lens's frame, mm.
+    """
+
+    surface: FreeformSurface
+    vertex: float
+    s: Floats
+    t: Floats
+
+    @cached_property
+    def _lines(self) -> tuple[Floats, Floats]:
+        """x and y of the grid lines, mm."""
+        hx, hy = self.surface.half_width
+        return hx * self.s, hy * self.t
+
+    @cached_property
+    def positions(self) -> tuple[Floats, Floats]:
+        """x and y of all vertices, (n,) each, mm."""
+        x, y = (a.ravel() for a in np.meshgrid(*self._lines, indexing="ij"))
+        return read_only(x), read_only(y)
+
+    @cached_property
+    def base(self) -> Floats:
+        """z, zx, zy without the sag, (3, n)."""
+        x, y = self.positions
+        rows = [self.surface.conic(x, y, d) + np.zeros_like(x) for d in ORDERS]
+        rows[0] += self.vertex
+        return read_only(np.stack(rows))
+
+    def jet(self, coefficients: Floats | None = None) -> Floats:
+        """Return z, zx, zy, (3, n).  coefficients : (dim,), or None for the surface as it is."""
+        if coefficients is not None:
+            return self.base + self.push_forward(coefficients)
+        rows = np.stack([self.surface.grid(*self._lines, d).ravel() for d in ORDERS])
+        rows[0] += self.vertex
+        return rows
+
+    def push_forward(self, direction: Floats) -> Floats:
+        """Return the change of `jet` with a change of the coefficients, (3, n)."""
+        (a0, a1), (b0, b1) = self._matrices
+        net = self.space.embedding.coefficients(direction)
+        values, slopes = (b @ net.T for b in (b0, b1))
+        rows = [a0 @ values.T, a1 @ values.T, a0 @ slopes.T]
+        return np.stack(rows).reshape(3, -1)
+
+    def pull_back(self, gradients: Floats, knots: Sequence[KnotVector] | None = None) -> Floats:
+        """Return the derivative by the coefficients, (dim,), from that by the jet, (3, n).
+
+        knots : two knot vectors in mm; the derivative is then that by a net over these knots, (nx, ny).
+        """
+        (a0, a1), (b0, b1) = self._matrices if knots is None else self._on(knots)
+        gz, gx, gy = gradients.reshape(3, len(self.s), len(self.t))
+        along = a0.T @ gz + a1.T @ gx
+        net = (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
+        return net if knots is not None else self.space.embedding.adjoint(net)
+
+    @property
+    def space(self) -> THBSpace:
+        """The space of the sag.
+
+        Raises
+        ------
+        ValueError : a surface without a sag.
+        """
+        if self.surface.sag is None:
+            raise ValueError("a surface without a sag has no coefficients")
+        return self.surface.sag.space
+
+    @cached_property
+    def _matrices(self) -> Matrices:
+        """The basis functions of the sag's net at the grid lines."""
+        embedding = self.space.embedding
+        knots = zip((embedding.kv_u, embedding.kv_v), self.surface.half_width)
+        return self._on([kv.rescaled(-h, h) for kv, h in knots])
+
+    def _on(self, knots: Sequence[KnotVector]) -> Matrices:
+        return [(kv.collocation(line), kv.collocation(line, 1)) for kv, line in zip(knots, self._lines)]
+
+
+def jet_operation(backend: Backend, surface: SurfaceVertices) -> type:
+    """Return the Dr.Jit operation coefficients -> z, zx, zy, Float64 (n,) each."""
+
+    base: Any = backend.dr.CustomOp
+
+    class JetOperation(base):
+        def eval(self, coefficients: DrArray) -> tuple[DrArray, ...]:
+            return tuple(backend.array(row) for row in surface.jet(coefficients.numpy()))
+
+        def forward(self) -> None:
+            direction = np.broadcast_to(self.grad_in("coefficients").numpy(), surface.space.dim)
+            self.set_grad_out(tuple(backend.array(row) for row in surface.push_forward(direction)))
+
+        def backward(self) -> None:
+            gradients = [np.broadcast_to(g.numpy(), len(surface.positions[0])) for g in self.grad_out()]
+            self.set_grad_in("coefficients", backend.array(surface.pull_back(np.stack(gradients))))
+
+        def name(self) -> str:
+            return "heights and slopes of a THB surface"
+
+    return JetOperation

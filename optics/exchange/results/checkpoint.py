@@ -1,0 +1,116 @@
+"""The checkpoint of an unfinished run: JSON that keeps every bit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation import Row, State, stages
+from optics.exchange.results.identity import fingerprint
+from optics.scene.problem import Problem
+from thbcad.io import sag_from_dict, sag_to_dict, write_text
+
+if TYPE_CHECKING:
+    from optics.scene.system import OpticalSystem
+
+SCHEMA, VERSION = "thbcad-checkpoint", 4
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Whose checkpoint it is.
+
+    problems : fingerprints of the problem as it was asked for, and with every "auto" resolved.
+    """
+
+    title: str
+    problems: tuple[str, str]
+
+
+def write_checkpoint(
+    path: Path, asked: Problem, problem: Problem, state: State, notes: Sequence[str] = ()
+) -> None:
+    """Store a run's state.  It names the problem, so that no other can go on from it.
+
+    asked : the problem as it was read.  problem : the same with every "auto" resolved.
+    """
+    data = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "title": problem.title,
+        "problems": [fingerprint(asked), fingerprint(problem)],
+        "moved": state.moved,
+        "stage": state.stage,
+        "notes": list(notes),
+        "sags": [sag_to_dict(sag) for sag in state.sags],
+        "history": [list(asdict(row).values()) for row in state.history],
+    }
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False))
+
+
+def checkpoint_owner(path: Path) -> Owner | None:
+    """Return whose checkpoint it is; None where there is none that this version reads."""
+    try:
+        return _owner(_data(path))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]]:
+    """Return the State to go on from, and the notes so far.
+
+    Raises
+    ------
+    UserError : there is none, it is damaged, or it belongs to another problem.
+    """
+    try:
+        data = _data(path)
+        same = fingerprint(system.problem) in _owner(data).problems
+        state, notes = _state(data), [str(sentence) for sentence in data["notes"]]
+    except OSError as error:
+        raise UserError(
+            f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume"
+        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
+    if not same:
+        raise UserError(
+            f"cannot resume: {path} belongs to another problem; run without --resume or change --out"
+        )
+    last, count = len(stages(system, state.moved)), len(system.freeforms)
+    damage = ""
+    if not 0 <= state.stage <= last:
+        damage = f"stage {state.stage} of at most {last}"
+    elif len(state.sags) != count:
+        damage = f"{len(state.sags)} sags instead of {count}"
+    if damage:
+        raise UserError(f"cannot resume: {path} is damaged ({damage}); run without --resume")
+    return state, notes
+
+
+def _data(path: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    if data["schema"] != SCHEMA or data["version"] != VERSION:
+        raise ValueError("unknown schema or version")
+    return data
+
+
+def _owner(data: dict[str, Any]) -> Owner:
+    asked, resolved = data["problems"]
+    return Owner(str(data["title"]), (str(asked), str(resolved)))
+
+
+def _state(data: dict[str, Any]) -> State:
+    """Return the State of a checkpoint's data; ValueError where an entry is not what was written."""
+    moved, stage, history = data["moved"], data["stage"], tuple(Row(*row) for row in data["history"])
+    if type(moved) is not bool or type(stage) is not int:
+        raise ValueError("moved must be true or false and stage a whole number")
+    for row in history:
+        numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
+        if not all(type(v) in (int, float) for v in numbers):
+            raise ValueError("the history must hold numbers")
+    return State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)

@@ -1,0 +1,88 @@
+"""Which problem, and which run: texts and hashes that tell them apart."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.exchange.results.owned_files import sha256_of
+from optics.scene.problem import Export, Problem, Verify
+from thbcad.io import lens_to_dict
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
+
+OF_THE_LIGHT = (
+    *("min_over_mean", "min_over_max", "rsd"),
+    *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
+)  # keys of verify
+KEPT = "result"  # default of run.keep
+DATA = ("target", "source")  # tables that may name a file: a picture, or rays
+
+
+def fingerprint(problem: Problem) -> str:
+    """Return a hash that differs between problems: of their values and of the content of their files.
+
+    It does not depend on the paths of the files, nor on the number of threads and on what is kept of
+    levels.
+    """
+    files = {f"{table}.{part.data}": sha256_of(Path(path)) for table, part, path in data_of(problem)}
+    return _sha256(_set_keys(problem, {"run.threads": 0, "run.keep": KEPT, **files}))
+
+
+def run_id(problem: Problem, lens: Lens) -> str:
+    """Return the hash of a resolved problem and the lens made for it.
+
+    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor do the table export
+    and the limits of the light: names in CAD files, and what light will do, may be changed after a design.
+    """
+    files = {f"{table}.{part.data}": table for table, part, _ in data_of(problem)}
+    limits = {f"verify.{f.name}": f.default for f in fields(Verify) if f.name in OF_THE_LIGHT}
+    return _sha256(
+        _set_keys(replace(problem, export=Export()), {**files, **limits}) + json.dumps(lens_to_dict(lens))
+    )
+
+
+def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
+    """Yield the keys in which two problems differ, but for paths of files, threads and what is kept."""
+    for field in fields(mine):
+        key, a, b = f"{prefix}{field.name}", getattr(mine, field.name), getattr(other, field.name)
+        if is_dataclass(a) and is_dataclass(b):
+            yield from differing_keys(a, b, f"{key}.")
+        elif a != b and field.name not in ("image", "file") and key not in ("run.threads", "run.keep"):
+            yield key
+
+
+def _set_keys(problem: Problem, others: Mapping[str, object] | None = None) -> str:
+    """Return the keys that differ from their defaults, a line each.
+
+    So keys that a later version knows too do not change what is known of a problem.
+
+    others : values in place of the problem's own, by dotted key.
+    """
+    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem, others or {}))
+
+
+def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:
+    for field in fields(table):
+        key = f"{prefix}{field.name}"
+        value = others.get(key, getattr(table, field.name))
+        if is_dataclass(value):
+            yield from _set(value, others, f"{key}.")
+        elif value != field.default:
+            yield key, value
+
+
+def data_of(problem: Problem) -> list[tuple[str, Any, str]]:
+    """Return (name, table, path) of the problem's tables that name a file."""
+    tables = [(name, getattr(problem, name)) for name in DATA]
+    named = [(name, table, getattr(table, table.data)) for name, table in tables]
+    return [(name, table, path) for name, table, path in named if path]
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()

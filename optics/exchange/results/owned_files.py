@@ -1,0 +1,120 @@
+"""Files that this program wrote: a record beside them holds the SHA-256 of each.
+
+What no record holds, or was changed since, belongs to somebody else and is not replaced unasked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from optics.base.runtime import UserError, is_text
+
+HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
+NAMED = 3  # files in a sentence
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Return the SHA-256 of files by name; a record keeps it under `HASHES`."""
+    return {name: sha256_of(folder / name) for name in sorted(names)}
+
+
+def recorded(record: Path) -> dict[str, str]:
+    """Return the hashes that a record holds, none where there is no record."""
+    try:
+        data = json.loads(record.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    held = data.get(HASHES) if isinstance(data, Mapping) else None
+    return dict(held) if isinstance(held, Mapping) else {}
+
+
+def foreign(folder: Path, names: Iterable[str], record: str) -> list[str]:
+    """Return which of the names are files that this program did not write, or that were changed since.
+
+    The record itself belongs to this program where it holds hashes.
+    """
+    held = recorded(folder / record)
+    present = [name for name in names if (folder / name).exists()]
+    return [
+        name
+        for name in present
+        if (not held if name == record else held.get(name) != sha256_of(folder / name))
+    ]
+
+
+def require_own(folder: Path, names: Iterable[str], record: str, force: bool) -> None:
+    """Raise UserError where a file would be replaced that this program did not write; not with `force`."""
+    lost = [] if force else foreign(folder, names, record)
+    if lost:
+        shown = ", ".join(str(folder / name) for name in lost[:NAMED])
+        more = f" and {len(lost) - NAMED} more" if len(lost) > NAMED else ""
+        raise UserError(
+            f"{shown}{more} would be replaced, but was not written by this program or was changed since; "
+            "choose another --out, or replace it with --force"
+        )
+
+
+def remove_files(folder: Path, names: Iterable[str]) -> None:
+    """Remove what an earlier run left and this one does not write; no record would speak of it any more."""
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+
+
+def writable_folder(path: Path) -> None:
+    """Make a folder and see that it can be written, before any work is done.
+
+    Raises
+    ------
+    UserError : it cannot.
+    """
+    try:
+        reason = _never(path)
+        if not reason:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write to the result folder {path}: {reason}; choose another with --out")
+
+
+def require_writable(path: Path) -> None:
+    """Raise UserError unless a file can be written there, before any work is done."""
+    reason = "it is a folder" if path.is_dir() else ""
+    if not is_text(str(path)):
+        reason = "its name is no UTF-8 text, which CAD kernels want"
+    if path.exists() and not path.is_dir() and not path.is_file():
+        reason = "it is a device or a pipe, not a file"
+    if not path.parent.is_dir():
+        reason = f"there is no folder {path.parent}"
+    try:
+        if not reason:
+            with tempfile.TemporaryFile(dir=path.parent) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
+def _never(folder: Path) -> str:
+    """Return why a folder cannot be made whoever asks, "" where nothing is in its way."""
+    if not is_text(str(folder)):
+        return "its name is no UTF-8 text, which CAD kernels want"
+    for way in (folder, *folder.parents):
+        if way.is_symlink() and not way.exists():
+            return f"{way} is a link to {way.readlink()}, which does not exist"
+        if way.exists() and not way.is_dir():
+            return f"{way} is no folder"
+    return ""

@@ -1,0 +1,282 @@
+"""The result folder: where a run writes, what it may replace, and how a result is read back.
+
+A result is one thing.  Its record `result.json` is written last and holds the hash of every other file; a
+folder without it, or with files that it does not speak of, is not a result.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation import Row
+from optics.exchange.results.checkpoint import checkpoint_owner
+from optics.exchange.results.folder_lock import require_no_run, run_lock
+from optics.exchange.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
+from optics.exchange.results.owned_files import HASHES, require_own, sha256_of, writable_folder
+from optics.scene.problem import Problem, load_problem
+from thbcad.io import read_lens
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
+
+RECORD, CHECKPOINT = "result.json", "checkpoint.json"
+CHECKED = ("metrics.json", "verify.json", "manufacture.json")
+LIGHT = ("irradiance.npz", "irradiance_16bit.png")
+FIGURES = tuple(
+    f"figures/{name}.png"
+    for name in (
+        *("photo", "target", "irradiance", "error", "irradiance_02", "sharp", "colour", "fringe"),
+        *("polar", "isocandela", "rays_1", "rays_2"),
+        *("sag", "mesh", "front_sag", "front_mesh", "loss", "scene", "solid_before", "solid"),
+    )
+)
+# what says how good a result is, the record first: gone before the first new file is written
+CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
+FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
+LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
+FILES_OF_A_LEVEL = 3  # lens, arrays, picture
+KEYS_SHOWN = 4  # in which two problems differ; files that are named
+
+
+class Result(NamedTuple):
+    """A whole result, read back."""
+
+    problem: Problem
+    lens: Lens
+    record: dict[str, Any]
+
+
+class ResultFolder:
+    """The folder of one result.  Files appear whole or not at all."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.step = self.path / "lens.step"
+        self.lens = self.path / "lens.json"
+        self.problem = self.path / "problem.toml"
+        self.checkpoint = self.path / CHECKPOINT
+
+    @contextmanager
+    def taken(self, problem: Problem, force: bool) -> Iterator[None]:
+        """Hold the folder for one run; it is made, and taken away again where nothing was written.
+
+        A run that fails or is stopped leaves no half-written file.
+
+        Raises
+        ------
+        UserError : it cannot be written, another run writes to it, or, without `force`, something would be
+            lost: files that this program did not write, the result or unfinished run of another problem.
+        """
+        new = not self.path.exists()
+        writable_folder(self.path)
+        try:
+            with run_lock(self.path, problem.title):
+                self._clear_temporaries()
+                self._require_files(problem)
+                if not force:
+                    self._require_nothing_lost(problem)
+                try:
+                    yield
+                except BaseException:
+                    with suppress(OSError):  # what happened is told, not that
+                        self._clear_temporaries()
+                    raise
+        finally:
+            if new and not any(self.path.iterdir()):
+                self.path.rmdir()
+
+    def read(self, taken: bool = False) -> Result:
+        """Return the result.  taken : by the run that reads it.
+
+        Raises
+        ------
+        UserError : it is not whole, a file is damaged, or files of several runs lie here.
+        """
+        if not self.problem.exists():
+            raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
+        if not taken:
+            require_no_run(self.path)
+        record = self._record()
+        result = Result(load_problem(self.problem), self.read_lens(), record)
+        if record["run_id"] != run_id(result.problem, result.lens):
+            changed = [name for name in ("problem.toml", "lens.json") if not self._is_recorded(name)]
+            if not changed:
+                raise UserError(
+                    f"{self.path} is the result of a version of thbcad whose problem files had other keys; "
+                    "run the design again, or use lens.json and lens.step by themselves"
+                )
+            raise UserError(
+                f"{self.path} holds no single result: {' and '.join(changed)} changed since the run that "
+                f"{RECORD} speaks of; run the design again, or put the file back"
+            )
+        self._require_one_run(record["run_id"])
+        return result
+
+    def read_lens(self) -> Lens:
+        return lens_of(self.lens, "was the design interrupted?")
+
+    def read_history(self) -> tuple[Row, ...]:
+        """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0."""
+        with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
+            return tuple(_row(**row) for row in csv.DictReader(file))
+
+    def kept_levels(self) -> list[tuple[str, str, str]]:
+        """Return the files of the levels that the record speaks of, as `level_files`."""
+        return level_files(sum(map(is_level_file, self._record()[HASHES])) // FILES_OF_A_LEVEL)
+
+    def require_recorded(self, names: Iterable[str]) -> None:
+        """Raise UserError unless files are there, and as the record says."""
+        wrong = [name for name in names if not self._is_recorded(name)]
+        if wrong:
+            raise UserError(
+                f"{self.path} is no whole result: {', '.join(wrong[:KEYS_SHOWN])} is missing or changed "
+                f"since the run that {RECORD} speaks of; run the design again, or put the file back"
+            )
+
+    def has_result(self) -> bool:
+        return (self.path / RECORD).exists()
+
+    def is_result_of(self, problem: Problem) -> bool:
+        """Return whether a finished result of the problem lies here, be it as asked for or as resolved."""
+        try:
+            asked = self._record().get("asked")
+            return fingerprint(problem) in (asked, fingerprint(load_problem(self.problem)))
+        except (UserError, OSError):
+            return False
+
+    def has_run_of(self, problem: Problem) -> bool:
+        """Return whether an unfinished run of the problem lies here."""
+        owner = checkpoint_owner(self.checkpoint)
+        return owner is not None and fingerprint(problem) in owner.problems
+
+    def _record(self) -> dict[str, Any]:
+        path = self.path / RECORD
+        try:
+            record: dict[str, Any] = json.loads(path.read_text("utf-8"))
+            kinds = {HASHES: dict, "run_id": str, "ok": bool, "verdict": str}
+            if not all(isinstance(record[key], kind) for key, kind in kinds.items()):
+                raise ValueError
+            return record
+        except OSError as error:
+            raise UserError(
+                f"{self.path} holds no finished result: cannot read {path} ({error.strerror}), which a run "
+                f"writes last; run the design again, or give {self.step} or {self.lens} by itself"
+            ) from None
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise UserError(f"{path} is damaged; run the design again") from None
+
+    def _is_recorded(self, name: str) -> bool:
+        path, held = self.path / name, self._record()[HASHES]
+        return path.exists() and held.get(name) == sha256_of(path)
+
+    def _require_one_run(self, wanted: str) -> None:
+        """Raise UserError where a file that is there speaks of another run."""
+        names = [name for name in self._record()[HASHES] if is_result_file(name) and name not in FILES]
+        wrong = [name for name in names if (self.path / name).exists() and not self._is_recorded(name)]
+        for name in CHECKED:
+            try:
+                data = json.loads((self.path / name).read_text("utf-8"))
+            except (OSError, ValueError, RecursionError):
+                continue  # it claims nothing
+            if not isinstance(data, dict) or data.get("run_id") != wanted:
+                wrong.append(name)
+        if wrong:
+            raise UserError(
+                f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
+                f"{RECORD}; run the design again"
+            )
+
+    def _clear_temporaries(self) -> None:
+        """Remove what a killed run left of half-written files."""
+        for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in DATA)):
+            folder, _, last = name.rpartition("/")
+            for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
+                for path in (self.path / folder).glob(pattern):
+                    path.unlink(missing_ok=True)
+
+    def _names(self, problem: Problem) -> list[str]:
+        """Return what a run of the problem may write."""
+        kept = [path.relative_to(self.path).as_posix() for path in self.path.glob("**/level_*")]
+        levels = [name for name in kept if is_level_file(name)]
+        return [*FILES, CHECKPOINT, *pictures_of(problem), *levels]
+
+    def _require_files(self, problem: Problem) -> None:
+        for name in self._names(problem):
+            if (self.path / name).is_dir():
+                raise UserError(
+                    f"cannot write {self.path / name}: it is a folder; move it or choose another with --out"
+                )
+
+    def _require_nothing_lost(self, problem: Problem) -> None:
+        if self.has_run_of(problem):
+            return  # this was asked when that run began
+        if owner := checkpoint_owner(self.checkpoint):
+            raise UserError(
+                f"{self.path} holds an unfinished run of another problem, {owner.title!r}, which would be "
+                "lost: go on with it by its problem file and --resume, choose another --out, or drop it with "
+                "--force"
+            )
+        if self.has_result() and not self.is_result_of(problem):
+            self._refuse_another_problem(problem)
+        require_own(self.path, self._names(problem), RECORD, force=False)
+
+    def _refuse_another_problem(self, problem: Problem) -> None:
+        """Raise UserError that says in which keys the problem of the result differs, if it can be read."""
+        try:
+            other = load_problem(self.problem)
+        except UserError:
+            return  # its files are looked at one by one
+        keys = list(differing_keys(problem, other))
+        shown = ", ".join(keys[:KEYS_SHOWN]) + (" and more" if len(keys) > KEYS_SHOWN else "")
+        raise UserError(
+            f"{self.path} holds the result of another problem, {other.title!r}, which would be lost (it "
+            f"differs in {shown or 'a picture'}); choose another --out, or replace it with --force"
+        )
+
+
+def is_result_file(name: str) -> bool:
+    """Return whether a run writes a file of this name."""
+    return name in FILES or is_level_file(name) or ("/" not in name and Path(name).stem in DATA)
+
+
+def is_level_file(name: str) -> bool:
+    """Return whether a run that keeps its levels writes a file of this name."""
+    return LEVEL_FILE.fullmatch(name) is not None
+
+
+def level_files(count: int) -> list[tuple[str, str, str]]:
+    """Return the names of lens, arrays and picture of the levels that a result keeps."""
+    return [(f"level_{k}.json", f"level_{k}.npz", f"figures/level_{k}.png") for k in range(count)]
+
+
+def pictures_of(problem: Problem) -> Iterable[str]:
+    """Return the names under which a result keeps the files of the problem: pictures and rays."""
+    return [name + Path(path).suffix.lower() for name, _, path in data_of(problem)]
+
+
+def _row(fresh_fit: str, loss: str, fit: str, **whole: str) -> Row:
+    counts = {name: int(number) for name, number in whole.items()}
+    fresh = float(fresh_fit) if fresh_fit else None
+    return Row(loss=float(loss), fit=float(fit), seconds=0.0, fresh_fit=fresh, **counts)
+
+
+def lens_of(path: Path, advice: str) -> Lens:
+    """Return the lens of a native file.
+
+    Raises
+    ------
+    UserError : it cannot be read, which ends with the advice, or it is damaged.
+    """
+    try:
+        return read_lens(path)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; {advice}") from None
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None

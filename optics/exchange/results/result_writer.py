@@ -1,0 +1,107 @@
+"""Writes one result, in an order in which no file ever claims what is not so.
+
+Claims of an earlier result go first, then come problem, lens and solid, then the new claims, and the record
+last.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.exchange.results.identity import data_of, fingerprint, run_id
+from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
+from optics.exchange.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
+from optics.scene.problem import Problem, problem_to_toml
+from thbcad.io import json_text, write_bytes, write_lens, write_text
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation import Row
+    from thbcad.lens import Lens
+
+SCHEMA, VERSION = "thbcad-result", 1
+
+
+class ResultWriter:
+    """The files of one run.
+
+    folder : taken by this run.  problem : with every "auto" resolved.
+    """
+
+    def __init__(self, folder: ResultFolder, problem: Problem, lens: Lens, history: Sequence[Row]) -> None:
+        self._folder, self._written = folder.path, set[str]()
+        self._earlier = set(recorded(self._folder / RECORD))
+        for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
+            (self._folder / name).unlink(missing_ok=True)
+        self.problem_text = self._store_problem(problem)
+        write_lens(lens, folder.lens)
+        self._written.add(folder.lens.name)
+        self.write("history.csv", _history_text(history).encode())
+        self.run = {"run_id": run_id(problem, lens)}
+
+    @property
+    def staged_step(self) -> Path:
+        """Where another process may write the solid; `place_step` puts it into its place."""
+        return self._folder / f".lens.step.{os.getpid():08}"
+
+    def place_step(self) -> None:
+        """Put the staged solid into its place; from here on the claims speak of it."""
+        step = self._folder / "lens.step"
+        os.replace(self.staged_step, step)
+        self._written.add(step.name)
+        self.run = self.run | {"step_sha256": sha256_of(step)}
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file of the result.
+
+        Raises
+        ------
+        ValueError : a name that no result has, whose replacement nobody was asked about.
+        """
+        if not is_result_file(name):
+            raise ValueError(f"{name} is no file of a result")
+        (self._folder / name).parent.mkdir(exist_ok=True)
+        write_bytes(self._folder / name, data)
+        self._written.add(name)
+
+    def write_claims(self, name: str, data: dict[str, Any]) -> dict[str, Any]:
+        """Write a JSON file that says of which run and which solid it speaks, and return what it holds."""
+        data = self.run | data
+        self.write(name, json_text(data).encode())
+        return data
+
+    def finish(self, asked: Problem, verdict: dict[str, Any]) -> None:
+        """Write the record, and remove what only an earlier result had.
+
+        asked : the problem as it was read.
+        """
+        for name in self._earlier - self._written:
+            if is_result_file(name):  # a record is data: it may say anything
+                (self._folder / name).unlink(missing_ok=True)
+        files = hashes(self._folder, self._written)
+        record = {"schema": SCHEMA, "version": VERSION, **self.run, "asked": fingerprint(asked), **verdict}
+        write_text(self._folder / RECORD, json_text(record | {HASHES: files}))
+
+    def _store_problem(self, problem: Problem) -> str:
+        """Store the resolved problem and its files, so that it can be run again; return its text."""
+        names: dict[str, Any] = {}
+        for table, part, path in data_of(problem):
+            name = table + Path(path).suffix.lower()
+            names[table] = replace(part, **{part.data: name})
+            self.write(name, Path(path).read_bytes())
+        text = problem_to_toml(replace(problem, **names))
+        self.write("problem.toml", text.encode())
+        return text
+
+
+def _history_text(history: Sequence[Row]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
+    writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
+    return text.getvalue()

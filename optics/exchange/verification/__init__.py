@@ -1,0 +1,41 @@
+"""A STEP file checked by programs that share no code with its writer."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.exchange.verification.independent_checks import text_and_occt_checks as text_and_occt_checks
+    from optics.exchange.verification.lone_file import bare_checks as bare_checks
+    from optics.exchange.verification.occt_tracer import (
+        occt_trace as occt_trace,
+        optical_faces as optical_faces,
+        optical_form as optical_form,
+    )
+    from optics.exchange.verification.optiland_tracer import (
+        optiland_available as optiland_available,
+        optiland_checks as optiland_checks,
+        optiland_trace as optiland_trace,
+    )
+    from optics.exchange.verification.prescription import prescription_checks as prescription_checks
+    from optics.exchange.verification.reference_tracer import last_step as last_step, trace_step as trace_step
+    from optics.exchange.verification.solid_text import whole_checks as whole_checks
+    from optics.exchange.verification.step_checks import (
+        differing_numbers as differing_numbers,
+        export_step as export_step,
+        read_back_step as read_back_step,
+        surface_deviation as surface_deviation,
+        verify as verify,
+    )
+    from optics.exchange.verification.step_file import ExportedStep as ExportedStep, StepFile as StepFile
+    from optics.exchange.verification.text_comparison import (
+        fresh_export_checks as fresh_export_checks,
+        same_surface as same_surface,
+    )
+    from optics.exchange.verification.text_volume import (
+        text_volume_check as text_volume_check,
+        volume_check as volume_check,
+    )
+    from optics.exchange.verification.trace_comparison import light_checks as light_checks
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,174 @@
+"""Checks of a STEP file by independent programs: by its text, and by OCCT's intersections with rays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check
+from optics.exchange.verification.occt_tracer import occt_trace, optical_faces, optical_form
+from optics.exchange.verification.solid_text import measure_checks, whole_checks
+from optics.exchange.verification.step_checks import differing_numbers
+from optics.exchange.verification.text_volume import text_volume_check
+from optics.exchange.verification.trace_comparison import compared
+from optics.light.tracing import LandingPoints
+from thbcad.io import Brep, BrepEdge, BrepFace
+from thbcad.lens import CORNERS, SIDES, optical_forms, rim, ruled_edges
+from thbcad.splines import UNIT, BSplineSurface
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.exchange.verification.step_file import StepFile
+    from optics.scene.sources import Rays
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens, OpticalForm
+    from thbcad.sags import ConicCurve
+
+    Rows = NDArray[np.float64]
+
+RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
+ROUNDING = 1e-12  # of the direction of a line
+
+
+def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the Checks of a STEP file by its text and by OCCT's intersections of rays and faces.
+
+    The text is read first, so that a file that is cut off or damaged never reaches OCCT.
+    backend : of double precision.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    """
+    solid = file.text
+    shape, optical = file.solid.shape, optical_faces(solid)
+
+    def by_occt(rays: Rays) -> LandingPoints:
+        arriving = occt_trace(
+            shape, optical, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
+        )
+        return LandingPoints(arriving.points, arriving.flux * rays.flux)
+
+    difference = compared(system, lens, backend, RAYS, by_occt)
+    return [
+        *text_checks(solid, lens),
+        *measure_checks(solid, file.solid)[0],
+        Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
+        Check(
+            "landing points by OCCT's intersections with the file",
+            difference.landing,
+            system.problem.verify.landing,
+            difference.unit,
+        ),
+    ]
+
+
+def text_checks(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the Checks of the text of a STEP file against the lens in memory."""
+    return [
+        *whole_checks(solid)[0],
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        *_same(solid, lens),
+        text_volume_check(solid, lens),
+    ]
+
+
+def _same(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the checks of faces and edges, number by number, against the lens in memory."""
+    pair, optical = optical_forms(lens), optical_faces(solid)
+    rest = [face for k, face in enumerate(solid.faces) if k not in optical]
+    flat = lens.front.half_width == lens.rear.half_width
+    front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
+    counts = {
+        "front numbers": differing_numbers(front, pair[0]),
+        "rear numbers": differing_numbers(rear, pair[1]),
+        "edge face numbers": _other_planes(rest, lens) if flat else _other_ruled(rest, lens),
+        "rims and corners": _loose(solid, pair),
+    }
+    return [
+        Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
+        for name, value in counts.items()
+    ]
+
+
+def _other_ruled(faces: Sequence[BrepFace], lens: Lens) -> int:
+    """Return how many numbers of the edge faces differ from the four ruled faces between the rims."""
+    off = abs(len(faces) - 4)
+    for face, ruled in zip(faces, ruled_edges(lens)):
+        off += differing_numbers(face.surface, ruled)
+    return off
+
+
+def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:
+    """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
+    wanted = {(k, sign * h) for k, h in enumerate(lens.front.half_width) for sign in (-1.0, 1.0)}
+    for face in faces:
+        if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
+            axis = int(np.argmax(face.plane[1] != 0))
+            wanted.discard((axis, face.plane[0, axis]))
+    return len(wanted) + abs(len(faces) - 4)
+
+
+def _loose(solid: Brep, pair: Sequence[OpticalForm]) -> int:
+    """Return how many parts of the edges are not those of the lens.
+
+    Counted are ends of edges that are no corner, and edges that are neither a rim nor a line between corners.
+    """
+    corners = {_bits(corner) for form in pair for corner in _corners(form)}
+    rims = {row for form in pair for row in _rims(form)}
+    return sum(_loose_parts(edge, corners, rims) for edge in solid.edges)
+
+
+def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:
+    """Return how many parts of an edge are not those of the lens."""
+    loose = sum(_bits(end) not in corners for end in edge.ends)
+    if edge.conic is not None:
+        return loose + (_conic_bits(edge.conic) not in rims)
+    if edge.kv is None or edge.poles is None or edge.weights is not None:
+        return loose + (not _leads(edge))
+    straight = edge.kv.degree == 1 and len(edge.poles) == 2 and bool((edge.kv.knots == UNIT.knots).all())
+    loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
+    return loose + int((edge.poles[[0, -1]] != edge.ends).any())
+
+
+def _corners(form: OpticalForm) -> Iterator[Rows]:
+    """Yield the corners of front or rear, (3,), mm."""
+    for corner in CORNERS:
+        if isinstance(form, BSplineSurface):
+            yield form.coefficients[corner]
+        else:
+            x, y = (h if end else -h for h, end in zip(form.half_width, corner))
+            yield np.array([x, y, form(x, y)])
+
+
+def _rims(form: OpticalForm) -> Iterator[bytes]:
+    """Yield the rims of front or rear as bytes; those of planes are lines, which are compared by their
+    ends."""
+    for side in SIDES:
+        if isinstance(form, BSplineSurface):
+            kv, poles = rim(form, side)
+            yield _bits(kv.knots) + _bits(poles)
+        elif form.kind != "PLANE":
+            half = form.half_width[1 - side.axis]
+            yield _conic_bits(form.section(side.axis, half if side.end else -half))
+
+
+def _conic_bits(conic: ConicCurve) -> bytes:
+    return conic.kind.encode() + _bits(conic.placement) + _bits(conic.sizes)
+
+
+def _leads(edge: BrepEdge) -> bool:
+    """Return whether an edge is a line from its first end to its second."""
+    if edge.poles is None or (edge.poles[0] != edge.ends[0]).any():
+        return False
+    wanted, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
+    beside = np.linalg.norm(np.cross(wanted, line))
+    return bool(wanted @ line > 0 and beside <= ROUNDING * np.linalg.norm(wanted) * np.linalg.norm(line))
+
+
+def _bits(array: Rows) -> bytes:
+    """Return a row's bytes; 0.0 and -0.0 are the same number."""
+    return np.ascontiguousarray(array + 0.0).tobytes()

@@ -1,0 +1,276 @@
+"""Rays through the faces of a STEP file by optiland, an independent program for optical design.
+
+It shares no code with this one or with OCCT.  Its NURBS geometry takes the poles and knots of the file, its
+plane and its standard geometry the vertex, the radius and the conic constant.
+
+For splines it starts Newton's method where a ray crosses the plane z = 0 of the face's frame.  A ray that is
+far to the side when it meets the face starts elsewhere, and the iteration may be held at the rim.  So every
+ray gets a frame near the height at which it first falls through the face.  That height comes from samples of
+the face at a few heights along the ray, by optiland too.
+
+Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray
+tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check
+from optics.exchange.verification.independent_checks import RAYS
+from optics.exchange.verification.reference_tracer import last_step
+from optics.exchange.verification.trace_comparison import compared
+from optics.light.tracing import LandingPoints
+from thbcad.sags import PlacedConic
+
+if TYPE_CHECKING:
+    from optiland.geometries import BaseGeometry, NurbsGeometry, Plane, StandardGeometry
+    from optiland.rays import RealRays
+
+    from optics.base.runtime import Backend
+    from optics.exchange.verification.step_file import StepFile
+    from optics.scene.receivers import Receiver
+    from optics.scene.sources import Rays
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens, OpticalForm
+    from thbcad.splines import BSplineSurface
+
+    Rows = NDArray[np.float64]
+    Frames = Iterator[tuple[NDArray[np.int64], BaseGeometry]]  # numbers of rays and the geometry for them
+
+AT_ONCE = 1000  # rays
+HEIGHTS = 17  # from the lowest to the highest pole of a face
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12  # mm; about ten times the rounding at 1 m from the face
+MET = 1e-9  # mm, of a meeting from the face
+WAVELENGTH = 0.55  # micrometres; the index does not depend on it
+
+
+def optiland_available() -> bool:
+    """Return whether optiland is installed; it is not loaded."""
+    return find_spec("optiland") is not None
+
+
+def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the Checks of a STEP file by optiland's trace of about 500 rays of the problem's source.
+
+    The faces are traced with the poles and knots that OCCT reads in the file.
+    backend : of double precision.
+
+    Raises
+    ------
+    ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
+    """
+    step = file.solid
+
+    def by_optiland(rays: Rays) -> LandingPoints:
+        arriving = optiland_trace(
+            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
+        )
+        return LandingPoints(arriving.points, arriving.flux * rays.flux)
+
+    difference = compared(system, lens, backend, RAYS, by_optiland)
+    return [
+        Check("rays with another fate by optiland's trace of the file", difference.mismatched, 0, ""),
+        Check(
+            "landing points by optiland's trace of the file",
+            difference.landing,
+            system.problem.verify.landing,
+            difference.unit,
+        ),
+        Check(
+            "irradiance by optiland's trace of the file, relative",
+            difference.irradiance,
+            system.problem.verify.irradiance,
+            "",
+        ),
+    ]
+
+
+def optiland_trace(
+    front: OpticalForm,
+    rear: OpticalForm,
+    origins: Rows,
+    directions: Rows,
+    index: float,
+    target: Receiver,
+) -> LandingPoints:
+    """Trace rays of 1 W through two faces to a target, by optiland.
+
+    The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
+    points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
+
+    front, rear : as `optical_forms`, mm; splines have x along u and y along v.
+    origins, directions : (n, 3) float, mm and unit vectors.
+
+    Raises
+    ------
+    ImportError : optiland is not installed.
+    """
+    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
+    with _numpy_backend():
+        for first in range(0, len(origins), AT_ONCE):
+            lit = np.arange(first, min(first + AT_ONCE, len(origins)))
+            points, onward, weight = origins[lit], directions[lit], np.ones(len(lit))
+            for surface, indices in ((front, (1.0, index)), (rear, (index, 1.0))):
+                points, onward, transmittance = _through(surface, points, onward, indices)
+                passes, weight = transmittance > 0, weight * transmittance
+                points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
+            ends, meets = last_step(points, onward, target)
+            arrives = (onward[:, 2] > 0) & meets
+            landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
+    return LandingPoints(landing, flux)
+
+
+@contextmanager
+def _numpy_backend() -> Iterator[None]:
+    """Set optiland to numpy arrays of double precision, and afterwards back to what it was set to.
+
+    In single precision the functions that its compiler numba has stored on disk can end the process.
+    """
+    from optiland import backend
+
+    before = backend.get_backend()
+    backend.set_backend("numpy")
+    bits: object = backend.get_precision()  # 32 or 64; optiland's stubs name a text
+    backend.set_precision("float64")
+    try:
+        yield
+    finally:
+        backend.set_precision("float32" if bits == 32 else "float64")
+        backend.set_backend(before)
+
+
+def _spline_geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
+    """Return optiland's geometry of a face in a frame at z = height; optiland wants knots from 0 to 1."""
+    from optiland.coordinate_system import CoordinateSystem
+    from optiland.geometries import NurbsGeometry
+
+    poles = np.moveaxis(surface.coefficients, 2, 0) - np.array([0.0, 0.0, height])[:, None, None]
+    u, v = ((kv.knots - kv.start) / (kv.stop - kv.start) for kv in (surface.kv_u, surface.kv_v))
+    return NurbsGeometry(
+        CoordinateSystem(z=height),
+        control_points=poles,
+        u_degree=surface.kv_u.degree,
+        v_degree=surface.kv_v.degree,
+        u_knots=u,
+        v_knots=v,
+        tol=NEWTON_TOLERANCE,
+        max_iter=NEWTON_STEPS,
+    )
+
+
+def _conic_geometry(conic: PlacedConic) -> Plane | StandardGeometry:
+    """Return optiland's geometry of a plane or a conic in a frame at its vertex."""
+    from optiland.coordinate_system import CoordinateSystem
+    from optiland.geometries import Plane, StandardGeometry
+
+    frame = CoordinateSystem(z=conic.vertex)
+    if conic.kind == "PLANE":
+        return Plane(frame)
+    return StandardGeometry(frame, conic.conic.radius, conic.conic.constant)
+
+
+def _through(
+    surface: OpticalForm, points: Rows, directions: Rows, indices: tuple[float, float]
+) -> tuple[Rows, Rows, Rows]:
+    """Return (points, directions, transmittance) of rays behind a face.
+
+    Rays that do not pass have the transmittance 0 and the direction NaN.
+    """
+    met, onward = np.full_like(points, np.nan), np.full_like(points, np.nan)
+    transmittance = np.zeros(len(points))
+    if isinstance(surface, PlacedConic):
+        half = np.array(surface.half_width)
+        frames: Frames = iter([(np.arange(len(points)), _conic_geometry(surface))])
+        corners = -half, half
+    else:
+        frames = _frames(surface, points, directions)
+        corners = surface.coefficients[0, 0, :2], surface.coefficients[-1, -1, :2]
+    for rays, geometry in frames:
+        met[rays], meets = _meeting(geometry, corners, points[rays], directions[rays])
+        rays = rays[meets]
+        if len(rays):
+            onward[rays], transmittance[rays] = _refracted(geometry, met[rays], directions[rays], indices)
+    return met, onward, transmittance
+
+
+def _frames(surface: BSplineSurface, points: Rows, directions: Rows) -> Frames:
+    """Yield (numbers of rays, geometry in a frame near the height at which they fall through a spline)."""
+    z = surface.coefficients[..., 2]
+    heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
+    nearest = _nearest(surface, heights, points, directions)
+    for k in np.unique(nearest[nearest >= 0]):
+        yield np.flatnonzero(nearest == k), _spline_geometry(surface, heights[k])
+
+
+def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
+    """Return the index of the first height at which a ray has fallen through a face, (n,), -1 for none."""
+    geometry = _spline_geometry(surface, 0.0)
+    poles = np.asarray(geometry.P)
+    low, high = poles[:2, 0, 0], poles[:2, -1, -1]
+    fallen = np.zeros((len(heights), len(points)), dtype=bool)
+    rises = directions[:, 2] > 0
+    speed = np.where(rises, directions[:, 2], 1.0)
+    for k, height in enumerate(heights):
+        along = (height - points[:, 2]) / speed
+        here = points[:, :2] + along[:, None] * directions[:, :2]
+        u, v = np.clip((here - low) / (high - low), 0, 1).T
+        fallen[k] = rises & (along >= 0) & (geometry.get_value(u, v)[2] <= height + MET)
+    return np.where(fallen.any(axis=0), fallen.argmax(axis=0), -1)
+
+
+def _meeting(
+    geometry: BaseGeometry, corners: tuple[Rows, Rows], points: Rows, directions: Rows
+) -> tuple[Rows, NDArray[np.bool_]]:
+    """Return (points, met) where rays meet a face; rays that pass it by end anywhere.
+
+    corners : least and greatest (x, y) of the face
+    """
+    rays = _rays(points, directions)
+    geometry.localize(rays)
+    with np.errstate(all="ignore"):  # optiland gives nan for rays that miss a conic
+        along = np.asarray(geometry.distance(rays))
+        met = points + along[:, None] * directions
+        low, high = corners
+        meets = (along >= 0) & (met[:, :2] >= low - MET).all(axis=1) & (met[:, :2] <= high + MET).all(axis=1)
+    if meets.any():
+        x, y, z = met[meets].T
+        meets[meets] = np.abs(geometry.cs.z + geometry.sag(x, y) - z) <= MET
+    return met, meets
+
+
+def _refracted(
+    geometry: BaseGeometry, points: Rows, directions: Rows, indices: tuple[float, float]
+) -> tuple[Rows, Rows]:
+    """Return (directions, transmittance) behind a face, 0 where totally reflected.
+
+    T = n_2 cos(t) / (n_1 cos(i)) (|t_s|^2 + |t_p|^2) / 2, with t_s and t_p from optiland.
+    """
+    from optiland.jones import JonesFresnel
+    from optiland.materials import IdealMaterial
+
+    rays = _rays(points, directions)
+    geometry.localize(rays)
+    normals = nx, ny, nz = geometry.surface_normal(rays)
+    rays.refract(nx, ny, nz, *indices)
+    onward = np.column_stack([rays.L, rays.M, rays.N])
+    before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))
+    jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(
+        rays, aoi=np.arccos(np.minimum(before, 1.0))
+    )
+    power = (np.abs(jones[:, [0, 1], [0, 1]]) ** 2).mean(axis=1)
+    return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
+
+
+def _rays(points: Rows, directions: Rows) -> RealRays:
+    """Return optiland's container of rays."""
+    from optiland.rays import RealRays
+
+    (x, y, z), (l, m, n) = points.T, directions.T
+    return RealRays(x, y, z, l, m, n, np.ones(len(points)), np.full(len(points), WAVELENGTH))

@@ -1,0 +1,129 @@
+"""Checks of the solid in a STEP file by its text, which need no lens."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from math import inf, nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import Check
+from optics.exchange.verification.occt_tracer import optical_form
+from thbcad.cad.exchange import solid_volume
+from thbcad.io import MILLIMETRE, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.sags import PlacedConic
+
+if TYPE_CHECKING:
+    from thbcad.cad.exchange import SolidState
+    from thbcad.io import Brep
+    from thbcad.lens import OpticalForm
+
+FINE_VOLUME = 1e-9  # relative
+MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
+TOLERANCE = 1e-6  # mm
+SCHEMAS = (
+    "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING",
+    "AUTOMOTIVE_DESIGN",
+    "CONFIG_CONTROL_DESIGN",
+)  # AP242, AP214, AP203
+EXTRUDED = "area by OCCT: its integral over the wall of an ellipse is off by up to 1e-4 at any tolerance"
+OWN_NAMES = ("front", "rear", "edge", "flange")  # the first words of this package's names of faces
+
+
+def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check], list[str]]:
+    """Return the Checks of schema, unit, names, edges and flags, and what is left out.
+
+    tolerance : mm, of edges from their vertices and from their images.
+    """
+    with np.errstate(all="ignore"):  # absurd numbers give inf or nan, which fail
+        distance, uncompared = image_distance(solid)
+        turned = turned_faces(solid)
+    schema = solid.labels["schema"]
+    return [
+        Check(
+            "text of the file: schema that is none of AP203, AP214, AP242",
+            int(not any(word.startswith(SCHEMAS) for word in schema)),
+            0,
+            "",
+        ),
+        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
+        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
+        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+        Check(
+            "text of the file: edges from their vertices and from their curves in the faces' parameters",
+            distance,
+            tolerance,
+            "mm",
+        ),
+        Check("text of the file: faces on the wrong side of their loops", turned, 0, ""),
+        Check(
+            "text of the file: splines closed or crossing by their flags alone", solid.contradictions, 0, ""
+        ),
+        Check("text of the file: faces with a name that belongs to another", _misnamed(solid), 0, ""),
+    ], [f"distance from curves in the faces' parameters: {what}" for what in uncompared]
+
+
+def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[str]]:
+    """Return the Checks of volume and area by OCCT against quadrature over the text, and what is left out.
+
+    Solids with faces or edges of other kinds (`NotMeasured`) are left out.  Where volume and area of
+    another solid are not found, their checks fail.
+    """
+    with np.errstate(all="ignore"):
+        try:
+            area, whole = _or_inf(_area, solid), _or_inf(volume, solid)
+        except NotMeasured as error:
+            return [], [f"volume and area by quadrature over the text of the file: {error}"]
+        volume_by_occt = state.volume
+        if abs(volume_by_occt / whole - 1) > MEASURE:
+            # OCCT's estimate of its own error is too low on rough surfaces: ask for more
+            volume_by_occt = solid_volume(state.shape, FINE_VOLUME)
+        pairs = [("volume", volume_by_occt, whole)]
+        swept = any(face.extrusion is not None for face in solid.faces)
+        if not swept:
+            pairs.append(("area", state.area, area))
+        return [
+            Check(
+                f"{name} by OCCT against quadrature over the text of the file, relative",
+                abs(by_occt / by_text - 1),
+                MEASURE,
+                "",
+            )
+            for name, by_occt, by_text in pairs
+        ], [EXTRUDED] * swept
+
+
+def _area(solid: Brep) -> float:
+    return sum(areas(solid))
+
+
+def _or_inf(measure: Callable[[Brep], float], solid: Brep) -> float:
+    """Return a measure of a solid, inf where it is not found: a solid that does not close or is inside out,
+    numbers too large."""
+    try:
+        return measure(solid)
+    except NotMeasured:
+        raise
+    except ValueError:
+        return inf
+
+
+def _misnamed(solid: Brep) -> int:
+    """Return how many faces bear a name of this package's that another face bears, or that of the opposite
+    face."""
+    names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
+    again = sum(names.values()) - len(names)
+    middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
+    return again + int(len(middle) == 2 and not middle["front"] < middle["rear"])
+
+
+def _middle(form: OpticalForm | None) -> float:
+    """Return z at the vertex of a conic or at the middle of a spline's parameters, nan for others."""
+    if form is None:
+        return nan
+    if isinstance(form, PlacedConic):
+        return form.vertex
+    u, v = ((kv.start + kv.stop) / 2 for kv in (form.kv_u, form.kv_v))
+    return float(form([u], [v])[0, 2])

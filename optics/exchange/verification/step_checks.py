@@ -1,0 +1,155 @@
+"""Checks of a STEP file, as OCCT reads it, against the designed lens and the light that it must give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check
+from optics.exchange.verification.solid_text import FINE_VOLUME
+from optics.exchange.verification.step_file import ExportedStep, StepFile
+from optics.exchange.verification.trace_comparison import light_checks
+from thbcad.cad.exchange import solid_volume, step_bytes
+from thbcad.io import write_bytes
+from thbcad.lens import optical_forms
+from thbcad.sags import PlacedConic, graph_of_poles
+from thbcad.splines import BSplineSurface
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from thbcad.cad.exchange import SolidFile
+    from thbcad.lens import FreeformSurface, Lens, OpticalForm
+    from thbcad.splines import KnotVector, NURBSSurface
+
+    Surface = BSplineSurface | NURBSSurface | PlacedConic
+
+TOLERANCE = 1e-6  # mm
+SURFACE_SAMPLES = 6  # per knot span and direction
+CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 spans have
+
+
+def export_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
+    """Write the STEP file of a lens, and return the check of its bytes."""
+    written = step_bytes(lens, system.product, system.problem.export.schema)
+    write_bytes(path, written)
+    return [Check("file differs from what was written", int(path.read_bytes() != written), 0, "")]
+
+
+def read_back_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
+    """Return the STEP file of a lens as OCCT reads it."""
+    file = StepFile(path)
+    return ExportedStep(solid_checks(system, lens, file), file.solid.front, file.solid.rear)
+
+
+def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the list of Checks of a STEP file as OCCT reads it against the lens in memory.
+
+    backend : of double precision.
+    """
+    return [
+        *solid_checks(system, lens, file),
+        _occt_volume(system, lens, file.solid),
+        *light_checks(system, lens, file.solid, backend),
+    ]
+
+
+def solid_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
+    """Return the checks of faces, edges, tolerances and numbers."""
+    return [*_topology(file.solid), *_geometry(system, lens, file.solid)]
+
+
+def _topology(step: SolidFile) -> list[Check]:
+    """Return the checks of faces, edges and tolerances."""
+    return [
+        Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
+        Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
+        Check("free edges", step.free_edges, 0, ""),
+        Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
+        Check("shell not closed", int(not step.closed), 0, ""),
+        Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
+    ]
+
+
+def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]:
+    """Return the checks of the optical faces."""
+    limit, checks = system.problem.verify.surface, []
+    for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), optical_forms(lens)):
+        count = differing_numbers(read, wanted)
+        checks.append(Check(f"{name} poles and knots that differ from the lens in memory", count, 0, ""))
+    for name, read, surface, vertex in (
+        ("front", step.front, lens.front, 0.0),
+        ("rear", step.rear, lens.rear, lens.thickness),
+    ):
+        deviation = surface_deviation(read, surface, vertex)
+        checks.append(Check(f"{name} face against the lens in memory", deviation, limit, "mm"))
+    return checks
+
+
+def _occt_volume(system: OpticalSystem, lens: Lens, step: SolidFile) -> Check:
+    """Return the check of the volume by OCCT's integral, which takes seconds on rough surfaces."""
+    limit, volume = system.problem.verify.volume, lens.volume()
+    off = abs(step.volume / volume - 1)
+    if off > limit:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
+        off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
+    return Check("volume by OCCT against the closed form, relative", off, limit, "")
+
+
+def surface_deviation(face: OpticalForm, surface: FreeformSurface, vertex: float) -> float:
+    """Return the greatest |z_face(x, y) - z_surface(x, y)| in mm at points within every knot span.
+
+    Where a file bounds a conic by a rectangle, the difference of its half-widths counts too.
+
+    face : as `optical_forms`.  surface : FreeformSurface at z = vertex.
+    """
+    if isinstance(face, PlacedConic):
+        x, y = (np.linspace(-h, h, CONIC_SAMPLES) for h in surface.half_width)
+        size = max(abs(a - b) for a, b in zip(face.half_width, surface.half_width))
+        apart = np.abs(face(x[:, None], y[None, :]) - vertex - surface.grid(x, y)).max()
+        return float(apart if np.isinf(size) else max(apart, size))
+    u, v = (_samples(kv) for kv in (face.kv_u, face.kv_v))
+    graph, bent = graph_of_poles(face), 0.0
+    if graph is None:
+        points = face.grid(u, v)
+        x, y, heights = points[:, 0, 0], points[0, :, 1], points[..., 2]
+        bent = max(np.abs(points[..., 0] - x[:, None]).max(), np.abs(points[..., 1] - y[None, :]).max())
+    else:
+        x, y = face.kv_u.collocation(u) @ graph[0], face.kv_v.collocation(v) @ graph[1]
+        heights = graph[2].grid(u, v)
+    hx, hy = surface.half_width
+    size = max(abs(np.abs(x).max() - hx), abs(np.abs(y).max() - hy))
+    z = vertex + surface.grid(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
+    return float(max(np.abs(heights - z).max(), bent, size))
+
+
+def _samples(kv: KnotVector) -> NDArray[np.float64]:
+    b = kv.breaks
+    inner = (b[:-1, None] + np.diff(b)[:, None] * (np.arange(SURFACE_SAMPLES) / SURFACE_SAMPLES)).ravel()
+    return np.append(inner, b[-1])
+
+
+def differing_numbers(read: Surface | None, wanted: Surface) -> int:
+    """Return how many numbers of a face differ from the wanted ones: poles, weights and knots of a spline,
+    points, directions and the radius of a plane or a sphere.
+
+    Where it has others or another number of them, all of them count.
+    """
+    rows, expected = _numbers(read), _numbers(wanted)
+    if [row.shape for row in rows] != [row.shape for row in expected]:
+        return sum(row.size for row in expected)
+    return sum(int((a != b).sum()) for a, b in zip(rows, expected))
+
+
+def _numbers(surface: Surface | None) -> list[NDArray[np.float64]]:
+    """Return the numbers that a file holds of a surface."""
+    if surface is None:
+        return []
+    if isinstance(surface, PlacedConic):
+        return [surface.numbers]
+    knots = [surface.kv_u.knots, surface.kv_v.knots]
+    if isinstance(surface, BSplineSurface):
+        return [surface.coefficients, *knots]
+    return [surface.points, surface.weights, *knots]

@@ -1,0 +1,95 @@
+"""A STEP file under test, read once by each of several programs that share no code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Check
+    from thbcad.cad.exchange import SolidFile, SolidState
+    from thbcad.io import Brep
+    from thbcad.lens import OpticalForm
+
+
+@dataclass(frozen=True)
+class StepFile:
+    """A STEP file, as a rule with a lens solid.
+
+    Ask for `text` before `solid` where the file may be cut off or damaged: OCCT can end the process over it.
+    """
+
+    path: Path
+
+    @cached_property
+    def text(self) -> Brep:
+        """What the text of the file holds.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+        """
+        from thbcad.io import parse_brep
+
+        return parse_brep(self.path)
+
+    @cached_property
+    def state(self) -> SolidState:
+        """What OCCT says of the shape in the file, a lens or another.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it is no STEP file.
+        """
+        from thbcad.cad.exchange import SolidState, step_shape
+
+        return SolidState(step_shape(self.path))
+
+    @cached_property
+    def solid(self) -> SolidFile:
+        """What OCCT reads in the file.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
+        """
+        from thbcad.cad.exchange import read_step
+
+        return read_step(self.path)
+
+    def read(self) -> tuple[Brep, SolidState]:
+        """Return `text` and `state`; the text is read first, so that a damaged file never reaches OCCT.
+
+        Raises
+        ------
+        OSError, ValueError : as these.
+        """
+        return self.text, self.state
+
+    def read_lens(self) -> tuple[Brep, SolidFile]:
+        """Return `text` and `solid` of a file that holds a lens, the text first.
+
+        Raises
+        ------
+        OSError, ValueError : as these; there are not two optical faces.
+        """
+        from optics.exchange.verification.occt_tracer import optical_faces
+
+        optical_faces(self.text)
+        return self.text, self.solid
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedStep:
+    """A STEP file as OCCT reads it.
+
+    Another process can return it without loading OCCT in this one.
+
+    checks : of the solid.  front, rear : the optical faces in the file, as `SolidFile` has them.
+    """
+
+    checks: list[Check]
+    front: OpticalForm
+    rear: OpticalForm

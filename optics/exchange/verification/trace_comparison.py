@@ -1,0 +1,99 @@
+"""The same rays by the optimiser's tracer and by another: differences of landings, fates and irradiance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check
+from optics.exchange.verification.reference_tracer import deposit, trace_step
+from optics.light.tracing import Tracer
+from optics.scene.sources import single_rays
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.exchange.verification.reference_tracer import OpticalFaces
+    from optics.light.tracing import LandingPoints
+    from optics.scene.sources import Rays
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+
+NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and threads may round it to none
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How far two traces are apart.
+
+    landing : mm, degrees in the far field; the greatest error of a coordinate on the target, inf where no ray
+        lands there.
+    irradiance : relative L2 difference on the target's pixels.
+    mismatched : number of rays that arrive in one of them only, with more than 1e-12 of a ray's mean flux.
+    unit : of landing.
+    """
+
+    landing: float
+    irradiance: float
+    mismatched: int
+    unit: str
+
+
+def compared(
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    counts: Sequence[int],
+    other: Callable[[Rays], LandingPoints],
+) -> Comparison:
+    """Return the Comparison of rays traced through the lens in memory and by `other`.
+
+    backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
+    other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
+    """
+    rays = system.source.rays(counts)
+    clear = system.path(lens).without_absorption()  # which the independent tracers leave out
+    _, landing = Tracer(backend, clear, rays).trace()
+    points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
+    others, screen = other(single_rays(rays, lens)), system.target.screen()
+    # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
+    least = NO_LIGHT * rays.flux.mean()
+    lit, others_lit = flux > least, others.flux > least
+    both = lit & others_lit & (np.abs(points) <= screen.half_width).all(axis=1)
+    error = float(np.abs(points[both] - others.points[both]).max()) if both.any() else np.inf
+    image, other_image = deposit(points, flux, screen), deposit(others.points, others.flux, screen)
+    return Comparison(
+        landing=error,
+        irradiance=_difference(image, other_image),
+        mismatched=int((lit != others_lit).sum()),
+        unit=screen.unit,
+    )
+
+
+def _difference(image: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    norm = np.linalg.norm(image)
+    return float(np.linalg.norm(image - other) / norm) if norm else np.inf
+
+
+def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend: Backend) -> list[Check]:
+    """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
+
+    backend : of double precision.
+    """
+    limits = system.problem.verify
+
+    def by_scipy(rays: Rays) -> LandingPoints:
+        return trace_step(
+            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver
+        )
+
+    seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
+    return [
+        Check("rays with another fate in the independent trace", seen.mismatched, 0, ""),
+        Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
+        Check("irradiance, independent trace of the file, relative", seen.irradiance, limits.irradiance, ""),
+    ]

@@ -1,0 +1,1 @@
+"""What people call: scripts, sweeps, the command line."""

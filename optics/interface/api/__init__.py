@@ -1,0 +1,32 @@
+"""What `import optics` offers to scripts: problems, systems, models, designs."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.interface.api.design_errors import (
+        SAMPLES as SAMPLES,
+        form_tolerances as form_tolerances,
+        monte_carlo as monte_carlo,
+        require_monte_carlo as require_monte_carlo,
+        tolerances as tolerances,
+    )
+    from optics.interface.api.design_figures import DesignFigures as DesignFigures
+    from optics.interface.api.design_files import (
+        Written as Written,
+        helpers as helpers,
+        write_result as write_result,
+    )
+    from optics.interface.api.design_result import Design as Design
+    from optics.interface.api.design_run import design as design, shaped as shaped
+    from optics.interface.api.irradiance_model import DEVICE as DEVICE, Model as Model
+    from optics.interface.api.minimisation import Minimum as Minimum, minimise as minimise
+    from optics.interface.api.prepared_problem import (
+        engine_of as engine_of,
+        prepared_system as prepared_system,
+    )
+    from optics.interface.api.scenes import mitsuba_scene as mitsuba_scene
+    from optics.interface.api.scripting_system import System as System
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,100 @@
+"""The figures of a design, which another process draws while this one goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, HelperProcess
+    from optics.designing.optimisation import Row, Stage
+    from optics.interface.api.level_records import LevelRecord
+    from optics.light.analysis import Measurement
+    from thbcad.lens import Lens
+
+
+class DesignFigures:
+    """The figures of the report.
+
+    process : in which they are drawn.
+    """
+
+    def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
+        self.process = process
+        self._before = process.ask("optics.reporting.figures", "solid_views", system.lens)
+
+    def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
+        """Draw what needs no measurement."""
+        self._lens = self.process.ask("optics.reporting.figures", "lens_figures", lens, history, plan)
+        self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens)
+
+    def draw_light(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        measurement: Measurement,
+        backend: Backend,
+    ) -> None:
+        """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
+        from optics.light.analysis import fans as ray_fans
+        from optics.reporting.figures import scene_paths
+        from optics.reporting.view import lens_sight, photo_caption
+
+        placed = not (system.source.from_afar or system.source.from_file)
+        fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
+        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)
+        self._light = self.process.ask(
+            "optics.reporting.figures", "light_figures", plain, lens, measurement, fans
+        )
+        self._scene = self.process.ask(
+            "optics.reporting.figures", "scene_view", plain, lens, irradiance, paths
+        )
+        self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
+        self._photo_caption = photo_caption(system.problem, lens)
+        self._photographed = system.problem, lens, irradiance, sight
+        self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
+
+    def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
+        """Draw every level that was kept."""
+        plain = OpticalSystem(system.problem)
+        self._levels = [
+            self.process.ask(
+                "optics.reporting.figures", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients
+            )
+            for k in levels
+        ]
+
+    def levels(self) -> list[tuple[str, bytes]]:
+        """Return (caption, PNG) of every level that was kept."""
+        return [level.result() for level in self._levels]
+
+    def view(self) -> str:
+        """Return the page that shows the scene, to be turned in a browser."""
+        page: str = self._view.result()
+        return page
+
+    @cached_property
+    def pictures(self) -> dict[str, tuple[str, bytes]]:
+        """(caption, PNG) by name, in the order of the report.
+
+        The photograph is the last in the row; where it has not begun, it is taken here.
+        """
+        from optics.reporting.view import photograph
+
+        photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
+        captions = {
+            "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
+            "solid_before": "The solid before optimisation.",
+            "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
+        }
+        pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
+        return {
+            "photo": (self._photo_caption, photo),
+            **self._light.result(),
+            **self._lens.result(),
+            **{name: (caption, pictures[name].result()) for name, caption in captions.items()},
+        }

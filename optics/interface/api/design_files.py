@@ -1,0 +1,199 @@
+"""A design measured, checked and written as a result folder.
+
+The solid is exported and the figures are drawn by other processes, beside the measurement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import peak_mb, process_for
+from optics.designing.optimisation import stages
+from optics.designing.progress import DesignProgress, RunClock
+from optics.exchange.results import ResultFolder, ResultWriter, level_files
+from optics.interface.api.design_figures import DesignFigures
+from optics.interface.api.irradiance_model import DEVICE
+from optics.interface.api.level_records import level_contents
+from optics.scene.problem import limit_checks
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Check, HelperProcess
+    from optics.exchange.verification import ExportedStep
+    from optics.interface.api.design_record import DesignRecord
+    from thbcad.lens import Lens, Manufacturability
+
+SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
+LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
+Claims = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Written:
+    """A result folder and what its files claim.  metrics, verification : as metrics.json and verify.json."""
+
+    folder: ResultFolder
+    metrics: Claims
+    verification: Claims
+
+
+@contextmanager
+def helpers() -> Iterator[tuple[HelperProcess, HelperProcess]]:
+    """Yield the processes that export solids and that draw figures.
+
+    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
+    """
+    with process_for(SOLIDS) as solids, process_for(FIGURES) as drawing:
+        yield solids, drawing
+
+
+class _Export:
+    """A STEP file that another process writes and reads back."""
+
+    def __init__(self, solids: HelperProcess, system: OpticalSystem, lens: Lens, path: Path) -> None:
+        self._lens, self._path = lens, path
+        self._written, self._read = (
+            solids.ask("optics.exchange.verification", name, system, lens, path)
+            for name in ("export_step", "read_back_step")
+        )
+
+    def checked(self) -> tuple[list[Check], ExportedStep]:
+        """Return the checks of the solid, and the file as OCCT reads it.
+
+        The text is read here as soon as it is written.
+        """
+        from optics.exchange.verification import StepFile, text_volume_check
+
+        written = self._written.result()
+        volume = text_volume_check(StepFile(self._path).text, self._lens)
+        step = self._read.result()
+        return [*written, *step.checks, volume], step
+
+
+def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
+    """Write the result folder of a design and return its path."""
+    clock = RunClock(DesignProgress(lambda moment: None))
+    with folder.taken(design.asked, force), helpers() as (solids, drawing), DEVICE:
+        write_result(design, folder, clock, solids, DesignFigures(drawing, design.system))
+    return folder.path
+
+
+def verified(design: DesignRecord) -> Claims:
+    """Return the checks of a design's solid and light, as in verify.json."""
+    from optics.base.runtime import verification
+    from thbcad.lens import manufacturability
+
+    system, lens = design.system, design.lens
+    with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
+        export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
+        product = manufacturability(lens, system.problem.lens.density or None)
+        checks = _checks(design, product, *export.checked())
+        return verification(checks) | {"left_out": [LEFT_OUT]}
+
+
+def write_result(
+    design: DesignRecord, folder: ResultFolder, clock: RunClock, solids: HelperProcess, figures: DesignFigures
+) -> Written:
+    """Export, measure and verify a design; then write what can be claimed of it.
+
+    folder : taken by this run.  solids : which exports.
+    """
+    from optics.designing.etendue import reached_sentences
+    from optics.reporting.report import light_files
+    from thbcad.lens import manufacturability
+
+    system, lens, problem = design.system, design.lens, design.problem
+    writer = ResultWriter(folder, problem, lens, design.history)
+    export = _Export(solids, OpticalSystem(problem), lens, writer.staged_step)
+    figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
+    figures.draw_levels(system, design.levels)
+    clock.lap("export")
+    measurement = design.measurement
+    figures.draw_light(system, lens, measurement, system.backend)
+    etendue = reached_sentences(system, lens, measurement.metrics)
+    for sentence in etendue.limits:
+        design.notes(sentence)
+    metrics = design.metrics
+    clock.lap("measure")
+    product = manufacturability(lens, problem.lens.density or None)
+    exported = export.checked()
+    writer.place_step()
+    checks = _checks(design, product, *exported)
+    clock.lap("verify")
+    pictures = figures.pictures
+    light = measurement.irradiance, measurement.target
+    for name, data in light_files(*light, system.target.screen(), system.density, measurement.colour).items():
+        writer.write(name, data)
+    for name, (_, png) in pictures.items():
+        writer.write(f"figures/{name}.png", png)
+    for names, level, (_, png) in zip(level_files(len(design.levels)), design.levels, figures.levels()):
+        for name, data in zip(names, (*level_contents(level), png)):
+            writer.write(name, data)
+    clock.lap("figures")
+    peak = peak_mb() + sum(
+        p.ask("optics.base.runtime", "peak_mb").result() for p in (solids, figures.process)
+    )
+    metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
+    return _claimed(design, folder, writer, metrics, checks, product, figures, etendue.background)
+
+
+def _claimed(
+    design: DesignRecord,
+    folder: ResultFolder,
+    writer: ResultWriter,
+    metrics: Claims,
+    checks: list[Check],
+    product: Manufacturability,
+    figures: DesignFigures,
+    background: Sequence[str],
+) -> Written:
+    """Write what is now known of the lens, the record last."""
+    from optics.base.runtime import verification
+    from optics.light.analysis import judged
+    from optics.reporting.report import Report, report_html
+    from optics.scene.problem import as_data, manufacture_rows
+
+    verdict = judged(metrics, checks, tuple(design.notes))
+    writer.write_claims("manufacture.json", as_data(product))
+    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
+    page = Report(
+        problem=design.problem,
+        metrics=metrics,
+        verification=checked,
+        manufacture=manufacture_rows(product, design.problem.source.wavelength),
+        pictures=figures.pictures,
+        levels=figures.levels(),
+        verdict=verdict,
+        background=background,
+        run=writer.run,
+        view=figures.view(),
+    )
+    metrics = writer.write_claims("metrics.json", metrics | verdict.data())
+    writer.write("report.html", report_html(page, writer.problem_text).encode())
+    writer.finish(design.asked, {"ok": checked["ok"], **verdict.data()})
+    folder.checkpoint.unlink(missing_ok=True)
+    return Written(folder, metrics, checked)
+
+
+def _checks(
+    design: DesignRecord, product: Manufacturability, solid: Sequence[Check], step: ExportedStep
+) -> list[Check]:
+    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing.
+
+    solid, step : as of `_Export`.
+    """
+    from optics.exchange.verification import light_checks
+    from optics.light.analysis import delivery_checks
+
+    system, lens, problem = design.system, design.lens, design.problem
+    return [
+        *solid,
+        *light_checks(system, lens, step, system.backend),
+        *delivery_checks(design.measurement.metrics, problem.verify),
+        *limit_checks(problem, product),
+    ]

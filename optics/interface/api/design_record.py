@@ -1,0 +1,112 @@
+"""What is known of a designed lens; what it delivers is measured when it is first asked for, and once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from optics.designing.progress import Notes
+from optics.interface.api.irradiance_model import DEVICE
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.designing.optimisation import Row
+    from optics.interface.api.level_records import LevelRecord
+    from optics.light.analysis import Measurement, Verdict
+    from optics.scene.problem import Problem
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRecord:
+    """A lens for a problem.
+
+    problem : with a number for every "auto".  asked : the same as it was asked for.
+    history : a row for every evaluation.  notes : sentences on what limits the result.
+    wall_s : seconds by phase.  moved : the design started from an optimal-transport map.
+    interrupted : Ctrl-C ended the work, and this is the best lens so far.
+    levels : of this run, where `run.keep` asks for them.
+    """
+
+    asked: Problem
+    system: OpticalSystem
+    lens: Lens
+    history: tuple[Row, ...] = ()
+    notes: Notes = field(default_factory=Notes)
+    wall_s: Mapping[str, float] = field(default_factory=dict)
+    moved: bool = False
+    interrupted: bool = False
+    levels: tuple[LevelRecord, ...] = ()
+
+    @property
+    def problem(self) -> Problem:
+        return self.system.problem
+
+    @cached_property
+    def measurement(self) -> Measurement:
+        """Irradiance, target and metrics, by light that the optimiser has not seen."""
+        with DEVICE:
+            return _measured(self, self.system.backend)
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """Numbers by name, see `optics.light.analysis.measure`, and those of the run."""
+        return self.measurement.metrics | self.run_metrics
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What is to be thought of light and lens, by the limits of the problem; the STEP file is not judged.
+
+        `verify` checks that file.
+        """
+        from optics.light.analysis import delivery_checks, judged
+        from optics.scene.problem import limit_checks
+        from thbcad.lens import manufacturability
+
+        problem, metrics = self.problem, self.measurement.metrics
+        checks = delivery_checks(metrics, problem.verify)
+        if problem.limits != type(problem.limits)():
+            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+        return judged(metrics, checks, tuple(self.notes), of_file=False)
+
+    @property
+    def run_metrics(self) -> dict[str, Any]:
+        """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
+        measured = [row for row in self.history if row.fresh_fit is not None][-1:]
+        return {
+            "dof": sum(sag.space.dim for sag in self.lens.sags),
+            "levels": max(sag.space.levels for sag in self.lens.sags),
+            "evaluations": self.history[-1].evaluation if self.history else 0,
+            **({"fit": measured[0].fit, "fresh_fit": measured[0].fresh_fit} if measured else {}),
+        }
+
+
+def _measured(design: DesignRecord, backend: Backend) -> Measurement:
+    """Return the Measurement of a lens; sentences on blurred and lost light go to its notes."""
+    from optics.designing.etendue import universal_bound
+    from optics.designing.prediction import blur_limits, blur_sentence
+    from optics.light.analysis import loss_notes, measure
+    from optics.light.tracing import normal_incidence_transmittance
+
+    system, lens, notes = design.system, design.lens, design.notes
+    measurement = measure(system, lens, backend)
+    metrics = measurement.metrics | {
+        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index)
+    }
+    if system.blurred:
+        limits = blur_limits(system, lens, backend)
+        notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))
+        metrics["rel_l2_one_blur"] = limits.least
+    if system.source.etendue:
+        metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
+    for sentence in loss_notes(metrics, system.units):
+        notes(sentence)
+    if not metrics["efficiency"]:
+        notes(
+            "no light reaches the target; raise optimizer.lost_flux_weight, "
+            "or make the target larger or nearer to the beam"
+        )
+    return replace(measurement, metrics=metrics)

@@ -1,0 +1,235 @@
+"""A designed lens, for scripts: measured, verified, saved and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.designing.optimisation import stages
+from optics.designing.progress import Notes
+from optics.exchange.results import ResultFolder
+from optics.interface.api.design_files import save, verified
+from optics.interface.api.design_record import DesignRecord
+from optics.interface.api.irradiance_model import DEVICE, unit_of
+from optics.interface.api.level_records import read_levels
+from optics.interface.api.scenes import SceneView
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation import Row, State
+    from optics.interface.api.level_records import LevelRecord
+    from optics.light.analysis import Measurement
+    from optics.reporting.figures import OverviewFigure
+    from optics.scene.problem import Problem, Source
+    from optics.tolerancing.machining import ToolFindings, ToolOrder
+    from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
+OF_THE_RUN = (
+    "run_id",
+    "step_sha256",
+    "grade",
+    "verdict",
+    "notes",
+)  # keys of metrics.json that measure nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Design(DesignRecord):
+    """A lens for a problem.  What it delivers is measured when it is first asked for, and once.
+
+    Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
+    """
+
+    @classmethod
+    def of_state(
+        cls,
+        asked: Problem,
+        system: OpticalSystem,
+        state: State,
+        notes: Notes,
+        wall_s: Mapping[str, float],
+        interrupted: bool = False,
+        levels: Sequence[LevelRecord] = (),
+    ) -> Design:
+        """Return the design that a run has come to."""
+        return cls(
+            asked=asked,
+            system=system,
+            lens=system.lens.with_sags(state.sags),
+            history=state.history,
+            notes=notes,
+            wall_s=wall_s,
+            moved=state.moved,
+            interrupted=interrupted,
+            levels=tuple(levels),
+        )
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Design:
+        """Return the design of a result folder; what it delivers is read, not measured again.
+
+        Raises
+        ------
+        UserError : the folder holds no whole result.
+        """
+        results = ResultFolder(folder)
+        problem, lens, record = results.read()
+        levels = results.kept_levels()
+        results.require_recorded([HISTORY, METRICS, IRRADIANCE, *chain.from_iterable(levels)])
+        system, history = OpticalSystem(problem), results.read_history()
+        loaded = cls(
+            asked=problem,
+            system=system,
+            lens=lens,
+            history=history,
+            notes=Notes(map(str, record.get("notes", ()))),
+            moved=_moved(system, history),
+            levels=read_levels(results.path, levels, system),
+        )
+        loaded.__dict__["measurement"] = _read_measurement(results.path, system, loaded.lens)
+        return loaded
+
+    @property
+    def irradiance(self) -> Floats:
+        """What the lens makes on the target's pixels, (rows, columns), W/mm^2; in the far field W/sr.
+
+        For W read lm where that is `source.unit`.
+        """
+        return unit_of(self.system) * self.measurement.irradiance
+
+    @property
+    def target(self) -> Floats:
+        """What was asked for, with the flux that leaves the lens, in the same unit."""
+        return unit_of(self.system) * self.measurement.target
+
+    def save(self, folder: str | Path, force: bool = False) -> Path:
+        """Write the result folder of `thbcad design`: STEP solid, checks, report; return its path.
+
+        force : replace what another problem or program wrote there.
+
+        Raises
+        ------
+        UserError : the folder cannot be written, or something in it would be lost.
+        """
+        return save(self, ResultFolder(folder), force)
+
+    def verify(self) -> dict[str, Any]:
+        """Return the checks of the lens's STEP file and of its light, as in verify.json."""
+        return verified(self)
+
+    def relight(self, source: str | Source) -> Measurement:
+        """Return what the lens delivers in other light, measured on fresh light.
+
+        source : "sun", "led:1mm", "led:1mm@30mm", a problem file whose source is taken, or a Source.
+
+        Raises
+        ------
+        UserError : other words, or light that does not go with the lens.
+        """
+        from optics.interface.relighting import other_source, relit
+
+        light = other_source(source, self.problem) if isinstance(source, str) else source
+        with DEVICE:
+            measurement = relit(self.problem, self.lens, light, self.system.backend)
+        return measurement.in_unit(unit_of(self.system))
+
+    def tool(self, order: ToolOrder) -> ToolFindings:
+        """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
+        from optics.tolerancing.machining import tool_findings
+
+        with DEVICE:
+            return tool_findings(self.system, self.lens, order, self.system.backend)
+
+    def as_built(
+        self,
+        file: str | Path,
+        frame: FileFrame | None = None,
+        surface: Side | None = None,
+        align: Way = "datums",
+    ) -> AsBuilt:
+        """Return the lens as it was made, from measured points of its front or rear, and its light.
+
+        file : rows x y z, or a grid sag file.  frame : units and orientation of its numbers.
+        surface : "front" or "rear"; by default the one that is freeform.
+        align : "datums", the file's frame is the lens's, or "best fit".
+
+        Raises
+        ------
+        UserError : a file that cannot be read, is cut off, or does not fit the surface.
+        """
+        from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
+
+        side = surface or default_side(self.lens)
+        measured = read_measured(file, surface_of(self.lens, side), frame)
+        with DEVICE:
+            return light_as_built(
+                self.system, self.lens, measured, self.system.backend, side, align, nominal=self.measurement
+            )
+
+    def plot(self) -> OverviewFigure:
+        """Return a figure of target, irradiance and their difference."""
+        from optics.reporting.figures import overview_figure
+
+        return overview_figure(self.system, self.measurement)
+
+    def view(self) -> SceneView:
+        """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
+        from optics.reporting.figures import scene_paths
+        from optics.reporting.view import scene_page
+
+        plain = OpticalSystem(self.problem)
+        with DEVICE:
+            paths = scene_paths(self.system, self.lens, self.system.backend)
+        return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
+
+    def __repr__(self) -> str:
+        return f"Design({self.problem.title!r}, {self.run_metrics['dof']} degrees of freedom)"
+
+    def _repr_html_(self) -> str:
+        """Return pictures and the main numbers, for notebooks."""
+        from optics.reporting.figures import overview_html
+
+        return overview_html(self.system, self.measurement, self.metrics, self.notes)
+
+
+def _moved(system: OpticalSystem, history: Sequence[Row]) -> bool:
+    """Return whether a history is that of a design which started from an optimal-transport map.
+
+    Its stages then have other levels than those of a flat start.
+    """
+    plan = stages(system.shaping, False)
+    return any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
+
+
+def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measurement:
+    """Return what a result folder says of the light.
+
+    What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
+    """
+    from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
+
+    with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
+        irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
+    metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
+    own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
+    if system.target.even_region is None:
+        own = contrast_error(own, target) | own
+    elif "grid" not in own.get("uniformity", {}):
+        from optics.light.blur import spot_rms
+
+        with DEVICE:
+            blur = spot_rms(system, lens, system.backend)
+        noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
+        error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())
+        own["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
+    return Measurement(irradiance, target, own, colour=colour)

@@ -1,0 +1,98 @@
+"""The whole design of a lens, from a problem to what is known of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation import Interrupted, design as shape, stages
+from optics.designing.progress import DesignProgress, Notes, RunClock, Size
+from optics.interface.api.design_result import Design
+from optics.interface.api.irradiance_model import DEVICE
+from optics.interface.api.level_records import LevelKeeper
+from optics.interface.api.prepared_problem import prepared_system, shaping_by
+from optics.scene.problem import Problem
+from optics.scene.system import advice, solvable_system
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Moment
+    from optics.designing.optimisation import State
+    from optics.interface.api.prepared_problem import Prepared
+    from optics.light.engines import Engine
+
+Show = Callable[["Moment"], None]
+
+
+def design(
+    problem: Problem, progress: bool | Show | None = None, engine: str | Engine | None = None
+) -> Design:
+    """Shape the lens of a problem and return the Design.
+
+    progress : True draws a bar in terminals and notebooks; a function is called with every
+        `optics.base.runtime.Moment`.
+    engine : a name as of `optimizer.engine`, an `optics.light.engines.Engine`, or None for the problem's own.
+
+    Ctrl-C ends the work.  The design then holds the best lens so far, and `interrupted` is true; where no
+    level had begun, the KeyboardInterrupt goes on.
+
+    Raises
+    ------
+    UserError : a problem that cannot be solved; one sentence says why.
+    NumericalError : the loss is not finite, or the surfaces cross.
+    """
+    if not isinstance(problem, Problem):
+        raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
+    clock, notes = RunClock(_progress(progress)), Notes()
+    try:
+        with clock.progress, DEVICE:
+            system = solvable_system(problem)
+            clock.progress.asked(system)
+            ready = prepared_system(system)
+            return shaped(problem, ready, clock, notes, engine)
+    except Interrupted as stop:
+        notes("stopped by Ctrl-C: this is the best lens so far")
+        return Design.of_state(problem, ready.system, stop.state, notes, clock.total(), interrupted=True)
+
+
+def shaped(
+    asked: Problem,
+    ready: Prepared,
+    clock: RunClock,
+    notes: Notes,
+    engine: str | Engine | None = None,
+    state: State | None = None,
+    keep: Callable[[State], None] | None = None,
+) -> Design:
+    """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
+
+    asked : the problem as it was read.  state : to go on from.  keep : called with the State after every
+    level.
+
+    Raises
+    ------
+    Interrupted : on Ctrl-C.
+    """
+    system, backend = ready.system, ready.backend
+    for sentence in advice(system):
+        notes(sentence)
+    traced, chosen = shaping_by(engine, system, backend)
+    moved = state.moved if state else system.problem.optimizer.start == "transport"
+    clock.progress.planned(Size.of(system), stages(traced, moved))
+    clock.lap("setup")
+    keeper = LevelKeeper(system, traced, chosen) if system.problem.run.keep == "levels" else None
+    _, state = shape(traced, backend, chosen, state, clock.progress, keep, notes, ready.start, keeper)
+    backend.release()
+    clock.lap("optimise")
+    levels = keeper.records if keeper else ()
+    return Design.of_state(asked, system, state, notes, clock.total(), levels=levels)
+
+
+def _progress(progress: bool | Show | None) -> DesignProgress:
+    if progress is True:
+        return DesignProgress()
+    if progress is None or progress is False:
+        return DesignProgress(lambda moment: None)
+    if not callable(progress):
+        raise UserError(f"progress must be True, None or a function of a Moment, got {progress!r}")
+    return DesignProgress(progress)

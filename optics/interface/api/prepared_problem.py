@@ -1,0 +1,90 @@
+"""A problem made ready: its system with every "auto" resolved, its backend, and its engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import UserError
+from optics.light.blur import aimed_through, blur_of
+from optics.light.engines import BlurredEngine, ExactEngine
+from optics.scene.problem import ENGINES
+from optics.scene.system import solvable_system
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.designing.optimisation import TransportStart
+    from optics.light.engines import Engine
+    from optics.scene.problem import Problem
+    from optics.scene.system import OpticalSystem
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A system, the backend of the problem's precision, and the transport start where it is known already."""
+
+    system: OpticalSystem
+    backend: Backend
+    start: TransportStart | None
+
+
+def prepared(problem: Problem) -> Prepared:
+    """Return a problem made ready.
+
+    Raises
+    ------
+    UserError : it cannot be solved, or no usable LLVM library.
+    """
+    return prepared_system(solvable_system(problem))
+
+
+def prepared_system(system: OpticalSystem) -> Prepared:
+    """Return the same of a system that can be solved."""
+    from optics.base.runtime import load_backend
+    from optics.designing.prediction import resolved
+
+    run = system.problem.run
+    backend = load_backend(run.precision, run.threads)
+    system, start = resolved(system, backend)
+    return Prepared(system, backend, start)
+
+
+def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backend) -> Engine:
+    """Return an engine by its name, or as it is; None is the problem's own.
+
+    Raises
+    ------
+    UserError : an unknown name, or an engine that is not installed.
+    """
+    if engine is None:
+        engine = system.problem.optimizer.engine
+    if not isinstance(engine, str):
+        if not hasattr(engine, "model"):
+            raise UserError(f"engine must be a name or have the method model, got {engine!r}")
+        return engine
+    if engine not in ENGINES:
+        raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")
+    if engine == "exact":
+        return ExactEngine(backend)
+    from optics.exchange.mitsuba import mitsuba_engine
+
+    return mitsuba_engine(engine, system.problem.run.threads)
+
+
+def shaping_by(
+    engine: str | Engine | None, system: OpticalSystem, backend: Backend
+) -> tuple[OpticalSystem, Engine]:
+    """Return the system whose light a design traces, and the engine that does so.
+
+    Where divergence or roughness blurs the light, that is the sharp system, and the engine blurs its light.
+
+    Raises
+    ------
+    UserError : see `engine_of`.
+    """
+    sharp = system.shaping
+    chosen = engine_of(engine, sharp, backend)
+    if sharp is system:
+        return system, chosen
+    blur = blur_of(system, system.path(system.lens), backend)
+    return aimed_through(system, blur), BlurredEngine(chosen, blur)

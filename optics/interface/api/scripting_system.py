@@ -1,0 +1,187 @@
+"""What a problem describes, for scripts: spaces, models, starts, lenses and their measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, partial
+from math import isqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import UserError
+from optics.designing.optimisation import (
+    MARGIN,
+    TransportStart,
+    charged_objective,
+    transmitted_flux,
+    window_named,
+)
+from optics.interface.api.coefficient_vectors import (
+    Coefficients,
+    Spaces,
+    packed_surfaces,
+    space_rows,
+    vectors,
+)
+from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
+from optics.interface.api.prepared_problem import prepared, shaping_by
+from optics.light.engines import Film
+from optics.scene.problem import Problem
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.light.analysis import Measurement
+    from optics.light.engines import Engine
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import Lens
+
+MOST_RAYS = 1 << 26  # at once
+LEAST_RAYS = 2  # in each direction
+FINEST = 12  # level, as of max_level
+
+
+class System:
+    """Base lens, source and target of a problem, built once; every "auto" is resolved.
+
+    It is built again from its problem where it is copied or pickled.
+
+    Raises
+    ------
+    UserError : a problem that cannot be solved; one sentence says why.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        if not isinstance(problem, Problem):
+            raise UserError(f"System takes a Problem, got {problem!r}; optics.load_problem reads a file")
+        with DEVICE:
+            ready = prepared(problem)
+        self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
+
+    def __reduce__(self) -> tuple[type[System], tuple[Problem]]:
+        return System, (self.problem,)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with a number for every "auto"."""
+        return self.optical.problem
+
+    def space(self, level: int = 0) -> Spaces:
+        """Return the space of the free surface with all cells refined to a level; of two, front first."""
+        if not isinstance(level, int) or not 0 <= level <= FINEST:
+            raise UserError(f"level must be a whole number from 0 to {FINEST}, got {level!r}")
+        spaces = [space.uniform(level) for space in self._level_0]
+        return spaces[0] if len(spaces) == 1 else tuple(spaces)
+
+    def model(
+        self,
+        space: Spaces,
+        rays: int | tuple[int, int] = (449, 449),
+        window: str | None = None,
+        engine: str | Engine | None = None,
+    ) -> Model:
+        """Return the differentiable map from coefficients to irradiance.
+
+        space : of the sag, a refinement of `space(0)`; two free surfaces have a tuple.
+        rays : in x and y, or their total.
+        window : "cells", "pixel", "bspline" or "gaussian", as of `optimizer.window`; left out, the problem's
+            own.  In cells the light of sources without extent is measured exactly; extended ones have pixels.
+        engine : a name as of `optimizer.engine`, an `engines.Engine`, or None for the problem's own.
+
+        Raises
+        ------
+        UserError : what does not suit, or an engine that is not installed; one sentence says so.
+        """
+        spaces, optical = space_rows(space, self._level_0), self.optical.shaping
+        if window is None:
+            own = self.problem.optimizer.window
+            window = "pixel" if own == "cells" and optical.source.extended else own
+        if window == "cells" and optical.source.extended:
+            raise UserError('window = "cells" needs a source without extent; take "pixel" or "bspline"')
+        film = Film(
+            optical.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window)
+        )
+        lens = optical.lens.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
+        with DEVICE:
+            optical, chosen = shaping_by(engine, self.optical, self._backend)
+            light = chosen.model(optical, lens, film)
+            target = optical.target.irradiance(optical.target.screen(), self._flux)
+            again = partial(System.model, self, space, rays, window, engine)
+            return Model(spaces, light, charged_objective(optical, lens, light, target), again)
+
+    def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
+        """Return the sag that optimal transport asks for; a free front before it stays a conic.
+
+        Raises
+        ------
+        UserError : no transport map exists.
+        """
+        spaces = space_rows(space, self._level_0)
+        with DEVICE:
+            last = self._transport.fit(spaces[-1]).sag
+        return packed_surfaces([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), last])
+
+    def lens(self, space: Spaces, coefficients: Coefficients) -> Lens:
+        """Return the lens with these sags.
+
+        Raises
+        ------
+        UserError : it cannot exist, since its surfaces cross.
+        """
+        from thbcad.lens import require_sound
+
+        spaces = space_rows(space, self._level_0)
+        sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
+        try:
+            return require_sound(self.optical.lens.with_sags(sags))
+        except ValueError as error:
+            raise UserError(f"the lens cannot exist: {error}; take smaller coefficients") from None
+
+    def measure(self, lens: Lens) -> Measurement:
+        """Return irradiance, target and metrics of a lens, by light that no optimiser has seen.
+
+        In W/mm^2; in the far field in W/sr, as the model's.
+
+        Raises
+        ------
+        UserError : no Lens.
+        """
+        from optics.light.analysis import measure
+        from thbcad.lens import Lens
+
+        if not isinstance(lens, Lens):
+            made = "system.lens(space, c) makes one"
+            raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")
+        with DEVICE:
+            found = measure(self.optical, lens, self.optical.backend)
+        return found.in_unit(unit_of(self.optical))
+
+    @cached_property
+    def _level_0(self) -> list[THBSpace]:
+        return [sag.space for sag in self.optical.lens.sags]
+
+    @cached_property
+    def _flux(self) -> float:
+        return transmitted_flux(self.optical.shaping, self._backend)
+
+    @cached_property
+    def _transport(self) -> TransportStart:
+        return self._start or TransportStart(self.optical, self._backend)
+
+
+def _ray_counts(rays: object) -> tuple[int, int]:
+    """Return the rays in x and y."""
+    counts = rays
+    if isinstance(rays, int) and not isinstance(rays, bool) and rays > 0:
+        counts = isqrt(rays), isqrt(rays)
+    if (
+        not isinstance(counts, Sequence)
+        or len(counts) != 2
+        or not all(isinstance(n, int) and n >= LEAST_RAYS for n in counts)
+    ):
+        raise UserError(
+            f"rays must be two whole numbers from {LEAST_RAYS} on, or their product, got {rays!r}"
+        )
+    if counts[0] * counts[1] > MOST_RAYS:
+        raise UserError(f"rays must be {MOST_RAYS} at most, got {rays!r}; take fewer")
+    return counts[0], counts[1]

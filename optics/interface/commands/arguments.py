@@ -1,0 +1,337 @@
+"""The arguments of the command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from optics.base.runtime import UserError
+from optics.interface.commands.command_examples import examples_text
+from optics.interface.commands.known_words import refused_choice, require_known, require_paths
+from optics.interface.commands.making_options import (
+    asbuilt_options,
+    sweep_options,
+    tolerance_options,
+    tool_options,
+)
+from optics.interface.commands.shared_options import force_option, problem_options
+from optics.scene.problem import ENGINES, STARTS
+from thbcad import __version__
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; {refused_choice(message) or f'{self.prog} --help says more'}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print help or version; argparse would pass over an OSError."""
+        print(message, end="", file=file or sys.stderr, flush=True)
+
+
+def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
+    """Return the parser of the command line and those of its commands (nothing heavy is imported)."""
+    main = CommandParser(
+        prog="thbcad",
+        description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
+        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
+        "70 internal error, 130 interrupted, 143 terminated",
+    )
+    main.add_argument("--version", action="version", version=f"thbcad {__version__}")
+    added = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = {}
+    for name, (sentence, options) in COMMANDS.items():
+        commands[name] = added.add_parser(
+            name,
+            help=sentence,
+            description=sentence,
+            epilog=examples_text(name),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        options(commands[name])
+        _common_options(commands[name])
+    return main, commands
+
+
+def parsed(words: Sequence[str]) -> argparse.Namespace | None:
+    """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
+
+    Raises
+    ------
+    UserError : an unknown command or option, an argument that is missing or has a wrong value.
+    OSError : stdout cannot be written, where help or version is asked for.
+    """
+    main, commands = parsers()
+    if not words:
+        main.print_help()
+        return None
+    require_known(words, main, commands)
+    options = main.parse_args(words, argparse.Namespace(words=tuple(words)))
+    require_paths(options, commands[options.command])
+    return options
+
+
+def _common_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="print the result as JSON")
+    amount = command.add_mutually_exclusive_group()
+    amount.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="also say on stderr what tracing skips on a problem, and show the traceback of an internal "
+        "error",
+    )
+    amount.add_argument(
+        "-q", "--quiet", action="store_true", help="neither progress nor notes on stderr, only errors"
+    )
+
+
+def _design_options(command: argparse.ArgumentParser) -> None:
+    problem_options(command)
+    command.add_argument(
+        "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
+    )
+    force_option(command)
+    command.add_argument(
+        "--engine",
+        choices=ENGINES,
+        metavar="NAME",
+        help=f"what traces the light while optimising: {', '.join(ENGINES)}; "
+        "short for --set optimizer.engine=NAME",
+    )
+    command.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint in the result folder, or from its finished result",
+    )
+    command.add_argument(
+        "--iterations",
+        type=int,
+        metavar="N",
+        help="with --resume: iterations on each level that is left, or more on the last one",
+    )
+    command.add_argument(
+        "--from",
+        dest="earlier",
+        metavar="DIR",
+        help="start from the free surfaces of an earlier design, on their meshes",
+    )
+
+
+def _check_options(command: argparse.ArgumentParser) -> None:
+    problem_options(command)
+    command.add_argument(
+        "--explain", action="store_true", help="also list what tracing skips on this problem, and why"
+    )
+
+
+def _new_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--kind",
+        choices=tuple(STARTS),
+        default="collimated",
+        metavar="NAME",
+        help=f"of the task: {', '.join(STARTS)} (default: collimated)",
+    )
+
+
+def _completion_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="that shall complete")
+
+
+def _verify_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design, or a STEP file")
+    command.add_argument(
+        "--lens",
+        metavar="LENS",
+        help="of a STEP file: the result folder, or lens.json, of the lens that the part in it holds; only "
+        "the folder knows the light",
+    )
+    command.add_argument(
+        "--no-optiland",
+        dest="optiland",
+        action="store_false",
+        help="leave out the trace by optiland, which takes longest",
+    )
+    command.add_argument(
+        "--light",
+        choices=("mitsuba", "optiland", "occt"),
+        help="also let this program make the light of the STEP file, and compare it with ours",
+    )
+    command.add_argument(
+        "--rays",
+        metavar="N",
+        help="with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)",
+    )
+    command.add_argument(
+        "--out", metavar="DIR", help="with --light: folder to write (default: RESULT/verify_light)"
+    )
+    force_option(command)
+
+
+def _export_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design, or a lens.json")
+    command.add_argument(
+        "--out", metavar="FILE", required=True, help="file to write (dat and xyz: FILE_front and FILE_rear)"
+    )
+    command.add_argument(
+        "--format",
+        metavar="NAME",
+        help="step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
+        "xml: Mitsuba scene; ies, ldt: intensity of the light behind the lens)",
+    )
+    command.add_argument(
+        "--aperture",
+        type=float,
+        nargs=2,
+        metavar=("A", "B"),
+        help="cut to an ellipse with these semi-axes in mm",
+    )
+    command.add_argument(
+        "--polygon",
+        type=float,
+        nargs="+",
+        metavar=("X", "Y"),
+        help="cut to the polygon with these corners in mm: X Y X Y X Y ...",
+    )
+    command.add_argument(
+        "--flange",
+        type=float,
+        nargs=3,
+        metavar=("WIDTH", "LOW", "HIGH"),
+        help="planar flange from z = LOW to HIGH, mm",
+    )
+    command.add_argument(
+        "--mount",
+        metavar="FILE",
+        help="mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens",
+    )
+    command.add_argument(
+        "--patches", action="store_true", help="one face per patch of same-level cells (step)"
+    )
+    command.add_argument(
+        "--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear"
+    )
+    command.add_argument(
+        "--light",
+        choices=("rear", "target"),
+        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
+    )
+    command.add_argument(
+        "--rays", type=int, default=1_000_000, metavar="N", help="of light, about (default: 1000000)"
+    )
+    command.add_argument(
+        "--step",
+        type=float,
+        default=2.5,
+        metavar="DEGREES",
+        help="of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
+    )
+    command.add_argument(
+        "--chord",
+        type=float,
+        default=1e-3,
+        metavar="MM",
+        help="error that meshes and drawings may have, in mm (default: 1e-3)",
+    )
+    force_option(command)
+
+
+def _trace_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument("--rays", type=int, default=513, metavar="N", help="N x N rays (default: 513)")
+    command.add_argument(
+        "--precision",
+        choices=("double", "single"),
+        default="double",
+        help="of the sequential trace (default: double)",
+    )
+    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
+    force_option(command)
+
+
+def _etendue_options(command: argparse.ArgumentParser) -> None:
+    problem_options(command)
+    command.add_argument(
+        "--efficiency",
+        type=float,
+        metavar="FRACTION",
+        help="of the light on the target (default: one pass through two uncoated faces)",
+    )
+    command.add_argument(
+        "--measure",
+        metavar="RESULT",
+        help="also measure the images of the source that a designed lens throws",
+    )
+    command.add_argument(
+        "--out", metavar="FILE.png", help="picture of target, both rungs and the source's image"
+    )
+    force_option(command)
+
+
+def _relight_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--source",
+        metavar="LIGHT",
+        required=True,
+        help="sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
+    )
+    command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
+    force_option(command)
+
+
+def _bench_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
+    command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
+    command.add_argument("--quick", action="store_true", help="a small version (of thesis or others)")
+    command.add_argument("--only", type=int, metavar="N", help="one study (of thesis) or lens (of gallery)")
+    command.add_argument("--resume", action="store_true", help="run only what is missing (of thesis)")
+    command.add_argument(
+        "--markdown",
+        action="store_true",
+        help="run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
+    )
+
+
+# by name: what the command does, and what adds its options
+COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "design": ("shape the lens, write the STEP solid, verify it, report", _design_options),
+    "new": ("print a commented problem file to start from", _new_options),
+    "check": ("read the problem and say what lens to expect, without optimising", _check_options),
+    "verify": (
+        "check the STEP file of a result folder against its lens, or a STEP file by itself",
+        _verify_options,
+    ),
+    "export": (
+        "write the lens for other programs, read it back and compare it with the exact surfaces",
+        _export_options,
+    ),
+    "trace": (
+        "trace the lens of a result folder again: flux by fate, reflections, phase space",
+        _trace_options,
+    ),
+    "etendue": (
+        "what light the source can make at all: what etendue forbids, what one blur would cost",
+        _etendue_options,
+    ),
+    "relight": ("show a finished design in other light", _relight_options),
+    "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
+    "tolerance": (
+        "say what errors of lens, source and target do to the light, and what the shop must hold",
+        tolerance_options,
+    ),
+    "tool": (
+        "say whether a tool fits, how its cusps blur the light, and how its machine must move",
+        tool_options,
+    ),
+    "asbuilt": (
+        "show the light of a lens as it was made, from measured points of its surface",
+        asbuilt_options,
+    ),
+    "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
+    "completion": ("print a script that completes commands and options in a shell", _completion_options),
+}

@@ -1,0 +1,78 @@
+"""`thbcad asbuilt`: the light of a lens as it was made, beside that of its design."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optics.exchange.results import HASHES, hashes, remove_files, require_own, writable_folder
+from optics.interface.api import Design
+from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.light.analysis import loss_notes
+from optics.tolerancing.metrology import FileFrame, as_built_data, as_built_lines
+
+if TYPE_CHECKING:
+    from optics.tolerancing.metrology import AsBuilt, Way
+
+RECORD = "asbuilt.json"
+FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
+STEP = "lens.step"  # where it is asked for
+
+
+def asbuilt(options: Namespace) -> Outcome:
+    """Measure the light of a made lens."""
+    folder = Path(options.out or Path(options.result) / "asbuilt")
+    design = Design.load(options.result)
+    writable_folder(folder)
+    require_own(folder, (*FILES, STEP, RECORD), RECORD, options.force)
+    frame = FileFrame(
+        unit=options.unit,
+        height_unit=options.height_unit,
+        kind="errors" if options.errors else "heights",
+        mirror=options.mirror,
+        turn=options.turn,
+        down=options.down,
+    )
+    way: Way = "best fit" if options.align == "best-fit" else "datums"
+    built = design.as_built(options.measured, frame, options.surface, way)
+    _write(folder, design, built, options.step)
+    from thbcad.io import json_text, write_text
+
+    notes = loss_notes(built.measurement.metrics, design.system.units)
+    verdict = built.verdict(design.problem.verify, notes)
+    data = as_built_data(built) | verdict.data()
+    files = (*FILES, STEP) if options.step else FILES
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
+    return Outcome(data, lines, OF_GRADES[verdict.grade])
+
+
+def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
+    """Write the made lens, its light, and pictures of both."""
+    from io import BytesIO
+
+    from optics.reporting.figures import height_error_figure, made_light_figure
+    from thbcad.io import write_files, write_lens
+
+    arrays: dict[str, Any] = {
+        "made": built.measurement.irradiance,
+        "designed": built.nominal.irradiance,
+        "target": built.measurement.target,
+    }
+    packed = BytesIO()
+    np.savez_compressed(packed, **arrays)
+    contents = {
+        "irradiance.npz": packed.getvalue(),
+        "light.png": made_light_figure(built, design.system.target.screen()),
+        "errors.png": height_error_figure(built),
+    }
+    write_lens(built.lens, folder / "lens.json")
+    write_files({folder / name: content for name, content in contents.items()})
+    remove_files(folder, [STEP])
+    if step:
+        from thbcad.cad import write_step
+
+        write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)

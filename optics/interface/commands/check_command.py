@@ -1,0 +1,126 @@
+"""`thbcad check`: what a problem asks for, what would be done, and what lens to expect."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import speaking_of
+from optics.designing.etendue import etendue_notes
+from optics.designing.optimisation import surfaces_can_cross
+from optics.designing.prediction import (
+    blur_limits,
+    blur_sentence,
+    expectation_lines,
+    expected,
+    foreseen_misses,
+    resolved,
+)
+from optics.interface.commands.outcome import Outcome
+from optics.interface.commands.problem_options import system_of
+from optics.light.analysis import dark_fraction
+from optics.light.outgoing import fire_warning
+from optics.scene.system import advice, skip_lines
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation import Stage
+    from optics.designing.prediction import Expectation
+    from optics.scene.system import OpticalSystem
+
+
+def check(options: Namespace) -> Outcome:
+    """Read a problem and say what to expect of its lens, without optimising."""
+    system = system_of(options)
+    with speaking_of(options.problem):
+        return _checked(system, options.explain)
+
+
+def _checked(system: OpticalSystem, explain: bool) -> Outcome:
+    backend = system.backend
+    system, start = resolved(system, backend)
+    expectation, plan = expected(system, backend, start)
+    fire = fire_warning(system, expectation.concentration)
+    data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
+    picture, least = system.target.light, system.lens.least_thickness()
+    limits = blur_limits(system, system.lens, backend) if system.blurred else None
+    missed = foreseen_misses(system, expectation, limits, backend)
+    data["missed"] = missed
+    lines = [
+        f"{system.problem.title}: the problem is valid"
+        + (", but its limits may not be kept" if missed else ""),
+        *missed,
+        f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
+        f"{data['dark_share']:.0%} of them dark",
+        *_side_lines(system),
+        "before optimisation: "
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
+        *expectation_lines(system, expectation),
+    ]
+    lines += [
+        f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
+        for s in plan
+    ]
+    if explain:
+        lines += skip_lines(system.skips)
+    if limits is not None:
+        data["blur"] = asdict(limits)
+        lines.append(f"blur: {blur_sentence(system, limits)}")
+    lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
+    return Outcome(data, lines)
+
+
+def _side_lines(system: OpticalSystem) -> list[str]:
+    """Return from which side a picture reads right; nothing of regions and formulas."""
+    target = system.problem.target
+    if target.kind != "image":
+        return []
+    side, other, name = (
+        ("behind the target, looking at the lens", "a wall seen from the lens's side", "lens")
+        if target.seen_from == "behind"
+        else ("the lens's side, as on a wall", "a screen seen from behind", "behind")
+    )
+    return [f"the picture reads right from {side}; for {other}: --set target.seen_from={name}"]
+
+
+def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
+    """Return what is certain before a design."""
+    screen, least = system.target.screen(), system.lens.least_thickness()
+    return {
+        "title": system.problem.title,
+        "picture_pixels": list(system.target.light.shape[::-1]),
+        "picture_seen_from": system.problem.target.seen_from,
+        "target_pixels": list(screen.pixels),
+        "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.source.flux)),
+        "least_thickness_mm": least.value,
+        "least_thickness_at_mm": [least.u, least.v],
+        "volume_mm3": system.lens.volume(),
+        "skips": [asdict(skip) for skip in system.skips],
+        "levels": [
+            {
+                "level": s.level,
+                "pixels": list(s.screen.pixels),
+                "rays": list(s.rays),
+                "iterations": s.iterations,
+            }
+            for s in plan
+        ],
+    }
+
+
+def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
+    """Return sentences about what does not suit the problem."""
+    notes = [expectation.note] if expectation.note else []
+    if surfaces_can_cross(system):
+        notes.append(
+            "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+        )
+    etendue = etendue_notes(system)
+    if etendue.background and not etendue.limits:
+        notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
+    return [*notes, *advice(system), *etendue.limits]
+
+
+def _by(size: Sequence[int]) -> str:
+    return f"{size[0]} x {size[1]}"

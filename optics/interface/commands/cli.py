@@ -1,0 +1,178 @@
+"""The command line.
+
+Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).  Nothing
+ends because stderr is closed or cannot be written.
+Exit codes: 0 done, 1 the light misses what was asked for or that is not decided, 2 bad input, 3 numerical
+failure, 4 the file, a part or a limit of making fails, 70 internal error, 130 interrupted, 143 terminated.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
+from ctypes import pythonapi
+from importlib import import_module
+from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+from typing import Any, TextIO
+
+from optics.base.runtime import NumericalError, UserError, printable
+from optics.base.workers import lacks_memory
+from optics.interface.commands.arguments import parsed
+from optics.interface.commands.outcome import Outcome
+from optics.interface.commands.stop_signals import stop_signals
+from thbcad.doors import missing_packages, pip_command
+
+INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
+DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code."""
+    options = None
+    with _messages():
+        try:
+            with _printing():
+                options = parsed(sys.argv[1:] if arguments is None else arguments)
+        except (UserError, OSError) as error:
+            return _failed(error, False)
+        return 0 if options is None else _stoppable(options)
+
+
+def _stoppable(options: Namespace) -> int:
+    """Run the command of the arguments, and return the exit code also where it fails or is stopped."""
+    # only vector operations use BLAS here: its threads would wait for each other, not help
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = "agg"  # pictures are written, never shown
+    with stop_signals() as stop:
+        try:
+            return _run(options)
+        except BaseException as error:
+            # a package that a signal stops while it is loaded ends with another error
+            if stop.requested or isinstance(error, KeyboardInterrupt):
+                print(f"thbcad: {stop.word}", file=sys.stderr)
+                # CPython marks an interrupt that ends code run from C, as packages do while they are loaded,
+                # as unhandled, and would end by SIGINT; the next code of this kind takes the mark away
+                pythonapi.PyRun_SimpleString(b"")
+                return stop.code
+            if isinstance(error, Exception):
+                return _failed(error, options.verbose)
+            raise
+
+
+def _run(options: Namespace) -> int:
+    """Run the command of the arguments, print what it returns, and return the exit code."""
+    _require_extra()
+    command = import_module(f"optics.interface.commands.{options.command}_command")
+    with _silence() if options.quiet else nullcontext():
+        outcome: Outcome = getattr(command, options.command)(options)
+    from thbcad.io import json_text
+
+    lines = "\n".join(outcome.lines).split("\n")
+    with _printing():
+        print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
+    return outcome.code
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Let nothing through to stderr; an error that ends the block is told behind it."""
+    with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
+        yield
+
+
+def _failed(error: Exception, verbose: bool) -> int:
+    """Say in one sentence why a command failed, and return the exit code.
+
+    verbose : whether the traceback is shown too, where the input is not to blame
+    """
+    if isinstance(error, UserError | NumericalError):
+        sentence, code = str(error), error.exit_code
+    elif lacks_memory(error):
+        sentence, code = f"out of memory; {_more_room()}", NumericalError.exit_code
+    elif isinstance(error, OSError):
+        where = f" {error.filename}" if error.filename else ""
+        sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))
+        code = UserError.exit_code
+    else:
+        what = UserError(f"internal error: {type(error).__name__}: {error}")
+        sentence = f"{what}; please report it with the traceback that --verbose shows"
+        code = INTERNAL_ERROR
+    if os.environ.get(DEBUG) or (verbose and not isinstance(error, UserError)):
+        traceback.print_exception(error)
+    print(f"thbcad: {sentence}", file=sys.stderr)
+    return code
+
+
+def _more_room() -> str:
+    """Return what to do where memory lacks."""
+    most, _ = getrlimit(RLIMIT_AS)
+    limit = "" if most == RLIM_INFINITY else f"raise its limit (ulimit -v {most >> 10}), or "
+    return f"{limit}use fewer pixels, rays or levels"
+
+
+def _require_extra() -> None:
+    """Raise UserError unless everything that the commands need is installed; help needs none of it."""
+    missing = missing_packages("optics")
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
+
+
+@contextmanager
+def _printing() -> Iterator[None]:
+    """Print to stdout in the block; a reader that has gone (`| head`) ends the block, and is no error."""
+    try:
+        yield
+    except OSError as error:
+        _drop(sys.stdout)
+        if not isinstance(error, BrokenPipeError):
+            raise
+
+
+class _Forgiving:
+    """A stream that goes on where it cannot be written."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def _messages() -> Iterator[None]:
+    """Let what the block says on stderr fall silent where that is closed or cannot be written."""
+    with ExitStack() as stack:
+        stream = sys.stderr
+        if stream is None:  # closed by `2>&-`
+            stream = stack.enter_context(open(os.devnull, "w"))
+            # takes the free descriptor 2, also for helper processes: what C libraries print reaches no file
+            os.set_inheritable(stream.fileno(), True)
+        forgiving: Any = _Forgiving(stream)
+        stack.enter_context(redirect_stderr(forgiving))
+        try:
+            yield
+        finally:
+            try:
+                stream.flush()
+            except OSError:
+                _drop(stream)
+
+
+def _drop(stream: TextIO) -> None:
+    """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
+    with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
+        os.dup2(nowhere.fileno(), stream.fileno())

@@ -1,0 +1,159 @@
+"""`thbcad design`: from a problem file to the result folder."""
+
+from __future__ import annotations
+
+import shlex
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError, check_lines, note
+from optics.designing.optimisation import Interrupted, earlier_state
+from optics.designing.progress import DesignProgress, Notes, RunClock
+from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
+from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
+from optics.interface.commands.problem_options import system_of
+from optics.light.analysis import counted_ways, error_words, photometric_lines
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.designing.optimisation import Row, State
+    from optics.interface.api import Written
+    from optics.scene.photometry import Units
+    from optics.scene.problem import Problem
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One design on its way.
+
+    asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    """
+
+    asked: Problem
+    words: Sequence[str]
+    folder: ResultFolder
+    clock: RunClock
+    notes: Notes = field(default_factory=lambda: Notes(listener=note))
+    history: list[Row] = field(default_factory=list)
+
+
+def design(options: Namespace) -> Outcome:
+    """Shape the lens of a problem file and write the result folder."""
+    clock = RunClock(DesignProgress())
+    if options.resume and options.earlier:
+        raise UserError("--resume and --from exclude each other: a resumed run has its surface")
+    if options.iterations is not None and (not options.resume or options.iterations < 1):
+        raise UserError("--iterations takes a number from 1 on, and needs --resume")
+    system = system_of(options)
+    problem = system.problem
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    run = _Run(problem, options.words, folder, clock)
+    with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
+        try:
+            return _designed(run, system, options)
+        except KeyboardInterrupt:
+            run.notes(_what_is_kept(run))
+            raise
+
+
+def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
+    from optics.interface.api import DesignFigures, helpers, prepared_system, shaped, write_result
+
+    with run.clock.progress, helpers() as (solids, drawing):
+        solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
+        run.clock.progress.asked(system)
+        ready = prepared_system(system)
+        resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
+        state = _resumed(run, ready.system) if options.resume else None
+        if options.iterations:
+            ready = replace(ready, system=_with_iterations(ready.system, options.iterations))
+        if options.earlier:
+            state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
+        figures = DesignFigures(drawing, ready.system)
+
+        def keep(state: State) -> None:
+            write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
+            run.history[:] = state.history
+
+        try:
+            design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
+        except Interrupted as stop:
+            keep(stop.state)
+            raise KeyboardInterrupt from None
+        written = write_result(design, run.folder, run.clock, solids, figures)
+    return _outcome(written, system.units)
+
+
+def _resumed(run: _Run, system: OpticalSystem) -> State:
+    """Return the state of the checkpoint, or that of the finished result of the same problem."""
+    if run.folder.checkpoint.exists() or not run.folder.is_result_of(run.asked):
+        state, earlier = read_checkpoint(run.folder.checkpoint, system)
+        run.notes.extend(earlier)
+        return state
+    run.notes(f"goes on from the finished result in {run.folder.path}, on its last level")
+    return earlier_state(system, run.folder.read(taken=True).lens)
+
+
+def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
+    optimizer = replace(system.problem.optimizer, iterations=(iterations,))
+    return OpticalSystem(replace(system.problem, optimizer=optimizer))
+
+
+def _what_is_kept(run: _Run) -> str:
+    """Return how far a run came that was stopped, and the command line that goes on."""
+    if not run.folder.has_run_of(run.asked):
+        return "nothing was kept, since no level had begun; the same command starts again"
+    command = f"to go on: {resuming(run.words)}"
+    if not run.history:
+        return command
+    last = run.history[-1]
+    reached = min(row.fit for row in run.history if row.stage == last.stage)
+    return f"rel_l2 {reached:.3g} so far, on the light that level {last.level} is optimised with; {command}"
+
+
+def resuming(words: Sequence[str]) -> str:
+    """Return the command line, for a shell, that goes on with the design of another one.
+
+    The surface of `--from` stands in the checkpoint.
+    """
+    kept: list[str] = []
+    for before, word in zip(("", *words), words):
+        if not any("--from".startswith(w.partition("=")[0]) and len(w) > 3 for w in (word, _alone(before))):
+            kept.append(word)
+    return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
+
+
+def _alone(word: str) -> str:
+    """Return an option whose value is the next word, "" of one that holds it."""
+    return "" if "=" in word else word
+
+
+def _outcome(written: Written, units: Units) -> Outcome:
+    metrics, checked = written.metrics, written.verification
+    data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
+    lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, units))
+    return Outcome(data, lines, OF_GRADES[checked["grade"]])
+
+
+def _design_lines(
+    folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
+) -> list[str]:
+    """Return what is printed of a design.  judged : lines on its beam and uniformity."""
+    fit = []
+    if "fresh_fit" in metrics:
+        fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
+    return [
+        *check_lines(checked),
+        *fit,
+        f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
+        f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
+        f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
+        f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   "
+        f"{metrics['wall_s']['total']:.1f} s",
+        *judged,
+        metrics["verdict"],
+        f"solid {folder.step}   report {folder.path / 'report.html'}",
+    ]

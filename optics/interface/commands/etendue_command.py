@@ -1,0 +1,200 @@
+"""`thbcad etendue`: what light the source of a problem can make at all, before any lens is shaped."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from math import prod, sqrt
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError
+from optics.designing.etendue import (
+    FIXED,
+    SEARCH,
+    base_rear,
+    blur_sentence,
+    curve_sentence,
+    greatest_slack,
+    images_bound,
+    one_blur,
+    one_blur_sentence,
+    stretchable,
+    throughput,
+    universal_bound,
+    universal_lines,
+    universal_sentence,
+    usual_efficiency,
+)
+from optics.exchange.results import ResultFolder
+from optics.interface.commands.outcome import Outcome
+from optics.interface.commands.picture_file import picture_path
+from optics.interface.commands.problem_options import system_of
+from optics.light.tracing import normal_incidence_transmittance
+
+if TYPE_CHECKING:
+    from optics.designing.etendue import OneBlur, Throughput, UniversalBound
+    from optics.scene.system import OpticalSystem
+
+NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
+NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
+OF_SOURCE = 2  # lines on the source's own etendue, the first ones
+UNKNOWN = "a file describes the source: its etendue is not known, so that no limit is given"
+
+
+def etendue(options: Namespace) -> Outcome:
+    """Say what etendue forbids every lens of a problem, and what one blur everywhere would cost."""
+    if options.efficiency is not None and not 0 < options.efficiency <= 1:
+        raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
+    out = picture_path(options)
+    system = _resolved_base(system_of(options))
+    passing = throughput(system)
+    data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
+    without = _why_no_limit(system, passing)
+    if without:
+        _require_nothing_of_limits(options, without)
+        return Outcome(data, [*lines, without])
+    universal = universal_bound(system)
+    efficiency = options.efficiency or usual_efficiency(system, universal)
+    cap = greatest_slack(system, universal.most / passing.radiance)
+    start = perf_counter()
+    alike = one_blur(system, system.lens, efficiency, FIXED, any_form=False)
+    blurs = {"source_proportions": _blur_data(alike, start)}
+    lines += [
+        universal_sentence(system, universal, efficiency),
+        *universal_lines(system, universal),
+        curve_sentence(universal),
+        "each pixel is taken to see a little more than the whole envelope, never less: "
+        f"by dense sampling {cap:.4f} times its etendue at most",
+        f"{one_blur_sentence(system)}, {base_rear(system)}",
+        *_blur_lines(system, alike, blurs["source_proportions"], False),
+    ]
+    if stretchable(system):
+        start = perf_counter()
+        free = one_blur(system, system.lens, efficiency, SEARCH)
+        blurs["any_proportions"] = _blur_data(free, start)
+        lines += _blur_lines(system, free, blurs["any_proportions"], True)
+    data |= {
+        "efficiency": efficiency,
+        "universal": _universal_data(system, universal, efficiency) | {"cap_over_sampled": cap},
+        "one_blur": blurs,
+    }
+    if options.measure:
+        data["measured"], more = _measured(system, options.measure)
+        lines += more
+    if out:
+        from optics.reporting.figures import bound_figure
+        from thbcad.io import write_bytes
+
+        write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
+        lines.append(f"wrote {out}")
+    return Outcome(data, lines)
+
+
+def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
+    """Return why etendue gives no limit to the light of a source, "" where it gives one."""
+    if system.source.from_file:
+        return UNKNOWN
+    return "" if passing.source else NO_LIMIT
+
+
+def _require_nothing_of_limits(options: Namespace, without: str) -> None:
+    """Raise UserError where options want more of a source than it has.  without : why it has no limit."""
+    for name in ("measure", "out"):
+        if getattr(options, name):
+            raise UserError(f"{without}; leave out --{name}")
+
+
+def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
+    """Return a bound for --json.  start : `perf_counter()` before it was computed."""
+    bound = images.bound
+    return {
+        "area": 4 * prod(images.half_width),
+        "square_pixels": prod(images.width),
+        "lower_bound": bound.lower_bound,
+        "attained": bound.attained,
+        "kkt": bound.kkt,
+        "merged": bound.merged,
+        "sizes": bound.sizes,
+        "seconds": perf_counter() - start,
+    }
+
+
+def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
+    """Return the bound for images as a designed lens throws them, for --json and as lines."""
+    start = perf_counter()
+    images = images_bound(system, _measured_half_width(system, result), SEARCH)
+    data = _blur_data(images, start)
+    return data, [
+        f"the lens of {result}: "
+        f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
+        *_blur_lines(system, images, data, True),
+    ]
+
+
+def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
+    """Return half the width and height of a square with the area of the small images of a designed lens."""
+    from optics.light.blur import patch_images
+
+    lens = ResultFolder(result).read_lens()
+    half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
+    return half, half
+
+
+def _resolved_base(system: OpticalSystem) -> OpticalSystem:
+    """Return the system with numbers for a base lens that is left to the program."""
+    if not system.problem.lens.automatic:
+        return system
+    from optics.designing.prediction import resolved
+
+    return resolved(system, system.backend)[0]
+
+
+def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:
+    return {
+        "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
+        system.units.key("flux"): {"source": system.problem.source.flux, "meets_front": passing.meets_front},
+    }
+
+
+def _universal_data(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> dict[str, Any]:
+    """Return the universal rung for --json; rel_l2 is null where no light has the efficiency."""
+    return {
+        "rel_l2": universal.least_rel_l2(efficiency),
+        "exact_efficiency": universal.exact_efficiency,
+        system.units.key("on_target"): universal.most_on_target,
+        system.units.key("on_lit"): universal.most_on_lit,
+        "peak": universal.peak,
+        "curve": [list(point) for point in universal.curve()],
+    }
+
+
+def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
+    transmittance, unit = normal_incidence_transmittance(system.lens.index), system.units.flux
+    lines = [
+        f"{passing.source:10.4g} mm^2 sr  etendue of the source",
+        f"{passing.front:10.4g} mm^2 sr  of its light that meets the front of the base lens",
+        f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
+        f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
+        f"incidence leaves {transmittance:.4f} of it",
+    ]
+    return lines[OF_SOURCE:] if system.source.from_file else lines
+
+
+def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:
+    unit = system.target.receiver.area_unit
+    lines = [f"images of the source: at least {data['area']:.4g} {unit}"]
+    if any_form:
+        lines = []
+    elif system.problem.source.profile != "uniform":
+        lines.append(
+            "note: the source is no uniform rectangle; "
+            "the bound holds for images of this size in its own proportions, centred on pixels"
+        )
+    if not data["sizes"]:
+        return [*lines, "such images are narrower than two pixels and set no limit to rel_l2"]
+    return [
+        *lines,
+        f"{blur_sentence(images, any_form)}; the solver attains {data['attained']:.4f} "
+        f"(KKT {data['kkt']:.1e}, {data['merged']} x {data['merged']} pixels merged, "
+        f"{data['sizes']} sizes, {data['seconds']:.1f} s)",
+    ]

@@ -1,0 +1,170 @@
+"""`thbcad export`: the lens in files for other programs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import UserError, check_lines
+from optics.exchange.results import HASHES, hashes
+from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light
+from optics.interface.commands.outcome import OF_GRADES, Outcome
+
+SCENE = ".xml"  # suffix of a scene for Mitsuba
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from optics.base.runtime import Check
+    from optics.exchange.export import Labels
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Flange, Lens
+
+
+def export(options: Namespace) -> Outcome:
+    """Write the lens for other programs, check the file and store the checks beside it."""
+    from optics.base.runtime import verification
+    from optics.exchange.export import Body, export as run, format_of, labelled_lens, report_of, require_free
+    from thbcad.io import json_text, write_text
+
+    if options.light or is_luminaire(options):
+        _require_whole_lens("light is that of", options)
+        return rays_of_light(options) if options.light else intensity_of_light(options)
+    if options.out.lower().endswith(SCENE) and options.format is None:
+        return _scene(options)
+    name = format_of(options.out, options.format)
+    body = Body(
+        options.aperture and tuple(options.aperture),
+        _flange(options.flange),
+        options.patches,
+        options.separate,
+        _polygon(options.polygon),
+    )
+    require_free(options.out, name, body, options.force)
+    lens, labels = labelled_lens(options.result)
+    if options.mount is None:
+        files, checks = run(lens, name, options.out, options.chord, body, labels)
+    else:
+        files, checks = _mounted(lens, name, options, labels)
+    report = report_of(options.out)
+    data = {
+        "format": name,
+        "files": [str(file) for file in files],
+        "chord_mm": options.chord,
+        **verification(checks),
+        HASHES: hashes(report.parent, [file.name for file in files]),
+    }
+    write_text(report, json_text(data))
+    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
+    return Outcome(data, [*check_lines(data), *written], OF_GRADES[data["grade"]])
+
+
+def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
+    """Write the lens with the mount that --mount asks for.
+
+    Raises
+    ------
+    UserError : another option of the solid beside it; as `mount_from` and `export_mounted`.
+    """
+    from optics.exchange.assemblies import export_mounted, mount_from
+
+    shapes = [name for name in SHAPES if name != "mount"]
+    if any(getattr(options, name) for name in shapes):
+        raise UserError(
+            f"a mount has its own flange on the whole lens: leave out {', '.join(f'--{s}' for s in shapes)}"
+        )
+    return export_mounted(lens, mount_from(options.mount), name, options.out, options.chord, labels)
+
+
+def _scene(options: Namespace) -> Outcome:
+    """Write the scene of a result for the program `mitsuba`.
+
+    Raises
+    ------
+    UserError : no result folder, Mitsuba is not installed or cannot express the problem.
+    """
+    from pathlib import Path
+
+    from optics.base.runtime import verification
+    from optics.exchange.export import report_of, require_free_files
+    from optics.exchange.mitsuba import current_mitsuba, scene_checks, scene_file_names, scene_files
+    from optics.exchange.results import ResultFolder
+    from optics.scene.system import OpticalSystem
+    from thbcad.io import json_text, write_files, write_text
+
+    out, folder = Path(options.out), Path(options.result)
+    _require_whole_lens("a scene holds", options)
+    if not folder.is_dir():
+        raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
+    require_free_files(scene_file_names(out), options.out, options.force)
+    problem, lens, _ = ResultFolder(folder).read()
+    current_mitsuba()
+    system = OpticalSystem(problem)
+    files = scene_files(system, lens, out)
+    write_files(files)
+    checks, report = scene_checks(lens, out), report_of(options.out)
+    data = {
+        "format": "mitsuba",
+        "files": [str(file) for file in files],
+        **verification(checks),
+        HASHES: hashes(report.parent, [file.name for file in files]),
+    }
+    write_text(report, json_text(data))
+    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
+    lines = [*check_lines(data), *written, *_how_to_render(system, out)]
+    return Outcome(data, lines, OF_GRADES[data["grade"]])
+
+
+def _how_to_render(system: OpticalSystem, out: Path) -> list[str]:
+    """Return the commands that render a scene's files, and what their pictures mean."""
+    from optics.exchange.mitsuba import irradiance_of_one
+
+    density = system.density
+    one = density.factor * irradiance_of_one(system)
+    return [
+        f"render it with: mitsuba {out}, the light on the screen",
+        f"or with: mitsuba -s 1 {out}, past the lens at the screen",
+        f"1 in the pictures is {one:.6g} {density.shown} on the screen",
+    ]
+
+
+def _require_whole_lens(does: str, options: Namespace) -> None:
+    """Raise UserError where options ask for another body.  does : of what is written, a verb at the end."""
+    if any(getattr(options, name) for name in SHAPES):
+        raise UserError(f"{does} the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}")
+
+
+def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | None:
+    """Return the corners that --polygon asks for.
+
+    Raises
+    ------
+    UserError : numbers that make no polygon.
+    """
+    from thbcad.lens import Polygon
+
+    if numbers is None:
+        return None
+    if len(numbers) % 2:
+        raise UserError(f"--polygon must have X and Y of every corner, got {len(numbers)} numbers")
+    try:
+        return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
+    except ValueError as error:
+        raise UserError(f"--polygon: {error}") from None
+
+
+def _flange(numbers: Sequence[float] | None) -> Flange | None:
+    """Return the flange that --flange asks for.
+
+    Raises
+    ------
+    UserError : numbers that make none.
+    """
+    from thbcad.lens import Flange
+
+    try:
+        return None if numbers is None else Flange(*numbers)
+    except ValueError as error:
+        raise UserError(f"--flange: {error}") from None

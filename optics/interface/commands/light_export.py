@@ -1,0 +1,198 @@
+"""The part of `thbcad export` that writes light: the rays behind the lens, or their intensity."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from math import isclose
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check, UserError, check_lines, reading, verification
+from optics.exchange.results import HASHES, hashes
+from optics.interface.commands.outcome import OF_GRADES, Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from optics.base.runtime import Backend
+    from optics.light.outgoing import OnTarget
+    from optics.scene.luminaires import Luminaire
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+LIGHT = "irradiance.npz"  # of a result folder
+MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
+STEPS = 0.5, 30.0  # degrees: from 5 MB of text to what still tells front from side
+DECIMALS = 4  # of the angles in files
+LUMINAIRE_SUFFIXES = (".ies", ".ldt")
+DIGITS = 1e-6  # of the peak, and of the flux: files have seven digits and more
+
+
+def is_luminaire(options: Namespace) -> bool:
+    """Return whether an export is to write an intensity: its file has the suffix of a luminaire."""
+    return Path(options.out).suffix.lower() in LUMINAIRE_SUFFIXES and options.format is None
+
+
+def rays_of_light(options: Namespace) -> Outcome:
+    """Write the light behind the lens of a result as a ray file, and read it back.
+
+    Raises
+    ------
+    UserError : no result folder, another suffix, --format, or too many rays.
+    """
+    from optics.light.outgoing import outgoing_rays
+    from optics.scene.photometry import units_of
+    from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
+
+    out = Path(options.out)
+    if options.format is not None:
+        raise UserError(f"the suffix of {out} says how rays are written: leave out --format")
+    require_ray_suffix(out)
+    system, lens, backend = _traceable(options)
+    rays = outgoing_rays(system, lens, backend, options.rays, options.light)
+    write_rays(rays, out)
+    read = read_rays(out)
+    differ = sum(
+        float((getattr(read, name) != getattr(rays, name)).sum())
+        for name in ("position", "direction", "flux")
+    )
+    checks = [Check("numbers of the rays that differ", differ, 0, "")]
+    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
+    data = {"rays": len(rays), units_of(rays.unit).key("flux"): rays.total}
+    return _reported(out, checks, data, [written])
+
+
+def intensity_of_light(options: Namespace) -> Outcome:
+    """Write the intensity of the light behind the lens of a result as a luminaire, and read it back.
+
+    Raises
+    ------
+    UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
+    """
+    from optics.light.outgoing import outgoing_intensity
+    from optics.scene.luminaires import LUMINAIRE_WRITERS, read_luminaire
+
+    _require_step(options.step)
+    system, lens, backend = _traceable(options)
+    out = Path(options.out)
+    light = outgoing_intensity(system, lens, backend, options.rays, options.step)
+    LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
+    read, peak = read_luminaire(out), float(light.luminaire.candela.max())
+    units = system.units
+    off = float(abs(read.candela - light.luminaire.candela).max()) / peak
+    checks = [
+        Check("intensities of the file that differ from the traced ones, of the peak", off, DIGITS, ""),
+        Check(
+            "flux of the file against the traced flux, relative", abs(read.flux / light.flux - 1), DIGITS, ""
+        ),
+    ]
+    data = {
+        units.key("flux"): light.flux,
+        f"peak_{units.in_far_field.suffix}": peak,
+        "steps_deg": list(light.steps),
+        "noise": light.noise,
+    }
+    shown = _shown(system, lens, read, options, backend)
+    data["on_target"] = {name: vars(one) for name, one in shown.items()}
+    c, gamma = light.steps
+    lines = [
+        f"wrote {out}, {light.flux:.6g} {units.flux} that leave the lens by any face, "
+        f"at most {peak:.4g} {units.in_far_field.shown}",
+        f"steps of {c:.4g} degrees in C, {gamma:.4g} in gamma; noise {light.noise:.2%} of the intensity (L2)",
+        _on_target(shown),
+        "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
+    ]
+    return _reported(out, checks, data, lines)
+
+
+def _light_of(result: str) -> NDArray[np.float64] | None:
+    """Return the light of a result on the pixels of its target, (rows, columns); None where it is gone."""
+    path = Path(result) / LIGHT
+    if not path.exists():
+        return None
+    with reading(path), np.load(path) as arrays:
+        light: NDArray[np.float64] = arrays["irradiance"]
+    return light
+
+
+def _shown(
+    system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace, backend: Backend
+) -> dict[str, OnTarget]:
+    """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
+    from optics.light.blur import spot_rms
+    from optics.light.outgoing import StepsOnTarget
+
+    if (of_lens := _light_of(options.result)) is None:
+        return {}
+    blur = 0.0 if system.target.even_region is None else spot_rms(system, lens, backend)
+    beside = StepsOnTarget(system, lens, of_lens, blur)
+    finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
+    alone = {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
+    return {"the lens": beside.own, "this file": beside.by_file(luminaire), **alone}
+
+
+def _on_target(shown: Mapping[str, OnTarget]) -> str:
+    """Return what the light on the target is, of the lens and as a luminaire file has it."""
+    if not shown:
+        return (
+            f"what the steps do to the light on the target is not said: {LIGHT} is not in the result folder"
+        )
+    parts = []
+    for name, one in shown.items():
+        even = [] if one.min_over_mean is None else [f"U0 {one.min_over_mean:.2f}"]
+        off = [f"{one.rel_l2:.1%} off"] if one.rel_l2 else []
+        if even or off:
+            parts.append(f"{name} {', '.join([*even, *off])}")
+    return f"on the target (rel_l2 to the light of the lens, seen from the rear's middle): {'; '.join(parts)}"
+
+
+def _require_step(step: float) -> None:
+    """Raise UserError unless a step of gamma divides 180 degrees, in decimals that a file holds."""
+    low, high = STEPS
+    within = low <= step <= high and round(step, DECIMALS) == step
+    if not within or not isclose(round(180 / step) * step, 180):
+        raise UserError(
+            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
+            f"got {step:g}"
+        )
+
+
+def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
+    """Return what is to be traced, once it is known that the file can be written.
+
+    Raises
+    ------
+    UserError : see `rays_of_light`.
+    """
+    from optics.exchange.export import require_free_files
+    from optics.exchange.results import ResultFolder
+    from optics.scene.system import OpticalSystem
+
+    if not 1 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
+    if not Path(options.result).is_dir():
+        raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
+    require_free_files([Path(options.out)], options.out, options.force)
+    problem, lens, _ = ResultFolder(options.result).read()
+    system = OpticalSystem(problem)
+    return system, lens, system.backend
+
+
+def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines: Sequence[str]) -> Outcome:
+    """Write the report beside a file of light, and return the outcome."""
+    from optics.exchange.export import report_of
+    from thbcad.io import json_text, write_text
+
+    report = report_of(str(out))
+    data = {
+        "format": out.suffix[1:].lower(),
+        "files": [str(out)],
+        **numbers,
+        **verification(checks),
+        HASHES: hashes(report.parent, [out.name]),
+    }
+    write_text(report, json_text(data))
+    return Outcome(data, [*check_lines(data), *lines], OF_GRADES[data["grade"]])

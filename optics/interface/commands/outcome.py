@@ -1,0 +1,32 @@
+"""What a command returns, and a metric in its lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Grade
+
+DONE, MISSED, PART_FAILS = 0, 1, 4  # exit codes of what was done
+OF_GRADES: dict[Grade, int] = {
+    "made": DONE,
+    "light misses": MISSED,
+    "not decided": MISSED,
+    "file or part fails": PART_FAILS,
+}
+
+
+class Outcome(NamedTuple):
+    """The result of a command.
+
+    data : for --json.  lines : text for stdout.  code : the exit code.
+    """
+
+    data: Any
+    lines: list[str]
+    code: int = DONE
+
+
+def number_text(value: float | None, form: str) -> str:
+    """Return a metric as text, "-" where it is not defined."""
+    return "-" if value is None else format(value, form)

@@ -1,0 +1,67 @@
+"""`thbcad sweep`: every combination of the values of some keys, as a table with pictures."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError, note, speaking_of
+from optics.interface.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
+from optics.interface.commands.problem_options import changes_of
+from optics.scene.problem import load_problem
+
+if TYPE_CHECKING:
+    from optics.interface.sweeps import Sweep
+
+
+def sweep(options: Namespace) -> Outcome:
+    """Design the variants of a problem file and write the folder of the sweep."""
+    from optics.interface.sweeps import SweepPlan, run_sweep
+
+    out = Path(options.out or Path("exports") / f"{Path(options.problem).stem}_sweep")
+    plan = SweepPlan(
+        problem=load_problem(options.problem, changes_of(options)),
+        ranges=_ranges(options),
+        folder=out,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        force=options.force,
+        keep_lenses=options.lenses,
+    )
+    try:
+        found = run_sweep(plan, progress=True)
+    except KeyboardInterrupt:
+        note(f"what is done is stored in {out}; the same command goes on with the rest")
+        raise
+    counts = found.counts()
+    data = {"folder": str(out), "counts": counts, "grades": found.grades(), "rows": found.table()}
+    grades = found.grades()
+    missed = PART_FAILS if {*grades} == {"file or part fails"} else MISSED
+    return Outcome(data, _lines(found), DONE if grades.get("made") else missed)
+
+
+def _ranges(options: Namespace) -> dict[str, list[Any]]:
+    """Return {key: values} of --vary."""
+    from optics.interface.sweeps import value_list
+
+    ranges: dict[str, list[Any]] = {}
+    with speaking_of("--vary"):
+        for text in options.vary:
+            key, values = value_list(text, Path(options.problem).parent)
+            if key in ranges:
+                raise UserError(f"{key} is varied twice; give all its values at once")
+            ranges[key] = values
+    return ranges
+
+
+def _lines(found: Sweep) -> list[str]:
+    counts = ", ".join(f"{count} {status}" for status, count in found.counts().items() if count)
+    grades = ", ".join(f"{count} {grade}" for grade, count in found.grades().items())
+    lines = [f"{len(found.rows)} variants: {counts}" + (f"; {grades}" if grades else "")]
+    if best := found.best:
+        values = ", ".join(f"{key} = {value}" for key, value in zip(found.keys, best.values))
+        lines.append(f"best: {values}: {best.metrics.get('verdict', '')}")
+    lines += sorted({f"{row.status}: {row.sentence}" for row in found.rows if row.sentence})
+    return [*lines, f"table {found.folder / 'sweep.csv'}   page {found.folder / 'sweep.html'}"]

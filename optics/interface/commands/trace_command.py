@@ -1,0 +1,110 @@
+"""`thbcad trace`: a designed lens traced again, sequentially and non-sequentially, and its phase space."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError
+from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.interface.commands.outcome import Outcome
+from optics.light.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
+from optics.light.tracing import SENTENCES, path_faults
+from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from optics.scene.photometry import Units
+
+MOST_RAYS = 1 << 15  # per direction
+TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
+RECORD = "trace.json"
+FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_space.png", "fresnel.png")
+DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
+
+
+def trace(options: Namespace) -> Outcome:
+    """Trace the lens of a result folder and report where its light goes."""
+    if not 8 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
+    problem, lens, _ = ResultFolder(options.result).read()
+    system = OpticalSystem(problem)
+    folder = Path(options.out or Path(options.result) / "trace")
+    writable_folder(folder)
+    files = (*FILES, *DIAGRAMS) if system.target.far_field else FILES
+    require_own(folder, (*files, RECORD), RECORD, options.force)
+    from optics.base.runtime import load_backend
+    from optics.reporting.figures import fresnel_figure, phase_space_figure
+    from thbcad.io import json_text, write_bytes, write_text
+
+    backend = load_backend(options.precision, problem.run.threads)
+    exact = backend if options.precision == "double" else system.backend
+    start = perf_counter()
+    image, fates, counts = sequential(system, lens, backend, options.rays)
+    seconds = perf_counter() - start
+    data: dict[str, Any] = {
+        "seconds": seconds,
+        **sequential_metrics(system, lens, fates, counts),
+        "etendue": conservation(system, lens, exact),
+        "faults": path_faults(exact, system.path(lens), single_rays(system.source.rays(TRIED), lens)),
+    }
+    if not system.target.far_field:
+        data["nonsequential"] = nonsequential(system, lens, exact)
+    for name, content in _light_contents(system, image, fates.transmitted).items():
+        write_bytes(folder / name, content)
+    write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
+    write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    return Outcome(data, [*_lines(data, system.units), f"wrote {folder}"])
+
+
+def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: float) -> dict[str, bytes]:
+    """Return the files of the light by name: arrays and pictures, in the far field diagrams too.
+
+    image : the irradiance on the target's pixels.  flux : of the light asked for.
+    """
+    from optics.reporting.figures import intensity_figures, irradiance_figure
+    from optics.reporting.report import light_files
+
+    screen, density = system.target.screen(), system.density
+    shown = screen.projection()  # in the far field pictures are intensities
+    irradiance, target = image / shown, system.target.irradiance(screen, flux) / shown
+    contents = light_files(irradiance, target, screen, density)
+    contents["irradiance.png"] = irradiance_figure(irradiance, screen, density)
+    if not screen.angular:
+        return contents
+    diagrams = intensity_figures(irradiance, target, screen, density)
+    return contents | {f"{name}.png": png for name, (_, png) in diagrams.items()}
+
+
+def _lines(data: dict[str, Any], units: Units) -> list[str]:
+    key, unit = units.key("fates"), units.flux
+    rays = data["rays"]
+    lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
+    for name, flux in data[key].items():
+        count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
+        lines.append(f"{abs(flux):10.6f} {unit} {count}  {SENTENCES[name]}")
+    lines.append(
+        f"efficiency {data['efficiency']:.4f}, "
+        f"beside {data['normal_incidence_transmittance']:.4f} of one pass through two uncoated faces"
+    )
+    etendue = data["etendue"]
+    lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
+    if "nonsequential" in data:
+        closed = data["nonsequential"]
+        lines += [
+            f"{flux:10.6f} {unit}  {SENTENCES[name]}, with all reflections"
+            for name, flux in closed[key].items()
+            if flux
+        ]
+        verdict = "suffices" if closed["sequential_suffices"] else "does not suffice"
+        lines.append(
+            f"{closed['by_other_ways']:.2%} of the light on the target comes by other ways: "
+            f"the sequential tracer {verdict}"
+        )
+    return [*lines, *(f"note: {fault}" for fault in data["faults"])]

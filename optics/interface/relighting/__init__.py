@@ -1,0 +1,11 @@
+"""Finished lenses in other light than they were designed for."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.interface.relighting.other_light import relit as relit
+    from optics.interface.relighting.other_sources import other_source as other_source
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,13 @@
+"""Many variants of a problem: designed side by side, stored, and shown as tables and pictures."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.interface.sweeps.running import SweepPlan as SweepPlan, run_sweep as run_sweep, sweep as sweep
+    from optics.interface.sweeps.sweep_rows import Sweep as Sweep, SweepRow as SweepRow
+    from optics.interface.sweeps.value_lists import value_list as value_list
+    from optics.interface.sweeps.variant_work import Designed as Designed, Shared as Shared, Work as Work
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,89 @@
+"""A plot of every metric of a sweep against what was varied."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+from optics.interface.sweeps.sweep_rows import DONE
+from optics.interface.sweeps.sweep_tables import cell
+
+if TYPE_CHECKING:
+    from optics.interface.sweeps.sweep_rows import Sweep
+
+    Line = list[tuple[Any, float]]
+
+MOST_LINES = 8  # of a plot: more have no place in its legend
+ROUNDING, TINY = 1e-9, 1e-12  # differences of metrics that say nothing: relative, and of parts of the flux
+MOST_WORDS = 20  # values of a key without numbers: labels below the axis
+
+
+def metric_plots(sweep: Sweep) -> dict[str, bytes]:
+    """Return {metric: PNG} for every metric that is a number and is not the same everywhere.
+
+    The key that has most numbers runs along the axis, the others' combinations are lines.
+    """
+    along, plots = _axis(sweep), {}
+    for metric in [*sweep.metrics, "seconds"]:
+        lines = defaultdict[str, "Line"](list)
+        for row in sweep.rows:
+            value = row.seconds if metric == "seconds" else row.metrics.get(metric)
+            if row.status == DONE and _is_number(value):
+                lines[_others(sweep.keys, row.values, along)].append(
+                    (row.values[along], cast("float", value))
+                )
+        if _varies([value for line in lines.values() for _, value in line]):
+            plots[metric] = _plot(sweep.keys[along], metric, lines)
+    return plots
+
+
+def _others(keys: Sequence[str], values: Sequence[Any], along: int) -> str:
+    """Return the name of a line: what it has of the other keys."""
+    return ", ".join(f"{key} {cell(value)}" for k, (key, value) in enumerate(zip(keys, values)) if k != along)
+
+
+def plot_name(metric: str) -> str:
+    """Return the name of the file of a plot, within the folder of the sweep."""
+    return f"figures/{re.sub('[^A-Za-z0-9_]+', '_', metric)}.png"
+
+
+def _axis(sweep: Sweep) -> int:
+    """Return which key runs along the axis."""
+
+    def numbers(at: int) -> int:
+        values = {row.values[at] for row in sweep.rows if _is_number(row.values[at])}
+        return len(values)
+
+    return max(range(len(sweep.keys)), key=numbers)
+
+
+def _plot(key: str, metric: str, lines: dict[str, Line]) -> bytes:
+    from optics.reporting.figures import new_figure, png_bytes
+
+    figure, axes = new_figure()
+    shown = list(lines.items())[:MOST_LINES]
+    named = not all(_is_number(x) for _, line in shown for x, _ in line)
+    for label, line in shown:
+        points = [(str(cell(x)), y) for x, y in line] if named else sorted(line)
+        axes.plot(*zip(*points), "o-" if len(points) < 40 else "-", ms=4, lw=1, label=label)
+    axes.set_xlabel(key)
+    axes.set_ylabel(metric)
+    axes.grid(alpha=0.3)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    if named and len(shown[0][1]) > MOST_WORDS:
+        axes.set_xticks([])
+    if len(shown) > 1:
+        axes.legend(fontsize=6, title="" if len(lines) == len(shown) else f"{len(shown)} of {len(lines)}")
+    return png_bytes(figure)
+
+
+def _varies(numbers: list[float]) -> bool:
+    """Return whether numbers differ by more than rounding."""
+    return bool(numbers) and max(numbers) - min(numbers) > max(ROUNDING * max(map(abs, numbers)), TINY)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,110 @@
+"""Every combination of the values that a sweep gives to some keys, checked before any of them is designed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, is_dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+from optics.base.runtime import UserError
+from optics.exchange.results import data_of, fingerprint
+from optics.scene.problem import Problem
+
+MOST = 1_000_000  # variants: their checks alone take half an hour
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One combination.
+
+    values : in the order of the keys.  identity : fingerprint of its problem, "" where it is none.
+    refusal : a sentence that says why it is none, or "".  files : paths of its pictures and rays.
+    """
+
+    values: tuple[Any, ...]
+    identity: str
+    refusal: str = ""
+    files: tuple[str, ...] = ()
+
+
+def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return the values of every key as lists of what JSON holds, which the store and tables keep.
+
+    Numbers of numpy become those of Python, paths become texts, records become dicts, tuples become lists.
+
+    Raises
+    ------
+    UserError : no key, no list, an empty list, a value that JSON cannot hold, or too many combinations.
+    """
+    if not isinstance(ranges, Mapping) or not ranges:
+        raise UserError('a sweep varies at least one key, such as {"target.distance": [200, 300]}')
+    lists: dict[str, list[Any]] = {}
+    for key, values in ranges.items():
+        if not isinstance(key, str):
+            raise UserError(f"a sweep varies dotted keys, such as target.distance, got {key!r}")
+        if isinstance(values, str | bytes | Mapping) or not hasattr(values, "__iter__"):
+            raise UserError(f"{key} must be varied over a list of values, got {values!r}")
+        lists[key] = [_plain(key, value) for value in values]
+        if not lists[key]:
+            raise UserError(f"{key} must be varied over at least one value, got none")
+    count = prod(map(len, lists.values()))
+    if count > MOST:
+        raise UserError(f"a sweep has at most {MOST} variants, these are {count}; leave values out")
+    return lists
+
+
+def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[Variant]:
+    """Return every combination, the values of the last key changing first.
+
+    Raises
+    ------
+    UserError : an unknown key, or a value that no combination can have; as `Problem.with_` says it.
+    """
+    places = list(product(*(range(len(values)) for values in ranges.values())))
+    found = []
+    for place in places:
+        values = tuple(values[k] for values, k in zip(ranges.values(), place))
+        found.append(_variant(problem, dict(zip(ranges, values))))
+    for at, key in enumerate(ranges):
+        possible = {place[at] for variant, place in zip(found, places) if not variant.refusal}
+        for k, value in enumerate(ranges[key]):
+            if k not in possible:
+                why = next(variant.refusal for variant, place in zip(found, places) if place[at] == k)
+                raise UserError(_alone(problem, key, value) or why)
+    return found
+
+
+def _plain(key: str, value: Any) -> Any:
+    """Return a value as JSON gives it back."""
+    try:
+        return json.loads(json.dumps(value, default=_for_json))
+    except (TypeError, ValueError):
+        raise UserError(
+            f"{key} must be varied over numbers, texts, paths, lists or tables, got {value!r}"
+        ) from None
+
+
+def _for_json(value: Any) -> Any:
+    """Return something that JSON does not know by what it knows."""
+    if hasattr(value, "tolist"):  # numbers and arrays of numpy
+        return value.tolist()
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else os.fspath(value)
+
+
+def _variant(problem: Problem, changes: Mapping[str, Any]) -> Variant:
+    values = tuple(changes.values())
+    try:
+        varied = problem.with_(**changes)
+        return Variant(values, fingerprint(varied), files=tuple(path for _, _, path in data_of(varied)))
+    except UserError as error:
+        return Variant(values, "", str(error))
+    except OSError as error:
+        return Variant(values, "", str(UserError(f"cannot read {error.filename}: {error.strerror}")))
+
+
+def _alone(problem: Problem, key: str, value: Any) -> str:
+    return _variant(problem, {key: value}).refusal

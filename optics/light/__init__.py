@@ -1,0 +1,1 @@
+"""What light does: refraction, tracing, pixels, blur, and its measurement."""

@@ -1,0 +1,91 @@
+"""Light on the target that did not pass front and rear once each: inner reflections, edges and all.
+
+A sample of rays is followed through the closed lens with every split, and once more through front and rear
+alone.  The difference of the two images is what other ways bring; paths that both tracers know cancel in it.
+Branches of little flux are decided by Russian roulette, so that the mean stays and the work shrinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.tracing import FATES, Fates, TargetArea, Tracer, trace_nonsequential
+from optics.scene.sources import single_rays
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.tracing import SequentialFates
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+NEGLIGIBLE = 0.01  # of the light on the target: what other ways may bring where the sequential trace suffices
+RAYS = (256, 256)  # of a replicate
+REPLICATES, PILOT = 8, 2  # the first ones tell whether the others are needed
+ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (extended source, measured)
+# fates of light that went through the lens; what passes beside it is taken as stopped by the mount
+THROUGH = [k for k, fate in enumerate(FATES) if fate.endswith(("on_target", "off_target"))]
+STREAM = 1  # of random numbers, other than that of the sequential trace
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OtherWays:
+    """What other ways than front and rear bring.
+
+    light : its LightEstimate; noise may make pixels negative.  fates : of all light in the closed lens, W.
+    share : of the light on the target.
+    """
+
+    light: LightEstimate
+    fates: Fates
+    share: float
+
+    @property
+    def negligible(self) -> bool:
+        return self.share <= NEGLIGIBLE
+
+
+def light_by_other_ways(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherWays:
+    """Return the light of other ways on a screen.  backend : of double precision."""
+    rng = np.random.default_rng((system.problem.run.seed, STREAM))
+    images: list[tuple[Floats, float, float]] = []
+    fates: list[Fates] = []
+
+    def trace(count: int) -> OtherWays:
+        for _ in range(count):
+            image, by_fate, direct = _replicate(system, lens, screen, rng, backend)
+            images.append((image, by_fate.onto - direct.on_target, by_fate.beside - direct.off_target))
+            fates.append(by_fate)
+        light = LightEstimate.of_replicates(images)
+        mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
+        return OtherWays(light, mean, light.on_target / mean.onto if mean.onto else 0.0)
+
+    pilot = trace(PILOT)
+    return pilot if pilot.negligible else trace(REPLICATES - PILOT)
+
+
+def _replicate(
+    system: OpticalSystem, lens: Lens, screen: Screen, rng: np.random.Generator, backend: Backend
+) -> tuple[Floats, Fates, SequentialFates]:
+    """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
+    rays = single_rays(system.source.rays(RAYS, rng), lens)
+    plane = TargetArea(system.target.receiver, screen.half_width)
+    every = trace_nonsequential(
+        backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
+    )
+    tracer = Tracer(backend, system.path(lens), rays)
+    with backend.dr.suspend_grad():
+        _, landing = tracer.trace()
+        direct = tracer.fates(landing, screen.half_width)
+    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
+    through = np.isin(every.fate, THROUGH)
+    image = screen.binned(every.landings.points[through], every.landings.flux[through])
+    image -= screen.binned(points, landing.flux.numpy())
+    return image / screen.pixel_area, every.fates, direct

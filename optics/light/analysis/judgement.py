@@ -1,0 +1,202 @@
+"""Whether a lens does its job: limits of what it delivers, the verdict, and sentences on lost light.
+
+Light that shall be the same everywhere is judged by its uniformity on boxes, other light as a picture.  The
+limits are those of the problem's [verify]; they never follow what a lens can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import inf, isinf
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import SURE, Check, Grade, grade
+from optics.light.tracing import SENTENCES
+from optics.scene.photometry import NOISE
+
+if TYPE_CHECKING:
+    from optics.scene.photometry import Units
+    from optics.scene.problem import Verify
+
+# flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
+LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed")
+WORTH_A_NOTE = 0.1
+ERROR_NAME = "rel_l2, without noise"
+CONTRAST_NAME = "error relative to the picture's contrast"
+PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
+FORBIDS = {"rel_l2_one_blur": "the blur", "rel_l2_by_etendue": "etendue"}  # least values of rel_l2
+NEAR = 1.1  # times what is allowed at best: as near as can be
+SHOWN = 5e-3  # of a value: an error from which on three digits show it
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is to be thought of a lens.
+
+    grade : of `optics.base.runtime.grade`.  sentence : with the numbers first.  checks : that decided.
+    notes : sentences on what limits the lens.
+    """
+
+    grade: Grade
+    sentence: str
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def data(self) -> dict[str, Any]:
+        """Return grade, sentence and notes by name, for JSON files."""
+        return {"grade": self.grade, "verdict": self.sentence, "notes": list(self.notes)}
+
+
+def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
+    """Return the checks of what the lens delivers, for the limits that are set.
+
+    metrics : of a Measurement.  Errors of the estimate make values undecided that lie near their limit.
+    """
+    return [
+        *_uniformity_checks(metrics, limits),
+        *_picture_checks(metrics, limits),
+        *_flux_checks(metrics, limits),
+    ]
+
+
+def picture_limit(limits: Verify, even: bool) -> float:
+    """Return the greatest rel_l2; inf is none.  even : whether the same light is asked for everywhere."""
+    if not isinstance(limits.rel_l2, str):
+        return limits.rel_l2
+    return float("inf") if even else PICTURE_REL_L2
+
+
+def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    even = metrics.get("uniformity")
+    if even is None:
+        return
+    symbol = "I" if "box_degrees" in even else "E"
+    rows = (
+        ("min_over_mean", f"uniformity U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
+        ("min_over_max", f"uniformity {symbol}_min / {symbol}_max", limits.min_over_max, True),
+        ("rsd", f"relative standard deviation of {symbol}", limits.rsd, False),
+    )
+    for key, name, limit, at_least in rows:
+        if (at_least and not limit) or isinf(limit):
+            continue
+        value, error = even[key], even[f"{key}_error"]
+        remark = _unless_sure(metrics, value, error, limit) or _why_unknown(metrics, even)
+        yield Check(name, value, limit, "", at_least, error, "light", remark)
+
+
+def _why_unknown(metrics: dict[str, Any], even: dict[str, Any]) -> str:
+    """Return why there is no uniformity, and how many rays would tell it; "" where there is."""
+    rays, noise = metrics.get("rays"), even.get("noise", 0.0)
+    if even["min_over_mean"] is None and rays and noise > NOISE:
+        return f"{even['reason']}; about {rays * (noise / NOISE) ** 2:.1e} rays would tell"
+    return str(even["reason"])
+
+
+def _picture_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    even = "uniformity" in metrics
+    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, even))]
+    if not even and metrics.get("contrast_error") is not None:
+        rows.append(("contrast_error", "contrast_error_std", CONTRAST_NAME, limits.contrast_error))
+    for key, of_error, name, limit in rows:
+        if not isinf(limit):
+            value, error = metrics[key], metrics[of_error]
+            remark = _unless_sure(metrics, value, error, limit)
+            yield Check(name, value, limit, "", error=error, subject="light", remark=remark)
+
+
+def _flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    if limits.lit_efficiency:
+        value, error = metrics["lit_efficiency"], metrics.get("lit_efficiency_error", 0.0)
+        remark = _unless_sure(metrics, value, error, limits.lit_efficiency)
+        name = "light on the lit region, of the source's"
+        yield Check(name, value, limits.lit_efficiency, "", True, error, "light", remark)
+    if not isinf(limits.stray):
+        name = "light beside the target, of the source's"
+        value, error = metrics["stray"], metrics.get("stray_error", 0.0)
+        remark = _unless_sure(metrics, value, error, limits.stray)
+        yield Check(name, value, limits.stray, "", error=error, subject="light", remark=remark)
+
+
+def _unless_sure(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:
+    """Return how many rays would tell on which side of its limit a value lies; "" where that is known."""
+    rays, gap = metrics.get("rays"), 0.0 if value is None else abs(value - limit)
+    if value is None or not rays or not error or gap > SURE * error:
+        return ""
+    if not gap:
+        return "no number of rays tells a value from its limit that equals it"
+    return f"about {rays * (SURE * error / gap) ** 2:.1e} rays in place of {rays:.1e} would decide"
+
+
+def judged(
+    metrics: dict[str, Any], checks: Sequence[Check], notes: Sequence[str] = (), of_file: bool = True
+) -> Verdict:
+    """Return the verdict on a lens.
+
+    metrics : what it delivers.  checks : of its light, and of its file where there is one.
+    of_file : the file was checked too.
+    """
+    found = grade(checks)
+    worst = {"made": "passed", "not decided": "undecided"}.get(found, "failed")
+    subject = {"light misses": "light", "file or part fails": "file"}.get(found)
+    rows = [c for c in checks if c.result == worst and subject in (None, c.subject)]
+    says = {
+        "made": "the lens makes the light asked for" + (", and the file is the lens" if of_file else ""),
+        "light misses": "the light misses what was asked for",
+        "file or part fails": "the file, the part or a limit of making fails",
+        "not decided": "not decided",
+    }[found]
+    sentence = f"{headline(metrics)}: {says}"
+    if found != "made":
+        more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
+        sentence += f": {rows[0].name} {rows[0].got} ({rows[0].wanted}){more}"
+    if found == "light misses" and (excuse := _excuse(metrics, rows)):
+        sentence += f"; {excuse}"
+    return Verdict(found, sentence, tuple(checks), tuple(notes))
+
+
+def headline(metrics: dict[str, Any]) -> str:
+    """Return the numbers that tell most of the light, in words."""
+    off = f"{error_words(metrics)} off"
+    even = metrics.get("uniformity")
+    if even is None or even["min_over_mean"] is None:
+        return off
+    return f"{off}, U0 {even['min_over_mean']:.2f}"
+
+
+def error_words(metrics: dict[str, Any]) -> str:
+    """Return rel_l2 without the noise of its estimate, in per cent, and its error where that shows."""
+    percent, error = 100 * metrics["rel_l2_debiased"], 100 * metrics["rel_l2_error"]
+    return f"{percent:.3g} %" if error < SHOWN * percent else f"{percent:.3g} +- {error:.1g} %"
+
+
+def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
+    """Return what forbids the picture that is missed, and whether the light comes as near as that allows."""
+    pictures = {check.name: check.limit for check in missed if check.name in (ERROR_NAME, CONTRAST_NAME)}
+    bounds = [(metrics[key], by) for key, by in FORBIDS.items() if metrics.get(key) is not None]
+    if not pictures or not bounds:
+        return ""
+    (least, by), value = max(bounds), metrics["rel_l2_debiased"]
+    if value <= NEAR * least:
+        return f"{value:.2g} is as near as {by} allows ({least:.2g}), and not what was asked for"
+    hopeless = least > pictures.get(ERROR_NAME, inf)
+    return f"{by} allows {least:.2g} at best" if hopeless else ""
+
+
+def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
+    """Return a sentence for every way on which much of the source flux is lost."""
+    fates = metrics[units.key("fates")]
+    flux = sum(map(abs, fates.values()))
+    return [
+        f"{fates[name] / flux:.0%} of the light {SENTENCES[name]}"
+        for name in LOSSES
+        if fates.get(name, 0.0) > WORTH_A_NOTE * flux
+    ]
+
+
+def counted_ways(metrics: dict[str, Any]) -> str:
+    """Return in words which light the metrics and the irradiance of a Measurement count."""
+    return "all paths" if metrics["paths"] == "all" else "front and rear only"

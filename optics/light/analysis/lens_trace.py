@@ -1,0 +1,146 @@
+"""Where the light of a finished lens goes: by fate in sequence, with all reflections, and in phase space."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE
+from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
+from optics.light.measuring import Splat
+from optics.light.tracing import (
+    TargetArea,
+    Tracer,
+    flux_by_fate,
+    normal_incidence_transmittance,
+    trace_nonsequential,
+)
+from optics.scene.receivers import BoxWindow
+from optics.scene.sources import single_rays
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.tracing import SequentialFates
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+RAYS_AT_ONCE = 1 << 21
+NONSEQUENTIAL_RAYS = (256, 256)
+SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
+LINES = 201  # of the grid in the sections of phase space, in each direction
+WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends
+
+
+def sequential(
+    system: OpticalSystem, lens: Lens, backend: Backend, rays: int
+) -> tuple[NDArray[np.float64], SequentialFates, dict[str, int]]:
+    """Trace rays x rays rays and measure them with box pixels.
+
+    Returns (irradiance (rows, columns), flux by fate, rays by fate).
+    """
+    screen = system.target.screen()
+    splat = Splat(backend, screen, BoxWindow())
+    image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
+    for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
+        tracer = Tracer(backend, system.path(lens), part)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace()
+            image = image + splat(landing.x, landing.y, landing.flux).numpy()
+            fates.append(tracer.fates(landing, screen.half_width))
+            counts.append(tracer.counts(landing, screen.half_width))
+    numbers = {name: sum(c[name] for c in counts) for name in counts[0]}
+    return image.reshape(screen.shape, order="F"), reduce(add, fates), numbers
+
+
+def sequential_metrics(
+    system: OpticalSystem, lens: Lens, fates: SequentialFates, counts: dict[str, int]
+) -> dict[str, Any]:
+    """Return the metrics of a trace by `sequential`, by name."""
+    return {
+        "rays": sum(counts.values()),
+        "counts": counts,
+        system.units.key("fates"): flux_by_fate(fates),
+        "efficiency": fates.on_target / system.problem.source.flux,
+        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index),
+    }
+
+
+def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
+    """Return the fates of the light in the closed lens.
+
+    `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
+    rear once each.
+    """
+    rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
+    hx, hy = half_width = system.target.settings.half_width
+    plane = TargetArea(system.target.receiver, half_width)
+    result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
+    landings = result.landings
+    onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
+    total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
+    other = 1 - direct / total if total else 0.0
+    return {
+        system.units.key("fates"): flux_by_fate(result.fates),
+        "by_other_ways": other,
+        "sequential_suffices": other <= NEGLIGIBLE,
+    }
+
+
+def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
+    """Return how far the determinant of the map from source to target in phase space is from 1.
+
+    `rays` counts those that arrive, over which `median` and `most` are taken.
+    """
+    rays, source = single_rays(system.source.rays(SAMPLES), lens), system.problem.source
+    size = max(source.half_width) or source.distance
+    determinants = jacobian_determinants(
+        backend,
+        lens,
+        source_points(rays),
+        (size, size, 0.1, 0.1),
+        float(rays.origin[2, 0]),
+        plane_behind(system, lens),
+    )
+    off = np.abs(determinants[np.isfinite(determinants)] - 1)
+    return {
+        "rays": int(off.size),
+        "median": float(np.median(off)) if off.size else 0.0,
+        "most": float(off.max(initial=0.0)),
+    }
+
+
+def plane_behind(system: OpticalSystem, lens: Lens) -> float:
+    """Return z of the target plane, or in the far field of a plane one thickness behind the lens, mm."""
+    return 2 * lens.thickness if system.target.far_field else system.target.z
+
+
+def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
+    """Return rays of the source with x = 0 and p = 0 in phase space, by the name of a plane.
+
+    With them comes the greatest |y| to show there, mm.
+    """
+    source, collimated, target = system.problem.source, system.source.collimated, system.target
+    behind = 2 * lens.thickness
+    size = source.half_width[1] or 1.0
+    y = np.linspace(-1, 1, LINES) * source.half_width[1]
+    q = np.linspace(-1, 1, LINES) * WIDEST * np.sin(np.radians(system.source.cone))
+    points = np.zeros((4, LINES * LINES))
+    points[1], points[3] = (a.ravel() for a in np.meshgrid(y, q))
+    start = -source.distance - (max(lens.front.half_width) if collimated else 0.0)
+    planes = {
+        "source": (PhaseSpace(points, np.ones(points.shape[1])), 1.1 * size),
+        f"behind the lens, z = {behind:g} mm": (
+            at_target(backend, lens, points, start, behind),
+            1.5 * lens.rear.half_width[1],
+        ),
+    }
+    if not target.far_field:
+        planes["target"] = (
+            at_target(backend, lens, points, start, target.z),
+            1.1 * target.settings.half_width[1],
+        )
+    return planes

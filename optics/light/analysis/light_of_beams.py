@@ -1,0 +1,193 @@
+"""The light of a diverging beam, or behind rough surfaces, on box pixels: means over parallel beams.
+
+Cells measure light without noise that is parallel, or comes from a point.  Here that is done for many
+directions of the beam, and for many errors of the slopes of front and rear, each the same everywhere: in the
+mean over them every point of the lens meets every direction and every error, as in the mean over rays.
+
+Beams show the sharp picture at shifted places.  So much as a shift explains is known for all directions: with
+the sharp light S, the blur k, its samples k_N and the sharp light S_N of as few cells as a beam has,
+
+    E = E_N + k * S - k_N * S_N,
+
+whose error is what no shift explains (a control variate).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import reduce
+from math import ceil, cos, log1p, pi, sin, sqrt
+from operator import add
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
+
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_of_cells import cell_irradiance
+from optics.light.blur import blur_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from optics.base.runtime import Backend
+    from optics.light.blur import Blur, LandingShifts
+    from optics.light.tracing import SequentialFates
+    from optics.scene.paths import LightPath, SlopeErrors
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+
+Floats = NDArray[np.float64]
+
+REPLICATES = 4  # independent sets of samples: their differences tell the error
+# samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric
+# light stays symmetric; of several Sobol points in all their dimensions
+SUNFLOWER, SEVERAL = 4, 16
+QUARTERS = pi / 2 * np.arange(4)
+# in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
+CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
+FINER = 3  # pixels of the sharp light in one of the screen, in each direction
+# a filter without the highest frequency of these finer pixels, which leaves 63/64 of the screen's highest
+STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
+LEAST_CELLS = 128
+AXIS = np.array([0.0, 0.0, 1.0])
+GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
+
+
+def beam_irradiance(
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (irradiance along a path, W/mm^2, flux by fate).
+
+    system : whose beam diverges, or whose surfaces are rough.  backend : of double precision.
+
+    Raises
+    ------
+    UserError : see `Blur.widened`.
+    """
+    counts = _beam_cells(screen)
+    rest = _Rest.of(system, path, screen, backend)
+    fates: list[SequentialFates] = []
+
+    def replicates() -> Iterator[tuple[Floats, float, float]]:
+        for samples in _sets(system):
+            parts = [
+                cell_irradiance(
+                    path.with_slope_errors(s.errors),
+                    screen,
+                    system.source.cells(counts, direction=s.direction),
+                    backend,
+                )
+                for s in samples
+            ]
+            by_fate = reduce(add, (part for _, part in parts)) / len(parts)
+            fates.append(by_fate)
+            image = reduce(add, (image for image, _ in parts)) / len(parts) + rest.beside(samples)
+            on_target = float(image.sum()) * screen.pixel_area
+            yield image, on_target, by_fate.transmitted - on_target
+
+    light = LightEstimate.of_replicates(replicates())
+    arriving = reduce(add, fates) / REPLICATES
+    on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
+    off = arriving.transmitted - on
+    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
+    return LightEstimate(irradiance, light.error, on, off), replace(arriving, on_target=on, off_target=off)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """A direction of the beam, None of light that does not diverge, and errors of the slopes."""
+
+    direction: Floats | None
+    errors: SlopeErrors
+
+    def shift(self, shifts: LandingShifts) -> Floats:
+        """Return by how much the light of this sample lands beside the sharp light, (2,)."""
+        moved = np.zeros(2) if self.direction is None else shifts.beam @ self.direction[:2]
+        for error, matrix in zip(self.errors, (shifts.front, shifts.rear)):
+            if error is not None:
+                moved = moved + matrix @ error[:, 0]
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What samples leave out of a blur, and what their cells are off by.
+
+    blurred : the sharp light of many cells, blurred.  coarse : that of as many cells as a beam has.
+    Both are on a screen that is wider by the blur's reach, with FINER times finer pixels: shifts by parts of
+    a pixel move what lies within it.
+    """
+
+    blurred: Floats
+    coarse: Floats
+    blur: Blur
+    screen: Screen
+
+    @classmethod
+    def of(cls, system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend) -> _Rest:
+        blur = blur_of(system, path, backend)
+        wide = blur.widened(screen).finer(FINER)
+        many = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in screen.pixels]
+        middle = AXIS if system.source.diverging else None
+        fine, coarse = (
+            cell_irradiance(path, wide, cells, backend)[0]
+            for cells in (
+                system.sharp.source.cells(many),
+                system.source.cells(_beam_cells(screen), direction=middle),
+            )
+        )
+        return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
+
+    def beside(self, samples: Sequence[_Sample]) -> Floats:
+        """Return k * S - k_N * S_N on the screen."""
+        shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
+        rest = self.blurred - self.blur.sampled(self.coarse, self.screen.finer(FINER), shifts)
+        for axis in (0, 1):  # shifts of a sharp edge ring at the pixels' own frequency
+            rest = convolve1d(rest, STILL, axis)
+        rows, columns = (n // FINER for n in rest.shape)
+        rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
+        margin = (rows - self.screen.shape[0]) // 2
+        return rest[margin : rows - margin, margin : columns - margin]
+
+
+def _beam_cells(screen: Screen) -> list[int]:
+    """Return the cells of a beam in x and y."""
+    return [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
+
+
+def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:
+    """Yield the samples of every replicate."""
+    rng = np.random.default_rng(system.problem.run.seed)
+    spread = [system.source.diverging, *map(bool, system.slope_rms)]
+    for _ in range(REPLICATES):
+        yield [
+            _sample(system, dict(zip(np.flatnonzero(spread), row))) for row in _disk_points(sum(spread), rng)
+        ]
+
+
+def _disk_points(disks: int, rng: np.random.Generator) -> Floats:
+    """Return points on as many disks at once, (n, disks, 2): the share of the area within, and the angle."""
+    if disks > 1:
+        from scipy.stats import qmc  # a third of a second, which sharp light does not need
+
+        points = qmc.Sobol(2 * disks, rng=rng).random(SEVERAL).reshape(SEVERAL, disks, 2)
+        return np.asarray(points * (1, 2 * pi))
+    k = np.arange(SUNFLOWER)
+    angle = rng.uniform(0, 2 * pi) + GOLDEN * k + QUARTERS[:, None]
+    # anywhere in its ring: what rings of the same radii leave would be no difference of sets
+    within = np.broadcast_to((k + rng.uniform(size=SUNFLOWER)) / SUNFLOWER, angle.shape)
+    return np.stack([within.ravel(), angle.ravel()], axis=1)[:, None, :]
+
+
+def _sample(system: OpticalSystem, points: dict[int, Floats]) -> _Sample:
+    """Return the sample of points on the disks of beam (0) and of the slopes of front (1) and rear (2)."""
+    errors = [
+        rms * sqrt(-2 * log1p(-points[k][0])) * np.array([[cos(points[k][1])], [sin(points[k][1])]])
+        if k in points
+        else None
+        for k, rms in enumerate(system.slope_rms, 1)
+    ]
+    direction = system.source.spread.direction(*points[0]) if 0 in points else None
+    return _Sample(direction, errors)

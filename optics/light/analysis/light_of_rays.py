@@ -1,0 +1,84 @@
+"""Irradiance by rays: the mean of independent replicates, whose spread is its error.
+
+Every replicate traces another scrambling of the source's quasi-random points, which is unbiased.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from math import isqrt
+from operator import add
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.measuring import Splat
+from optics.light.tracing import Tracer
+from optics.scene.receivers import BoxWindow
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, DrArray
+    from optics.light.tracing import SequentialFates
+    from optics.scene.paths import LightPath
+    from optics.scene.receivers import Screen
+    from optics.scene.sources import RayGrid, Rays
+    from optics.scene.system import OpticalSystem
+
+REPLICATES = 8
+RAYS_PER_PIXEL = 240  # of all replicates together
+LEAST_PER_PIXEL, MOST_RAYS = 18, 1 << 25  # on large screens: so many per pixel, or so many in all
+RAYS_AT_ONCE = 1 << 19  # more only take more memory
+
+Floats = NDArray[np.float64]
+
+
+def ray_irradiance(
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (irradiance in box pixels along a path, W/mm^2, mean flux by fate).
+
+    system : whose source shines, and whose surfaces are rough.
+    """
+    side = isqrt(ray_count(screen) // REPLICATES) + 1
+    rng = np.random.default_rng(system.problem.run.seed)
+    fates: list[SequentialFates] = []
+
+    def replicates() -> Iterator[tuple[Floats, float, float]]:
+        for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
+            image, by_fate = _trace(path, system.slope_rms, screen, parts, rng, backend)
+            fates.append(by_fate)
+            yield image, by_fate.on_target, by_fate.off_target
+
+    light = LightEstimate.of_replicates(replicates())
+    return light, reduce(add, fates) / REPLICATES
+
+
+def ray_count(screen: Screen) -> int:
+    """Return how many rays of all replicates together measure the light on a screen, about."""
+    pixels = screen.pixels[0] * screen.pixels[1]
+    return max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
+
+
+def _trace(
+    path: LightPath,
+    slope_rms: Sequence[float],
+    screen: Screen,
+    parts: Iterator[RayGrid | Rays],
+    fresh: np.random.Generator,
+    backend: Backend,
+) -> tuple[Floats, SequentialFates]:
+    """Return (irradiance, flux by fate) of rays, traced in parts."""
+    splat = Splat(backend, screen, BoxWindow())
+    image: DrArray = 0.0
+    fates = []
+    for part in parts:
+        errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in slope_rms]
+        tracer = Tracer(backend, path.with_slope_errors(errors), part)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace()
+            image = image + splat(landing.x, landing.y, landing.flux)
+            fates.append(tracer.fates(landing, screen.half_width))
+    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)

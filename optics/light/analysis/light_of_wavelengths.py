@@ -1,0 +1,127 @@
+"""The light of a spectrum: the sum over its wavelengths, each along its own path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.tracing import Tracer
+from optics.scene.paths import Medium
+from optics.scene.photometry import chromaticity_distance, spectral_lines, white_of
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.tracing import SequentialFates
+    from optics.scene.paths import LightPath
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+
+Floats = NDArray[np.float64]
+Estimate = Callable[
+    ["OpticalSystem", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]
+]
+
+BLUE, RED = 450.0, 650.0  # nm, between which the shift of colours is told
+SHIFT_RAYS = (65, 65)
+DARK = 0.01  # of the mean luminance: darker pixels have no colour worth a number
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralLight:
+    """Light of all wavelengths together.
+
+    estimate : its LightEstimate.  fates : flux by fate.
+    colour : CIE 1931 X, Y, Z in units of 683 lm/W, (3, rows, columns); None where there is no spectrum.
+    """
+
+    estimate: LightEstimate
+    fates: SequentialFates
+    colour: Floats | None
+
+
+def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightPath]]:
+    """Return (share of the flux, path) of every wavelength at which light is measured."""
+    if not system.spectral:
+        return [(1.0, path)]
+    return [(w.weight, path.in_glass(w.medium)) for w in system.wavelengths]
+
+
+def spectral_light(
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, estimate: Estimate
+) -> SpectralLight:
+    """Return the light along a path in all of the source's wavelengths.
+
+    Errors of wavelengths add up, since the same rays or cells are traced at each.
+
+    estimate : of light of one wavelength.  backend : of double precision.
+    """
+    if not system.spectral:
+        return SpectralLight(*estimate(system, path, screen, backend), None)
+    image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
+    fates, on, off = [], 0.0, 0.0
+    for wavelength in system.wavelengths:
+        light, by_fate = estimate(system, path.in_glass(wavelength.medium), screen, backend)
+        image += wavelength.weight * light.irradiance
+        error += wavelength.weight * light.error
+        colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
+        on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
+        fates.append(by_fate * wavelength.weight)
+    return SpectralLight(LightEstimate(image, error, on, off), reduce(add, fates), colour)
+
+
+def colour_metrics(
+    system: OpticalSystem, path: LightPath, colour: Floats, screen: Screen, backend: Backend
+) -> dict[str, Any]:
+    """Return how far a path takes colours apart.
+
+    from_nm, to_nm, shift, shift_pixels : flux-weighted mean distance of the same rays of two wavelengths on
+        the target, mm (degrees in the far field), and in pixels.
+    fringe : distance of the pixels' chromaticity (u', v') from the source's, weighted with their luminance.
+    """
+    lines = system.wavelengths
+    first, last = lines[0].nm, lines[-1].nm
+    between = max(BLUE, first), min(RED, last)
+    ends = between if between[0] < between[1] else (first, last)  # all of them on one side
+    shift = _shift(system, path, ends, backend) if first < last else 0.0
+    distance = fringe(system, colour)
+    shown = np.isfinite(distance)
+    weight = colour[1][shown]
+    return {
+        "from_nm": ends[0],
+        "to_nm": ends[1],
+        "shift": shift,
+        "shift_pixels": shift / float(np.mean(screen.pitch)),
+        "fringe": float(np.average(distance[shown], weights=weight)) if weight.sum() else None,
+    }
+
+
+def fringe(system: OpticalSystem, colour: Floats) -> Floats:
+    """Return the distance of pixels' chromaticity from the source's in (u', v'), (rows, columns).
+
+    It is NaN in the dark.  colour : (3, rows, columns).
+    """
+    white = white_of(spectral_lines(system.problem.source.spectrum))
+    distance = chromaticity_distance(colour, white)
+    return np.where(colour[1] > DARK * colour[1].mean(), distance, np.nan)
+
+
+def _shift(system: OpticalSystem, path: LightPath, ends: tuple[float, float], backend: Backend) -> float:
+    """Return the mean distance of the rays of two wavelengths on the target."""
+    rays, landings = system.source.rays(SHIFT_RAYS), []
+    for nm in ends:
+        glass = Medium(system.index_at(nm), system.absorption)
+        tracer = Tracer(backend, path.in_glass(glass), rays)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace()
+        landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
+    blue, red = landings
+    flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)
+    apart = np.where(flux > 0, np.hypot(*(blue[:2] - red[:2])), 0.0)
+    return float((flux * apart).sum() / flux.sum()) if flux.any() else 0.0

@@ -1,0 +1,295 @@
+"""What the lens delivers, measured in float64 on box pixels, with light that the optimiser has not seen.
+
+Light of one direction at every point of the source is measured as cells (`light_of_cells`), exact but for
+their size.  That of an extended source is measured as rays (`light_of_rays`).  Spreading light is also
+followed on all other ways through the closed lens (`light_by_other_ways`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isqrt, sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
+from optics.light.analysis.judgement import Verdict, delivery_checks, judged
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_of_beams import beam_irradiance
+from optics.light.analysis.light_of_cells import cell_irradiance
+from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
+from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
+from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
+from optics.light.blur import spot_rms
+from optics.light.tracing import flux_by_fate
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.analysis.closed_lens_light import OtherWays
+    from optics.light.tracing import SequentialFates
+    from optics.scene.paths import LightPath
+    from optics.scene.problem import Verify
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
+LEAST_CELLS = 64
+COARSER = 2  # the second grid, with which the first is compared
+ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
+LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
+FLAT = 1e-9  # of the norm: what varies less has no contrast
+DARK = 0.01  # of the greatest irradiance: what counts as dark
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """What a lens delivers.
+
+    irradiance, target : (rows, columns), W/mm^2; in the far field intensities, W/degree^2; lm for W where
+        that is the source's unit
+    metrics : numbers by name
+    sharp : the irradiance without divergence and roughness, where there are any
+    colour : X, Y, Z of the CIE 1931 observer in units of 683 lm/W, (3, rows, columns), of a spectrum's light
+        through front and rear
+    """
+
+    irradiance: NDArray[np.float64]
+    target: NDArray[np.float64]
+    metrics: dict[str, Any]
+    sharp: NDArray[np.float64] | None = None
+    colour: NDArray[np.float64] | None = None
+
+    def verdict(self, limits: Verify, notes: Sequence[str] = ()) -> Verdict:
+        """Return the verdict on the light alone.  limits : of a problem.  notes : sentences beside it."""
+        return judged(self.metrics, delivery_checks(self.metrics, limits), notes, of_file=False)
+
+    def __repr__(self) -> str:
+        rows, columns = self.irradiance.shape
+        names = [name for name in ("rel_l2_debiased", "efficiency", "stray") if name in self.metrics]
+        numbers = ", ".join(f"{name} {self.metrics[name]:.4f}" for name in names)
+        return f"Measurement({columns} x {rows} pixels, {numbers})"
+
+    def in_unit(self, unit: float) -> Measurement:
+        """Return it with all light times a factor."""
+        sharp, colour = (None if light is None else unit * light for light in (self.sharp, self.colour))
+        return replace(
+            self,
+            irradiance=unit * self.irradiance,
+            target=unit * self.target,
+            sharp=sharp,
+            colour=colour,
+        )
+
+
+def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
+    """Return the Measurement of a lens.  backend : of double precision.
+
+    Light that takes other ways than front and rear is part of it where it is not negligible, and
+    `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
+    error does to rel_l2.
+    """
+    screen, path = system.target.screen(), system.path(lens)
+    estimator = _estimator(system)
+    spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
+    direct, fates = spectral.estimate, spectral.fates
+    other = light_by_other_ways(system, lens, screen, backend) if _by_edges(system, fates) else None
+    all_ways = other is not None and not other.negligible
+    light = direct + other.light if other and all_ways else direct
+    shown = screen.projection()  # in the far field intensities are compared
+    target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
+    irradiance, flux = light.irradiance / shown, system.problem.source.flux
+    metrics = compare(irradiance, target)
+    metrics |= light.over(shown).error_of_rel_l2(target)
+    metrics |= contrast_error(metrics, target) if system.target.even_region is None else {}
+    sequential = direct.over(shown).error_of_rel_l2(target)
+    metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
+    metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
+    metrics["paths"] = "all" if all_ways else "sequential"
+    metrics["estimator"] = estimator
+    if estimator == "rays":
+        metrics["rays"] = ray_count(screen)
+    metrics["efficiency"] = light.on_target / flux
+    metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
+    metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
+    metrics["stray"] = light.off_target / flux
+    metrics["stray_error"] = light.off_error / flux
+    blur = spot_rms(system, lens, backend) if system.target.even_region is not None else 0.0
+    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
+    key = system.units.key
+    metrics[key("fates")] = flux_by_fate(fates)
+    if other:
+        metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
+    sharp = colour = None
+    if estimator == "beams":
+        clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
+        sharp = clear.estimate.irradiance / shown
+        metrics["rel_l2_sharp"] = rel_l2(sharp, target)
+    if spectral.colour is not None:
+        colour = spectral.colour / shown
+        one, _ = ESTIMATES[estimator](system, path, screen, backend)
+        metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
+        metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
+    return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def _by_edges(system: OpticalSystem, fates: SequentialFates) -> bool:
+    """Whether light may come by other ways: of a beam, where its front sends enough of it beside the rear."""
+    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    return system.by_edges and (not system.source.collimated or beside)
+
+
+def _estimator(system: OpticalSystem) -> str:
+    """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
+    if system.blurred:
+        return "beams"
+    return "rays" if system.source.extended else "cells"
+
+
+def _all_ways(
+    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen, key: Callable[[str], str]
+) -> dict[str, float | dict[str, float]]:
+    """Return the flux on the lit pixels by every way and by front and rear, and that by fate.
+
+    key : see `Units.key`.
+    """
+    lit = _lit(direct.irradiance, target, screen)
+    return {
+        "by_other_ways": other.share,
+        key("lit"): lit + _lit(other.light.irradiance, target, screen),
+        key("lit_direct"): lit,
+        key("target"): other.fates.onto,
+        key("fates"): flux_by_fate(other.fates),
+    }
+
+
+def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
+    """Return the flux on pixels that are to be lit, W."""
+    return float(irradiance[target > 0].sum() * screen.pixel_area)
+
+
+def _by_cells(
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (irradiance along a path, flux by fate)."""
+    spans = [0, 0]
+    for sag in path.sags:
+        embedding = sag.space.embedding
+        spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
+    wanted = [max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * k) for n, k in zip(screen.pixels, spans)]
+    most = [max(LEAST_PER_PIXEL * n, MOST_CELLS) for n in screen.pixels]
+    counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
+    fewer = [_prime_from(round(n / COARSER)) for n in counts]
+    fine, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
+    coarse, _ = cell_irradiance(path, screen, system.source.cells(fewer), backend)
+    error = (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER)
+    return LightEstimate(fine, error, fates.on_target, fates.off_target), fates
+
+
+def _excess(ratio: float) -> float:
+    """Return how large the difference of two grids' images is, in errors of the finer one.
+
+    ratio : of their errors.  Errors that have the same form leave ratio - 1, independent ones
+    sqrt(ratio^2 + 1), and cells of a lens something between: their mean in proportion.  For a ratio of 4 both
+    are 17 % away.
+    """
+    return sqrt((ratio - 1) * sqrt(ratio**2 + 1))
+
+
+def _prime_from(least: int) -> int:
+    """Return the least prime from `least` on: grids of different primes share no lines but their borders."""
+    n = least
+    while any(n % k == 0 for k in range(2, isqrt(n) + 1)):
+        n += 1
+    return n
+
+
+def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
+    """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean.
+
+    None stands for a metric that is not defined: psnr_db of equal images, ssim of images narrower than its
+    least window of 3 pixels.
+    """
+    from skimage.metrics import structural_similarity
+
+    if irradiance.sum() <= 0:
+        return {"rel_l2": 1.0, "psnr_db": 0.0, "ssim": 0.0}
+    e, t = irradiance / irradiance.mean(), target / target.mean()
+    peak = float(t.max())
+    window = min(7, (min(t.shape) - 1) // 2 * 2 + 1)
+    similarity = structural_similarity(e, t, data_range=peak, win_size=window) if window >= 3 else None
+    error = float(np.mean((e - t) ** 2))
+    return {
+        "rel_l2": rel_l2(irradiance, target),
+        "psnr_db": float(10 * np.log10(peak**2 / error)) if error else None,
+        "ssim": None if similarity is None else float(similarity),
+    }
+
+
+def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+    """Return ||E - T|| / ||T|| of two images, both scaled to unit mean; 1 of a dark one."""
+    if irradiance.sum() <= 0:
+        return 1.0
+    e, t = unit_mean(irradiance), unit_mean(target)
+    return float(np.linalg.norm(e - t) / np.linalg.norm(t))
+
+
+def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict[str, float | None]:
+    """Return ||E - T|| / ||T - mean T|| of unit means, without noise, and its standard deviation.
+
+    Uniform light scores 1 on every picture.  None of a target without contrast.
+
+    metrics : with rel_l2_debiased and rel_l2_error.
+    """
+    t = unit_mean(target)
+    contrast = float(np.linalg.norm(t - 1) / np.linalg.norm(t))
+    if contrast <= FLAT:
+        return {"contrast_error": None, "contrast_error_std": None}
+    return {
+        "contrast_error": metrics["rel_l2_debiased"] / contrast,
+        "contrast_error_std": metrics["rel_l2_error"] / contrast,
+    }
+
+
+def delivered(
+    system: OpticalSystem,
+    shown_light: Floats,
+    error: Floats | None,
+    on_target: float,
+    off_target: float,
+    blur: float,
+) -> dict[str, Any]:
+    """Return the metrics that the verdict needs.
+
+    shown_light, error : as of a Measurement, and as standard deviations, None for none.
+    on_target, off_target : W.  blur : see `optics.light.blur.spot_rms`.
+    """
+    screen, flux = system.target.screen(), system.problem.source.flux
+    shown = screen.projection()
+    target = system.target.irradiance(screen, 1.0) / shown
+    noise = np.zeros_like(shown_light) if error is None else error
+    light = LightEstimate(shown_light, noise, on_target, off_target)
+    found: dict[str, Any] = dict(light.error_of_rel_l2(target))
+    found |= {"efficiency": on_target / flux, "stray": off_target / flux}
+    found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
+    if system.target.even_region is None:
+        return found | contrast_error(found, target)
+    return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
+
+
+def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an image scaled to a mean of one; a dark one as it is."""
+    return image / (float(image.mean()) or 1.0)
+
+
+def dark_fraction(target: NDArray[np.float64]) -> float:
+    """Return the fraction of pixels with at most DARK of the greatest irradiance."""
+    return float((target <= DARK * target.max()).mean())
+
+
+ESTIMATES = {"cells": _by_cells, "beams": beam_irradiance, "rays": ray_irradiance}

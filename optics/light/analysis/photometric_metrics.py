@@ -1,0 +1,128 @@
+"""How bright and how even light is: the numbers that lighting engineers ask for, and sentences of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.photometry import BEAM, FIELD, edge_width, plane_curves, uniformity
+from optics.scene.receivers import FarField, Plane
+
+if TYPE_CHECKING:
+    from optics.scene.photometry import Density, Units
+    from optics.scene.receivers import Screen
+    from optics.scene.system import OpticalSystem
+
+KILO = 1000  # lumens, to which cd/klm refers
+
+Floats = NDArray[np.float64]
+
+
+def photometric_metrics(
+    system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats, blur: float
+) -> dict[str, Any]:
+    """Return the mean light on a target plane or the beam of a far field, and how uniform even light is.
+
+    irradiance, error : as of a Measurement, and as standard deviations, (rows, columns).
+    blur : see `optics.light.blur.spot_rms`.
+    """
+    density = system.density
+    if system.target.far_field:
+        found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
+    else:
+        found = {f"target_mean_{density.suffix}": density.factor * float(irradiance.mean())}
+    if system.target.even_region is not None:
+        found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
+    return found
+
+
+def uniformity_metrics(
+    system: OpticalSystem, irradiance: Floats, error: Floats | None, blur: float
+) -> dict[str, Any]:
+    """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
+
+    irradiance, error, blur : as `photometric_metrics`; no error is None.
+    """
+    target, screen, density = system.target, system.target.screen(), system.density
+    if target.even_region is None or target.lit_pixels is None:
+        raise ValueError("only a target that asks for the same light everywhere has a uniformity")
+    found = uniformity(
+        irradiance, target.even_region, screen.half_width, error, blur, system.problem.verify.grid
+    )
+    unit = screen.unit
+    half_lit = target.light >= target.light.max() / 2
+    whole = irradiance[target.lit_pixels]
+    return {
+        "min_over_mean": found.min_over_mean,
+        "min_over_mean_error": found.min_over_mean_error,
+        "min_over_max": found.min_over_max,
+        "min_over_max_error": found.min_over_max_error,
+        "rsd": found.rsd,
+        "rsd_error": found.rsd_error,
+        "noise": found.noise,
+        "reason": found.reason,
+        f"lit_mean_{density.suffix}": density.factor * float(whole.mean()) if whole.size else 0.0,
+        "grid": found.grid,
+        f"box_{unit}": list(found.box),
+        "boxes": found.boxes,
+        "region_left": found.left,
+        f"margin_{unit}": found.margin,
+        f"blur_rms_{unit}": blur,
+        f"edge_width_{unit}": edge_width(irradiance, half_lit, found.mean, screen.pitch),
+    }
+
+
+def _beam(system: OpticalSystem, screen: Screen, intensity: Floats) -> dict[str, float | None]:
+    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`."""
+    density, units = system.density, system.units
+    peak = density.factor * float(intensity.max())
+    found: dict[str, float | None] = {f"peak_{density.suffix}": peak}
+    if units.luminous:
+        found["peak_cd_per_klm"] = KILO * peak / system.problem.source.flux
+    curves = plane_curves(intensity, *screen.centres)
+    for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD)):
+        for plane, curve in curves.items():
+            found[f"{angle}_{plane.partition('-')[0].lower()}"] = curve.width(share)
+    return found
+
+
+def photometric_lines(metrics: dict[str, Any], units: Units) -> list[str]:
+    """Return a line on the beam and one on the uniformity, where the metrics of a measurement have them."""
+    lines = []
+    if beam := metrics.get("beam"):
+        density = units.in_far_field
+        angles = (
+            f"{name.replace('_', ' ')} {_angle(beam[f'{name}_c0'])} in C0-C180, "
+            f"{_angle(beam[f'{name}_c90'])} in C90-C270"
+            for name in ("beam_angle", "field_angle")
+        )
+        per_klm = f" ({beam['peak_cd_per_klm']:.4g} cd/klm)" if units.luminous else ""
+        peak = f"peak intensity {beam[f'peak_{density.suffix}']:.4g} {density.shown}{per_klm}"
+        lines.append("; ".join([peak, *angles]))
+    if even := metrics.get("uniformity"):
+        lines.append(_uniformity_line(even, units.density("box_degrees" in even)))
+    return lines
+
+
+def _uniformity_line(even: dict[str, Any], density: Density) -> str:
+    unit = next(unit for unit in (Plane.unit, FarField.unit) if f"box_{unit}" in even)
+    symbol = "I" if unit == FarField.unit else "E"
+    across, down = even[f"box_{unit}"]
+    edge = even[f"edge_width_{unit}"]
+    mean = f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown}"
+    border = "" if edge is None else f"; edge from 90 to 10 % {edge:.3g} {unit} wide"
+    if even["min_over_mean"] is None:
+        return f"uniformity not known, since {even['reason']}; {mean}{border}"
+    return (
+        f"uniformity U0 = {symbol}_min/{symbol}_mean {even['min_over_mean']:.3f}, "
+        f"{symbol}_min/{symbol}_max {even['min_over_max']:.3f}, rsd {even['rsd']:.3f} "
+        f"on {even['boxes']} boxes of {across:.3g} x {down:.3g} {unit}, with a noise of {even['noise']:.1%} "
+        f"at most; {mean}{border}"
+    )
+
+
+def _angle(width: float | None) -> str:
+    """Return a width in words."""
+    return "beyond the target" if width is None else f"{width:.3g} degrees"

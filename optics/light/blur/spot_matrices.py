@@ -1,0 +1,160 @@
+"""How far light lands from where it did, when its direction changes before or in the lens.
+
+All light that passes a point u of the rear makes one spot on the target.  That is the linear image of the
+beam's angles delta and of the errors s of the slopes,
+
+    dX = B delta + F s_front + R s_rear,        all three (2, 2), at fixed u.
+
+A ray that starts turned, or is turned at the front, meets the rear at another point.  With the index k of a
+ray, its direction a inside the lens and its point u of the rear, the change of direction at fixed u is
+
+    da / d(delta) = a_delta - a_k u_k^-1 u_delta.
+
+Snell's law at the rear and the way to the target make dX of it.  Derivatives along a ray that keeps its
+index would mix in the curvature of the rear, which varies wildly where X does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.refraction import refracted
+from optics.light.tracing import Tracer
+from optics.scene.sources import corner_flux
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from optics.base.runtime import Backend
+    from optics.scene.paths import LightPath
+    from optics.scene.sources import Rays
+    from optics.scene.system import OpticalSystem
+
+Floats = NDArray[np.float64]
+
+CELLS = 64  # of the source in each direction: the way to the target varies slowly
+STEP = 1e-4  # radians, and slopes, of central differences: both their errors are about 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class LandingShifts:
+    """Means over the flux of dX by what turns light, (2, 2), mm or degrees per radian or slope.
+
+    variation : the standard deviation of `rear` over the lens, relative to its mean.
+    """
+
+    beam: Floats
+    front: Floats
+    rear: Floats
+    variation: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Rear:
+    """Light where it meets the rear: u (2, n, m), z (n, m), slopes (2, n, m), a (2, n, m), flux (n, m)."""
+
+    u: Floats
+    z: Floats
+    slopes: Floats
+    a: Floats
+    flux: Floats
+
+
+def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> LandingShifts:
+    """Return the LandingShifts of a path through a lens.
+
+    system : without blur, of a source without extent.
+    """
+    cells = system.source.cells((CELLS, CELLS))
+    s, t = (v.ravel() for v in np.meshgrid(cells.s, cells.t, indexing="ij"))
+    rays = cells.at(s, t, corner_flux(cells.emitted).ravel())
+
+    def at_rear(turn: Sequence[float] = (0.0, 0.0), front: Sequence[float] = (0.0, 0.0)) -> _Rear:
+        erring = path.with_slope_errors((np.reshape(front, (2, 1)) if any(front) else None, None))
+        return _at_rear(erring, backend, _turned(rays, turn), (len(cells.s), len(cells.t)))
+
+    here = at_rear()
+    inside_by_beam = _by_change(here, lambda d: at_rear(turn=d))
+    inside_by_front = _by_change(here, lambda d: at_rear(front=d))
+    by_inside = _differences(lambda d: _landing(path, here, here.a + d, here.slopes))
+    by_rear = _differences(lambda d: _landing(path, here, here.a, here.slopes + d))
+    known = here.flux > 0
+    for field in (inside_by_beam, inside_by_front, by_inside, by_rear):
+        known &= np.isfinite(field).all(axis=(0, 1))
+    flux = here.flux[known] / here.flux[known].sum()
+
+    def mean(field: Floats) -> Floats:
+        return np.asarray(field[:, :, known] @ flux)
+
+    rear = mean(by_rear)
+    spread = np.sqrt((np.square(by_rear[:, :, known] - rear[:, :, None]) @ flux).sum())
+    return LandingShifts(
+        mean(np.einsum("ij...,jk...->ik...", by_inside, inside_by_beam)),
+        mean(np.einsum("ij...,jk...->ik...", by_inside, inside_by_front)),
+        rear,
+        float(spread / np.linalg.norm(rear)),
+    )
+
+
+def _turned(rays: Rays, turn: Sequence[float]) -> Rays:
+    """Return rays with other directions from the same origins.  turn : added to the cosines along x and y."""
+    x, y, _ = rays.direction
+    x, y = x + turn[0], y + turn[1]
+    return replace(rays, direction=np.stack([x, y, np.sqrt(1 - x * x - y * y)]))
+
+
+def _at_rear(path: LightPath, backend: Backend, rays: Rays, shape: tuple[int, int]) -> _Rear:
+    tracer = Tracer(backend, path, rays)
+    with backend.dr.suspend_grad():
+        hits, direction, flux = tracer.at(1)
+    every = backend.dr.zeros(backend.Float, rays.flux.size)
+
+    def grid(*values: object) -> Floats:
+        return np.stack([np.asarray((v + every).numpy(), np.float64).reshape(shape) for v in values])
+
+    return _Rear(
+        grid(hits.x, hits.y),
+        grid(hits.z)[0],
+        grid(hits.zx, hits.zy),
+        grid(*direction[:2]),
+        grid(flux)[0],
+    )
+
+
+def _by_change(here: _Rear, changed: Callable[[Sequence[float]], _Rear]) -> Floats:
+    """Return the derivative of the direction inside by two components at fixed u, (2, 2, n, m)."""
+    u_k, a_k = (np.stack([np.gradient(v, axis=k) for k in (1, 2)], axis=1) for v in (here.u, here.a))
+    columns = []
+    for step in np.diag([STEP, STEP]):
+        after, before = changed(step.tolist()), changed((-step).tolist())
+        lost = (after.flux == 0) | (before.flux == 0)
+        u_d, a_d = ((x - y) / (2 * STEP) for x, y in ((after.u, before.u), (after.a, before.a)))
+        with np.errstate(divide="ignore", invalid="ignore"):  # where no light is
+            back = np.einsum("ij...,j...->i...", _inverse(u_k), u_d)
+            columns.append(np.where(lost, np.nan, a_d - np.einsum("ij...,j...->i...", a_k, back)))
+    return np.stack(columns, axis=1)
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Return the inverses of matrices (2, 2, n, m)."""
+    (a, b), (c, d) = matrix
+    return np.stack([np.stack([d, -b]), np.stack([-c, a])]) / (a * d - b * c)
+
+
+def _differences(landing: Callable[[Floats], Floats]) -> Floats:
+    """Return the derivative of landing points by two components, (2, 2, n, m)."""
+    steps = np.reshape([[STEP, 0], [0, STEP]], (2, 2, 1, 1))
+    return np.stack([(landing(d) - landing(-d)) / (2 * STEP) for d in steps], axis=1)
+
+
+def _landing(path: LightPath, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
+    """Return where light lands, (2, n, m): mm, or degrees in the far field."""
+    along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
+    point = path.surfaces[1].pose.points((*here.u, here.z))
+    with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
+        landed = path.receiver.land(point, refracted(path.media[1].index, along, list(slopes)))
+    return np.array([landed.u, landed.v])

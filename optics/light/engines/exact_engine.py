@@ -1,0 +1,76 @@
+"""The engine of the exact tracer: rays meet the splines themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.light.engines.traced_model import TracedModel
+from optics.light.measuring import MappedCells
+from optics.light.tracing import Tracer
+from optics.scene.sources import Rays, mirror_half
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.engines.light_model import Film
+    from optics.scene.receivers import Window
+    from optics.scene.sources import RayGrid
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+SOFT_RIM = 0.02  # of the half-width: where rays count less and less
+
+
+@dataclass(frozen=True, eq=False)
+class ExactEngine:
+    """Light models of exact rays and cells on a Dr.Jit backend: an `Engine`.
+
+    soft_rim : as of `Tracer`.
+    """
+
+    backend: Backend
+    soft_rim: float = SOFT_RIM
+
+    def model(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        film: Film,
+        axes: Sequence[int] = (),
+        fresh: np.random.Generator | None = None,
+    ) -> TracedModel:
+        """Return the light model of a system with the meshes of a lens, see `Engine`."""
+        rays, window, mirrors = measured_rays(self.backend, system, lens, film, axes, fresh)
+        path = system.path(lens).with_soft_rims(self.soft_rim)
+        if not system.problem.optimizer.fresnel:
+            path = path.without_reflection()
+        tracer = Tracer(self.backend, path, rays, sure=False)
+        light = float(rays.flux.sum())
+        return TracedModel(self.backend, tracer, film.screen, window, mirrors, light)
+
+
+def measured_rays(
+    backend: Backend,
+    system: OpticalSystem,
+    lens: Lens,
+    film: Film,
+    axes: Sequence[int] = (),
+    fresh: np.random.Generator | None = None,
+) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
+    """Return the rays for a film, how they are measured, and in which directions they are one half.
+
+    Cells of light that stays parallel up to the rear end at its rim, so that no cell is cut.
+    """
+    if film.window is None:
+        front, rear = (s.half_width for s in (lens.front, lens.rear))
+        lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front
+        cells = system.source.cells([n - 1 for n in film.rays], lit).half(axes)
+        rays = cells.rays()
+        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux), axes
+    rays = system.source.rays(film.rays, fresh)
+    if system.source.extended and isinstance(rays, Rays):
+        return mirror_half(rays, axes), film.window, axes
+    return rays, film.window, ()

@@ -1,0 +1,275 @@
+"""Where rays in any direction meet a surface: Newton's method on the ray parameter, within brackets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.intersections.hits import Hits, Vector
+from optics.light.intersections.proven_steps import box_bounds, first_fall, rounding_errors
+from optics.light.intersections.ray_roots import conic_distance, conic_jet
+from optics.light.intersections.spline_table import PolynomialTable, steepest_along
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, DrArray
+    from optics.light.intersections.proven_steps import Bounds, Fall
+    from thbcad.sags import Conic
+    from thbcad.splines import KnotVector
+
+    Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
+
+ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A surface with its sag: a height above it, mm, its greatest slope, net and power coefficients."""
+
+    jet: Surface
+    top: float
+    steepest: float
+    net: NDArray[np.float64] | None
+    power: DrArray
+
+
+class SearchedHits:
+    """Meeting points of rays in any direction, by Newton's method on the ray parameter.
+
+    A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
+    f(t) = surface height - ray height falls through zero.  A ray with f(t_0) < 0 or f(t_1) > 0 misses.
+    Newton's method starts at the conic's meeting point.  A step that leaves the bracket of f's signs is
+    replaced by halving the bracket.
+
+    Of several meetings the search returns one, as a rule the first.  With `sure` it is the first: rays that
+    are flatter than the surface is steep are led to it by steps that are proven to pass none, and are not
+    `found` where rounding decides (in single precision nothing is proven).  A ray that comes over the
+    rectangle above the surface misses it then.  Without knots the surface is the conic alone.
+    """
+
+    steps = 100
+    settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
+
+    def __init__(
+        self,
+        backend: Backend,
+        conic: Conic,
+        half_width: tuple[float, float],
+        knots: Sequence[KnotVector] | None = None,
+        sure: bool = True,
+    ) -> None:
+        self._sure = sure and knots is not None
+        self._knots = knots or ()
+        self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
+        self._backend, self._conic, self._half_width = backend, conic, half_width
+        self._table = None if knots is None else PolynomialTable(backend, knots)
+        self._size = backend.dr.opaque(backend.Float, float(max(half_width)))
+        self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
+        self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
+
+    def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
+        """Return the Hits of rays.
+
+        origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
+        """
+        dr, shape = self._backend.dr, self._shape(net)
+        with dr.suspend_grad():
+            o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
+            t, first, last, decided = self._search(shape, o, d)
+            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
+            jet = shape.jet(x, y)
+            speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
+            hit = (
+                (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o))
+                & (first <= t)
+                & (t <= last)
+                & decided
+            )
+            dr.eval(t, x, y, jet, hit, speed, decided)
+        if self._table is None and not dr.grad_enabled(origin, direction):
+            z, zx, zy, *_ = jet
+            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=decided, hit=hit, leaves=(), at=(x, y), dr=dr)
+        leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
+        dr.enable_grad(*leaves)
+        return self._attached(origin, direction, t, (x, y), jet, speed, decided, hit, leaves)
+
+    def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+        """Return z, zx, zy of a sag net alone at the meeting points."""
+        if self._table is None:
+            raise ValueError("a surface without a sag has no net")
+        with self._backend.dr.suspend_grad():
+            return tuple(self._table(self._table.power(net), *hits.at)[:3])
+
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+        """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
+        table = self._table if knots is None else PolynomialTable(self._backend, knots)
+        if table is None:
+            raise ValueError("a surface without a sag has no coefficients")
+        return table.pull_back(*hits.at, hits.taken_gradients())
+
+    def _shape(self, net: NDArray[np.float64] | None) -> _Shape:
+        top, steepest, power = self._top, self._slope, None
+        if self._table is not None and net is not None:
+            power = self._table.power(net)
+            top += max(0.0, float(net.max()))
+            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
+            steepest += float(np.hypot(along_x, along_y))
+        return _Shape(partial(self._surface, power), top, steepest, net, power)
+
+    def _search(
+        self, shape: _Shape, o: list[DrArray], d: list[DrArray]
+    ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return (ray parameter, t_0, t_1, decided); a decided ray that is not on the surface misses it.
+
+        decided : the search came to an end, and where it is to be sure, it is proven.
+        """
+        dr = self._backend.dr
+        tolerance = self.settled * self._resolution(o)
+        low, high = first, last = self._span(o, d, dr.opaque(self._backend.Float, shape.top))
+        t = conic_distance(self._backend, self._conic, o, d)
+        t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
+        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
+        decided = dr.isfinite(sum(o) + sum(d))
+        if self._sure and shape.net is not None:
+            doubtful = self._may_meet_twice(shape, d) & (first < last)
+            if dr.any(doubtful):
+                fall = self._first_fall(shape, o, d, (first, last), doubtful)
+                if self._backend.dtype is np.float64:
+                    decided &= fall.decided | ~doubtful
+                known = dr.select(doubtful & (fall.low < fall.high), 1, known)
+                ends = (fall.low, low), (fall.high, high), (fall.low, t)
+                low, high, t = (dr.select(doubtful, proven, wide) for proven, wide in ends)
+        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
+
+        def step(
+            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+        ) -> tuple[DrArray, ...]:
+            jet = shape.jet(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            residual = jet[0] - (o[2] + t * d[2])
+            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
+            before = residual > 0
+            low, high = dr.select(before, t, low), dr.select(before, high, t)
+            other = dr.select(before, high, low)  # the end of the bracket on the surface's side
+            known = known | dr.select(before, 1, 2)  # bit 0: f > 0 was seen at low, bit 1: f <= 0 at high
+            settled = dr.abs(residual) < tolerance
+            halved = dr.select(known == 3, 0.5 * (t + other), other)
+            t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
+            return t, low, high, known, active & ~settled & (low < high), count + 1
+
+        state = t, low, high, known, first < last, count
+        t, _, _, _, active, _ = dr.while_loop(
+            state, lambda *s: s[4] & (s[5] < self.steps), step, mode="symbolic"
+        )
+        return t, first, last, decided & ~active
+
+    def _may_meet_twice(self, shape: _Shape, d: list[DrArray]) -> DrArray:
+        """Return the mask of rays that are flatter than the surface is steep."""
+        dr = self._backend.dr
+        steep = dr.opaque(self._backend.Float, shape.steepest * (1 + self._backend.resolution))
+        return steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2]
+
+    def _first_fall(
+        self,
+        shape: _Shape,
+        o: list[DrArray],
+        d: list[DrArray],
+        interval: tuple[DrArray, DrArray],
+        doubtful: DrArray,
+    ) -> Fall:
+        """Return the first Fall of doubtful rays through the surface."""
+        backend, dr, table = self._backend, self._backend.dr, self._table
+        assert table is not None
+        assert shape.net is not None
+        boxes = box_bounds(backend, self._conic, self._half_width, self._knots, shape.net)
+        bounds = rounding_errors(backend, self._knots, table.moduli(shape.power), shape.steepest)
+        fixed, per_length, slope_error = (dr.opaque(backend.Float, e) for e in bounds)
+        errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
+
+        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
+            z, (height, zx, zy, *_) = o[2] + t * d[2], shape.jet(x, y)
+            within = [box.along((x, y, z), d, errors[0]) for box in boxes]
+            return height - z, zx * d[0] + zy * d[1] - d[2], within
+
+        return first_fall(backend, along, interval, doubtful, errors, doubtful & False)
+
+    def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
+        """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
+        dr, Float = self._backend.dr, self._backend.Float
+        first = dr.zeros(Float, max(dr.width(a) for a in (*o, *d)))
+        last = dr.select(d[2] > 0, (top - o[2]) / dr.select(d[2] > 0, d[2], 1), dr.inf) + first
+        for a, h in zip((0, 1), self._half_width):
+            moves = d[a] != 0
+            speed = dr.select(moves, d[a], 1)
+            ends = (-h - o[a]) / speed, (h - o[a]) / speed
+            inside = dr.abs(o[a]) <= h
+            first = dr.select(moves, dr.maximum(first, dr.minimum(*ends)), dr.select(inside, first, dr.inf))
+            last = dr.select(moves, dr.minimum(last, dr.maximum(*ends)), last)
+        return first, dr.select(dr.isinf(last), -1, last)  # rays straight down
+
+    def _resolution(self, origin: Sequence[DrArray]) -> DrArray:
+        """Return the distance, mm, within which a height counts as the surface's.
+
+        It is in proportion to the lens and to the ray's coordinates.
+        """
+        return self._unit + self._backend.resolution * sum(abs(a) for a in origin)
+
+    def _attached(
+        self,
+        origin: Vector,
+        direction: Vector,
+        t: DrArray,
+        point: tuple[DrArray, DrArray],
+        jet: Sequence[DrArray],
+        speed: DrArray,
+        found: DrArray,
+        hit: DrArray,
+        leaves: tuple[DrArray, ...],
+    ) -> Hits:
+        """Return Hits that carry the derivatives by the leaves and by the rays.
+
+        They come from one more Newton step, whose length is zero but whose derivatives are not: implicit
+        differentiation.  Beyond the rim the step leads to the plane that touches the surface in `point`,
+        where the ray passes the rim, so that meeting points leave the surface without a jump.  Derivatives
+        by the rays leave out that the plane turns as this point moves.
+        """
+        dr = self._backend.dr
+        z, zx, zy, zxx, zxy, zyy = jet
+        leaf_z, leaf_zx, leaf_zy = leaves or (z, zx, zy)
+        x, y = (o + t * d for o, d in zip(origin[:2], direction[:2]))
+        ray_z = origin[2] + t * direction[2]
+        point_z = dr.detach(ray_z)
+        dz = ray_z - point_z
+        dx, dy = x - point[0], y - point[1]
+        rate = dr.select(speed > 0, speed, 1)  # no ray enters along the surface
+        beyond = leaf_z + leaf_zx * dx + leaf_zy * dy - ray_z
+        fall = direction[2] - leaf_zx * direction[0] - leaf_zy * direction[1]
+        dt = dr.select(
+            hit, (leaf_z - z + zx * dx + zy * dy - dz) / rate, beyond / dr.select(speed > 0, fall, 1)
+        )
+        x, y = x + direction[0] * dt, y + direction[1] * dt
+        dx, dy = (dr.select(hit, a - b, 0) for a, b in zip((x, y), point))
+        return Hits(
+            x=x,
+            y=y,
+            z=point_z + dz + direction[2] * dt,
+            zx=leaf_zx + zxx * dx + zxy * dy,
+            zy=leaf_zy + zxy * dx + zyy * dy,
+            found=found,
+            hit=hit,
+            leaves=leaves,
+            at=point,
+            dr=dr,
+        )
+
+    def _clip(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray]:
+        dr, (hx, hy) = self._backend.dr, self._half_width
+        return dr.clip(x, -hx, hx), dr.clip(y, -hy, hy)
+
+    def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
+        base = conic_jet(self._backend, self._conic, x, y)
+        return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]

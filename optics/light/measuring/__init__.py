@@ -1,0 +1,11 @@
+"""Light measured on pixels: rays splatted through windows, cells mapped and cut exactly."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.light.measuring.mapped_cells import MappedCells as MappedCells
+    from optics.light.measuring.splat import Splat as Splat
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

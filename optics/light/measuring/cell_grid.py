@@ -1,0 +1,63 @@
+"""A grid of cells by their corners (Dr.Jit).
+
+The corners are numbered i n + j, n of them along j, and a cell has the number of its first corner.  Its
+corners are 0, 1 towards j + 1, 2 towards i + 1, and 3 towards both.  Cells that this numbering adds at the
+end of lines must be dark.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, DrArray
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Corners in pixel units, with a along columns.
+
+    passing : the fraction of their flux that arrives, NaN where a corner is not sound.
+    """
+
+    a: DrArray
+    b: DrArray
+    passing: DrArray
+
+
+class CellGrid:
+    """A grid of corners.
+
+    backend : of double precision.  shape : (m, n) corners.
+    """
+
+    def __init__(self, backend: Backend, shape: tuple[int, int]) -> None:
+        self._backend = backend
+        self.size = shape[0] * shape[1]
+        self._count, self._step = (backend.dr.opaque(backend.Index, k) for k in (self.size, shape[1]))
+
+    def at(self, values: DrArray, index: DrArray, exists: DrArray | bool = True) -> DrArray:
+        """Return the values at numbers, 0 where they do not exist."""
+        return self._backend.dr.gather(self._backend.Float, values, index, exists)
+
+    def cells(self) -> tuple[DrArray, DrArray]:
+        """Return the numbers of all cells, and whether they exist."""
+        cell = self._backend.dr.arange(self._backend.Index, self.size)
+        return cell, cell + self._step + 1 < self._count
+
+    def corners(self, cell: DrArray) -> tuple[DrArray, ...]:
+        """Return the numbers of the four corners of cells."""
+        return cell, cell + 1, cell + self._step, cell + self._step + 1
+
+    def of_corners(self, values: DrArray, cell: DrArray, exists: DrArray | bool = True) -> list[DrArray]:
+        """Return the values at the four corners of cells, 0 where these do not exist."""
+        return [self.at(values, corner, exists) for corner in self.corners(cell)]
+
+    def around_corners(self, values: DrArray) -> DrArray:
+        """Return the sum of the values of the four cells around every corner."""
+        corner = self._backend.dr.arange(self._backend.Index, self.size)
+        before = [(by, corner >= by) for by in (self._backend.Index(1), self._step, self._step + 1)]
+        here = self.at(values, corner)
+        return reduce(lambda total, by: total + self.at(values, corner - by[0], by[1]), before, here)

@@ -1,0 +1,18 @@
+"""The light that leaves a lens: rays and an intensity for other programs, where it is concentrated most."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.light.outgoing.concentration import (
+        Concentration as Concentration,
+        concentration_sentence as concentration_sentence,
+        fire_warning as fire_warning,
+        greatest_concentration as greatest_concentration,
+    )
+    from optics.light.outgoing.intensity_of_lens import outgoing_intensity as outgoing_intensity
+    from optics.light.outgoing.rays_of_lens import outgoing_rays as outgoing_rays
+    from optics.light.outgoing.steps_on_target import OnTarget as OnTarget, StepsOnTarget as StepsOnTarget
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

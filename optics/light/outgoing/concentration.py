@@ -1,0 +1,274 @@
+"""Where the light between a lens and its target is concentrated most, and whether it may start a fire.
+
+Without losses every ray keeps its flux.  Behind the rear it is straight, so that it meets the plane at z in
+x(z) = x + (z - z0) tan u.  The irradiance of sharp light is infinite on caustics.  What counts is its mean
+over a disk of the diameter
+
+    d = max(1 mm, 2 s tan a, what RAYS_IN_DISK take),    pi sin^2 a = 1 / b,
+
+with the way s from the rear and the greatest radiance b of a diverging beam, by flux and area: a disk that is
+as bright everywhere has the half-angle a.  Light of a point of the rear is such a disk on the plane, so that
+the mean of sharp light over it is the irradiance of the blurred light.  Sharp light is traced by the corners
+of its cells, and other light by rays as they are.
+
+The concentration is that mean over the irradiance of the front, its own mean over what is lit of it.
+Sunlight of 1 kW/m^2 is concentrated to as many kW/m^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from math import inf, isqrt, pi, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve
+from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull
+
+from optics.base.runtime import UserError
+from optics.light.tracing import Tracer
+from optics.scene.receivers import receiver_at
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.sources import SourceCells
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
+CELLS = 512  # of sharp light in each direction; their square is the number of rays of other light
+RAYS_IN_DISK = 16, 400  # at the irradiance of the front: cells, and rays at random, whose noise is 5 %
+PARTS, MOST_PARTS = 4, 1 << 16  # of a cell in each direction; of all cells, where they are not more
+FAR = 10_000.0  # mm behind the rear, as far as light to the far field is followed
+PLANES, CLOSER = 48, 12  # looked at, close together near the rear; steps around the two best of them
+LEAST_RAYS = 4  # on the front, that tell how much of it is lit
+ACROSS = 6  # bins across a disk
+WIDER = 1.01  # blocks over a disk, from which on they are cut again
+BLOCKS = 512  # of the light in each direction, at most
+SEARCHED, SEARCHED_LAST = 4, 64  # of these, the brightest, for disks; on the plane that is found
+SUNLIGHT = 1.0  # kW/m^2, across the beam
+KW_PER_M2 = 1000.0  # in W/mm^2
+IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/sources.md)
+
+
+@dataclass(frozen=True)
+class Concentration:
+    """The greatest concentration of light on a plane between lens and target.
+
+    times : the mean irradiance on a disk, over that of the front.  irradiance : on that disk, of the source's
+        own flux, W/mm^2 (lm/mm^2), without losses
+    sunlight : kW/m^2 on it where the sun shines along a beam's axis; None of sources that are no beams
+    behind : mm from the rear vertex to the plane.  disk : mm, its diameter.  searched : mm behind that vertex
+    """
+
+    times: float
+    irradiance: float
+    sunlight: float | None
+    behind: float
+    disk: float
+    searched: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundle:
+    """Straight light behind a lens: cells by the rays of their four corners, or rays alone.
+
+    start : (2, 4 or 1, n), x and y on the plane z0, mm.  slope : the same, tangents.  flux : (n,) W.
+    middle : of cells, (start, slope), (2, n) each.
+    z0, depth : mm behind the rear vertex, of that plane and, on average, of the points where rays leave.
+    front : W/mm^2, of what is lit of the front.  disk : mm, the least in which rays tell the irradiance.
+    """
+
+    start: Floats
+    slope: Floats
+    middle: tuple[Floats, Floats]
+    flux: Floats
+    z0: float
+    depth: float
+    front: float
+    disk: float
+
+    def of(self, some: NDArray[np.int64]) -> _Bundle:
+        """Return some of the cells or rays.  some : their numbers."""
+        return replace(
+            self,
+            start=self.start[:, :, some],
+            slope=self.slope[:, :, some],
+            middle=(self.middle[0][:, some], self.middle[1][:, some]),
+            flux=self.flux[some],
+        )
+
+
+def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) -> Concentration:
+    """Return the Concentration of the light of a lens through front and rear.
+
+    Rough faces are taken as smooth.  backend : of double precision.
+
+    Raises
+    ------
+    UserError : no light leaves the lens.
+    """
+    brightest = system.source.spread.brightest if system.source.diverging else inf
+    sine = sqrt(1 / (pi * brightest))
+    bundle = _leaving(system.shaping, lens, backend)
+    farthest = max(bundle.z0, min(system.target.z - lens.thickness, FAR))
+    planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
+
+    def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
+        """Return (greatest mean irradiance on a disk, its diameter, s)."""
+        disk = max(SMALLEST_DISK, bundle.disk, 2 * (s - bundle.depth) * sine / sqrt(1 - sine * sine))
+        return 4 * _most_in_disk(bundle, s - bundle.z0, disk, blocks) / (pi * disk**2), disk, float(s)
+
+    found = [on_plane(s) for s in planes]
+    for k in np.argsort([-light for light, _, _ in found])[:2]:
+        ends = planes[max(k - 1, 0)], planes[min(k + 1, PLANES)]
+        steps = {"maxiter": CLOSER}
+        closest = minimize_scalar(lambda s: -on_plane(s)[0], bounds=ends, method="bounded", options=steps)
+        found.append(on_plane(closest.x))
+    light, disk, behind = on_plane(max(found)[2], SEARCHED_LAST)
+    times = light / bundle.front
+    far = system.source.from_afar
+    return Concentration(times, light, SUNLIGHT * times if far else None, behind, disk, float(farthest))
+
+
+def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
+    """Return the light behind a lens without losses.
+
+    Raises
+    ------
+    UserError : there is none.
+    """
+    cells = None if system.source.extended else system.source.cells((CELLS, CELLS))
+    rays = system.source.rays((CELLS, CELLS)) if cells is None else cells.rays()
+    path = system.path(lens).without_absorption().without_reflection()
+    tracer = Tracer(backend, path.onto(receiver_at(lens.thickness)), rays)
+    with backend.dr.suspend_grad():
+        (front, rear), landing = tracer.trace_all()
+        assert rear is not None
+        met = rear if front is None else front
+        every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
+        onto, out = every & met.hit, every & landing.arrives
+        values = [met.x, met.y, rear.z, landing.x, landing.y, landing.p, landing.q, onto, out]
+        backend.dr.eval(values)
+    u, v, height, x, y, p, q, onto, out = (_corners(a.numpy(), cells) for a in values)
+    emitted = np.ravel(rays.flux if cells is None else cells.emitted)
+    lit, out = onto.all(axis=0) & (emitted > 0), out.all(axis=0) & (emitted > 0)
+    if not out.any() or np.count_nonzero(lit) < LEAST_RAYS:
+        raise UserError("no light leaves the lens by front and rear; check the source and the lens")
+    area = ConvexHull(np.stack([u[:, lit], v[:, lit]], axis=-1).reshape(-1, 2), qhull_options="QJ").volume
+    height, flux, z0 = height[:, out], emitted[out], float(height[:, out].max())
+    slope = np.stack([p, q])[:, :, out]
+    slope /= np.sqrt(1 - (slope**2).sum(axis=0))
+    start = np.stack([x, y])[:, :, out] + z0 * slope
+    each = RAYS_IN_DISK[cells is None] * area / np.count_nonzero(lit)
+    return _Bundle(
+        start=start,
+        slope=slope,
+        middle=(start.mean(axis=1), slope.mean(axis=1)),
+        flux=flux,
+        z0=z0,
+        depth=float(np.average(height.mean(axis=0), weights=flux)),
+        front=float(emitted[lit].sum()) / area,
+        disk=2 * sqrt(each / pi),
+    )
+
+
+def _corners(traced: Floats, cells: SourceCells | None) -> Floats:
+    """Return what is known of rays for every ray (1, n), or for the four corners of every cell (4, n)."""
+    if cells is None:
+        return traced[None, :]
+    at = traced.reshape(len(cells.s), len(cells.t))
+    return np.stack([at[i : i - 1 or None, j : j - 1 or None].ravel() for i in (0, 1) for j in (0, 1)])
+
+
+def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int, best: float = 0.0) -> float:
+    """Return the greatest flux within a disk on a plane, W; no less than the best known.
+
+    way : mm behind the plane z0.  blocks : to look in
+
+    A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these.  Where light is so
+    wide that blocks are larger than a disk, each is cut into blocks again.
+    """
+    a, b = bundle.middle[0] + way * bundle.middle[1]
+    block = max(diameter, max(np.ptp(a), np.ptp(b)) / BLOCKS)
+    i, j = (((c - c.min()) / block).astype(int) for c in (a, b))
+    rows, columns = i.max() + 2, j.max() + 2  # a dark one behind the last
+    light = np.bincount(i * columns + j, bundle.flux, rows * columns).reshape(rows, columns)
+    pairs = light[1:] + light[:-1]
+    four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
+    brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
+    for k in brightest[np.argsort(-four[brightest])]:
+        if four[k] <= best:
+            break
+        row, column = divmod(int(k), columns - 1)
+        inside = np.flatnonzero((i - row < 2) & (i >= row) & (j - column < 2) & (j >= column))
+        if block > WIDER * diameter and len(inside) < len(a):
+            best = _most_in_disk(bundle.of(inside), way, diameter, blocks, best)
+            continue
+        x, y = bundle.start[:, :, inside] + way * bundle.slope[:, :, inside]
+        best = max(best, _most_of_few(x, y, bundle.flux[inside], diameter))
+    return best
+
+
+def _most_of_few(x: Floats, y: Floats, flux: Floats, diameter: float) -> float:
+    """Return the same of light that is near: on bins, summed over disks around bins.
+
+    Where they are few, cells are cut into equal parts.  Each is shared by the four bins around its middle.
+    """
+    if len(x) > 1:
+        parts = max(1, min(PARTS, isqrt(MOST_PARTS // len(flux))))
+        at = (np.arange(parts) + 0.5) / parts
+        s, t = (a.ravel() for a in np.meshgrid(at, at))
+        weights = np.stack([(1 - s) * (1 - t), (1 - s) * t, s * (1 - t), s * t], axis=1)
+        x, y, flux = weights @ x, weights @ y, np.tile(flux / parts**2, (parts**2, 1))
+    a, b = ((c - c.min()) * ACROSS / diameter for c in (x.ravel(), y.ravel()))
+    i, j = a.astype(int), b.astype(int)
+    shape = i.max() + 2, j.max() + 2
+    light = np.zeros(shape[0] * shape[1])
+    for di, u in ((0, 1 - (a - i)), (1, a - i)):
+        for dj, v in ((0, 1 - (b - j)), (1, b - j)):
+            light += np.bincount((i + di) * shape[1] + j + dj, u * v * flux.ravel(), light.size)
+    return float(convolve(light.reshape(shape), _disk(), mode="constant").max())
+
+
+@cache
+def _disk() -> Floats:
+    """Return the shares of bins that lie in a disk of ACROSS bins around the middle one, (odd, odd)."""
+    side, fine = 2 * (ACROSS // 2) + 1, 16
+    at = (np.arange(side * fine) + 0.5) / fine - side / 2
+    inside = np.hypot(at, at[:, None]) <= ACROSS / 2
+    return inside.reshape(side, fine, side, fine).mean(axis=(1, 3))
+
+
+def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
+    """Return where light is concentrated most, and how much, in one sentence."""
+    light = system.units.in_plane.text(found.irradiance)
+    sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
+    return (
+        f"greatest concentration of light: {found.times:.3g} times that on the front, {light}{sun}, "
+        f"{_length(found.behind)} behind the rear vertex (mean over {found.disk:.2g} mm, without losses; "
+        f"searched up to {_length(found.searched)})"
+    )
+
+
+def _length(mm: float) -> str:
+    return f"{round(mm, 2) + 0.0:g} mm"  # no -0
+
+
+def fire_warning(system: OpticalSystem, found: Concentration) -> str:
+    """Return a warning where light may set fire to things, "" elsewhere."""
+    own = 0.0 if system.units.luminous else found.irradiance * KW_PER_M2
+    each = {"the source": own, f"sunlight of {SUNLIGHT:g} kW/m^2": found.sunlight or 0.0}
+    hot = [f"{heat:.3g} kW/m^2 with {light}" for light, heat in each.items() if heat >= IGNITING]
+    if not hot:
+        return ""
+    return (
+        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} behind the rear "
+        f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
+        "keep everything out of there, and cover the lens while nobody watches it"
+    )

@@ -1,0 +1,80 @@
+"""The light that leaves a lens as an intensity over the full sphere: for luminaire files.
+
+A sample of rays is followed through the closed lens with every split.  What leaves it by any face counts, by
+its direction alone; what passes beside the lens, or is reflected at its front and never enters, does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.light.analysis import ROULETTE, plane_behind
+from optics.light.tracing import TargetArea, trace_nonsequential
+from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import single_rays
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+REPLICATES = 8  # independent ones, whose spread is the noise
+RAYS_AT_ONCE = 1 << 17  # only memory: every ray has some branches
+STREAM = 2  # of random numbers, other than those of the other traces
+
+
+@dataclass(frozen=True, eq=False)
+class OutgoingIntensity:
+    """The light of a lens by direction.
+
+    luminaire : its intensity, W/sr, with the rear as its opening.  flux : W, that left the lens.
+    steps : of C and gamma, degrees; the intensity is smoothed over them.
+    noise : the L2 error of the intensity over the sphere, relative to its L2 norm.
+    """
+
+    luminaire: Luminaire
+    flux: float
+    steps: tuple[float, float]
+    noise: float
+
+
+def outgoing_intensity(
+    system: OpticalSystem, lens: Lens, backend: Backend, count: int, step: float
+) -> OutgoingIntensity:
+    """Return the intensity of the light behind a lens, by inner reflections and edges too.
+
+    backend : of double precision.  count : of rays, about.
+    step : of gamma, degrees, which divides 180; that of C is twice as large.
+    """
+    grid = IntensityGrid(round(180 / step), round(180 / step))
+    rng = np.random.default_rng((system.problem.run.seed, STREAM))
+    side = isqrt(max(1, count // REPLICATES) - 1) + 1
+    plane = TargetArea(receiver_at(plane_behind(system, lens)), lens.rear.half_width)
+    total, flux = [], 0.0
+    for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
+        nodes = np.zeros((grid.turns, grid.tilts + 1))
+        for part in parts:
+            rays = single_rays(part, lens)
+            out = trace_nonsequential(
+                backend,
+                lens,
+                rays,
+                plane,
+                threshold=ROULETTE,
+                roulette=rng,
+                absorption=system.absorption,
+            ).departures
+            nodes += grid.flux(out.direction, out.flux)
+            flux += float(out.flux.sum()) / REPLICATES
+        total.append(nodes)
+    hx, hy = lens.rear.half_width
+    luminaire = grid.luminaire(np.mean(total, axis=0), Opening((2 * hx, 2 * hy)))
+    error = grid.intensity(np.std(total, axis=0, ddof=1) / np.sqrt(REPLICATES))
+    weights = luminaire.node_solid_angles
+    noise = np.sqrt((weights * error**2).sum() / (weights * luminaire.candela**2).sum())
+    return OutgoingIntensity(luminaire, flux, grid.steps, float(noise))

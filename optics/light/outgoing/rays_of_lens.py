@@ -1,0 +1,50 @@
+"""The light behind a lens as rays: for ray files, which other programs go on with."""
+
+from __future__ import annotations
+
+from math import isqrt
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from optics.base.runtime import UserError
+from optics.light.tracing import Tracer
+from optics.scene.ray_files import RaySet
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+
+def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
+    """Return about `count` rays of the source that went through front and rear, in the unit of its flux.
+
+    place : where the rays start: on the "rear", or on the plane of the "target".  z is that of the lens.
+    backend : of double precision.
+
+    Light that edges and inner reflections send on is not among them.
+
+    Raises
+    ------
+    UserError : rays from the target in the far field, where no plane is.
+    """
+    if place == "target" and system.target.far_field:
+        raise UserError("the far field has no plane that rays may start from; take --light rear")
+    side = isqrt(count - 1) + 1
+    rays = system.source.rays((side, side))
+    tracer = Tracer(backend, system.path(lens), rays)
+    with backend.dr.suspend_grad():
+        hits, _, _ = tracer.at(1)
+        _, landing = tracer.trace()
+        values = [hits.x, hits.y, hits.z, landing.x, landing.y, landing.p, landing.q, landing.flux]
+        backend.dr.eval(values)
+    x, y, z, u, v, p, q, flux = (a.numpy() for a in values)
+    out = flux > 0
+    direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))], axis=1)
+    position = np.stack([x, y, z + lens.thickness], axis=1)
+    if place == "target":
+        position = np.stack([u, v, np.full_like(u, system.target.z)], axis=1)
+    wavelength = np.full(int(out.sum()), system.problem.source.wavelength)
+    unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
+    return RaySet(position[out], direction[out], flux[out], unit, wavelength)

@@ -1,0 +1,131 @@
+"""What the steps of a luminaire file do to the light on the target.
+
+A file gives the light smoothed over one step of its angles, and interpolates it.  Light that is known on the
+target is sent through the same grid: seen from the middle of the rear, at the distance d along z and at the
+angle gamma, an intensity I makes E = I cos^3(gamma) / d^2; in the far field E is I itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.analysis import rel_l2
+from optics.scene.luminaires import IntensityGrid, Opening, directions_at
+from optics.scene.photometry import uniformity
+from optics.scene.receivers import Receiver, receiver_at
+
+if TYPE_CHECKING:
+    from optics.scene.luminaires import Luminaire
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+POINTS = 4  # of a pixel each way, and of a step at least
+FINE = 0.25  # degrees: between points of gamma at most; pixels are no finer as a rule
+
+
+@dataclass(frozen=True)
+class OnTarget:
+    """Light on the target beside that of the lens.
+
+    rel_l2 : of both, scaled to one mean.  min_over_mean : U0 on boxes, None of a picture.
+    """
+
+    rel_l2: float
+    min_over_mean: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class StepsOnTarget:
+    """The light of a lens on its target, and what luminaires make of it.
+
+    light : on the target's pixels, (rows, columns); only its ratios count.
+    blur : see `optics.light.blur.spot_rms`, for U0.
+    """
+
+    system: OpticalSystem
+    lens: Lens
+    light: Floats
+    blur: float = 0.0
+
+    @property
+    def own(self) -> OnTarget:
+        """The light of the lens itself."""
+        return self._beside(self.light)
+
+    def by_file(self, luminaire: Luminaire) -> OnTarget:
+        """Return the light that a luminaire makes, as of a point in the middle of the rear."""
+        return self._beside(self._relit(luminaire))
+
+    def by_steps(self, step: float) -> OnTarget:
+        """Return the light of the lens, smoothed and interpolated as a file of a step does, without noise."""
+        grid = IntensityGrid(round(180 / step), round(180 / step))
+        points = grid.tilts * max(POINTS, ceil(step / FINE))
+        middles = (np.arange(points) + 0.5) / points
+        c, gamma = (a.ravel() for a in np.meshgrid(360 * middles, 180 * middles[: points // 2]))
+        direction = directions_at(c, gamma)
+        solid = np.sin(np.radians(gamma)) * 2 * (np.pi / points) ** 2
+        flux = self._intensity(direction) * solid
+        return self._beside(self._relit(grid.luminaire(grid.flux(direction, flux), Opening())))
+
+    def _intensity(self, direction: Floats) -> Floats:
+        """Return the intensity of the light of the lens in forward directions (3, n), 0 beside the target."""
+        screen = self.system.target.screen()
+        landed = self._receiver.land((0.0, 0.0, 0.0), direction)
+        x, y, forward = landed.u, landed.v, direction[2]
+        dilution = np.ones(forward.size) if screen.angular else forward**3 / self._distance**2
+        maps = screen.pixel_map()
+        column, row = (np.floor(p * maps[k][0] + maps[k][1] - screen.margin) for k, p in enumerate((x, y)))
+        rows, columns = self.light.shape
+        on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        intensity = np.zeros(forward.size)
+        # noise may leave less than no light
+        intensity[on] = (
+            np.maximum(self.light[row[on].astype(int), column[on].astype(int)], 0.0) / dilution[on]
+        )
+        return intensity
+
+    def _beside(self, light: Floats) -> OnTarget:
+        region, grid = self.system.target.even_region, self.system.problem.verify.grid
+        found = region and uniformity(
+            light, region, self.system.target.settings.half_width, blur=self.blur, grid=grid
+        )
+        return OnTarget(rel_l2(light, self.light), found.min_over_mean if found else None)
+
+    def _relit(self, luminaire: Luminaire) -> Floats:
+        """Return the mean light on every pixel."""
+        direction, dilution = self._points
+        return _pixel_means(luminaire.intensity(direction) * dilution, self.light.shape)
+
+    @cached_property
+    def _points(self) -> tuple[Floats, Floats]:
+        """Directions to the points of all pixels, (3, n), and E / I there, (n,)."""
+        screen = self.system.target.screen().finer(POINTS)
+        x, y = (a.ravel() for a in np.meshgrid(*screen.centres))
+        direction = np.stack(np.broadcast_arrays(*self._receiver.toward((0.0, 0.0, 0.0), x, y)))
+        if screen.angular:
+            return direction, np.ones(x.size)
+        return direction, self._distance / np.linalg.norm(direction, axis=0) ** 3
+
+    @property
+    def _receiver(self) -> Receiver:
+        """The target as seen from the middle of the rear."""
+        return receiver_at(self._distance)
+
+    @property
+    def _distance(self) -> float:
+        """From the middle of the rear to the plane of the target, mm."""
+        return self.system.target.z - self.lens.thickness
+
+
+def _pixel_means(values: Floats, shape: tuple[int, ...]) -> Floats:
+    rows, columns = shape
+    means: Floats = values.reshape(rows, POINTS, columns, POINTS).mean(axis=(1, 3))
+    return means

@@ -1,0 +1,230 @@
+"""Non-sequential tracing: every ray through the closed lens, with every split at its faces.
+
+At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).
+Branches go on, generation by generation, until they leave the lens for good, fall below a
+threshold or have met too many faces.  Every part of the source flux ends in one named fate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.tracing.branches import (
+    FRONT,
+    LEFT,
+    NEVER,
+    OUTSIDE,
+    UNDECIDED,
+    Branches,
+    ClosedLens,
+    Meetings,
+    split,
+)
+from optics.light.tracing.fates import FATES, Fates
+from optics.light.tracing.landings import LandingPoints
+from optics.scene.sources import require_rays
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.receivers import Receiver
+    from optics.scene.sources import Rays
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True)
+class TargetArea:
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens."""
+
+    receiver: Receiver
+    half_width: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Departures:
+    """Branches that left the lens by any of its faces, in all directions.
+
+    direction : (3, k), unit vectors.  flux : (k,), W.
+    """
+
+    direction: NDArray[np.float64]
+    flux: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NonsequentialResult:
+    """Where the light went.
+
+    by_ray : (len(FATES), n), W, of every source ray by fate.
+    landings : of the m branches that cross the target plane, on the rectangle or beside it.
+    ray : (m,), index of the source ray.  fate : (m,), index into FATES.
+    direct : (m,), True for the path front, rear, target, with two refractions and nothing else.
+    departures : of the branches that left the lens, be it forward or back.
+    """
+
+    by_ray: NDArray[np.float64]
+    landings: LandingPoints
+    ray: NDArray[np.int64]
+    fate: NDArray[np.int64]
+    direct: NDArray[np.bool_]
+    departures: Departures
+
+    @property
+    def fates(self) -> Fates:
+        return Fates(*(float(f) for f in self.by_ray.sum(axis=1)))
+
+
+def trace_nonsequential(
+    backend: Backend,
+    lens: Lens,
+    rays: Rays,
+    target: TargetArea,
+    bounces: int = 64,
+    threshold: float = 1e-4,
+    roulette: np.random.Generator | None = None,
+    absorption: float = 0.0,
+) -> NonsequentialResult:
+    """Trace rays through the closed lens with all reflections.
+
+    bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
+    Both drop branches into the fate `trapped`.
+    roulette : decides on branches below the threshold instead.  They survive with the probability
+        flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
+    absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    """
+    require_rays(rays)
+    solid = ClosedLens(backend, lens)
+    n = len(rays.flux)
+    by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
+
+    def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
+        np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
+
+    branches = Branches.start(rays)
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
+        fate, x, y, reaches = _fates(gone, undecided, target)
+        account(gone, fate)
+        left = (gone.left >= FRONT) & (fate != FATES.index("failed"))
+        departures.append((gone.direction[:, left], gone.flux[left]))
+        gone = gone[reaches]
+        landings.append((x[reaches], y[reaches], gone.flux, gone.ray, fate[reaches], gone.stage == LEFT))
+        if generation == bounces:
+            account(branches[~leaving], FATES.index("trapped"))
+            break
+        if absorption:
+            kept = np.where(leaving, 1.0, _transmission(branches, meetings, absorption))
+            account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+            branches = replace(branches, flux=branches.flux * kept)
+        refracted, reflected = split(branches, meetings)
+        branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
+        least = threshold * rays.flux[branches.ray]
+        if roulette is None:
+            weak = branches.flux <= least
+            account(branches[weak], FATES.index("trapped"))
+            branches = branches[~weak]
+        else:
+            branches = branches.survivors(least, roulette)
+        if not len(branches.ray):
+            break
+    x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
+    out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
+    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
+
+
+def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) -> Branches:
+    """Return what a camera sees along rays that come to the closed lens: branches that leave it.
+
+    These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
+    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped.
+    """
+    require_rays(rays)
+    solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        refracted, reflected = split(branches, meetings)
+        passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
+        gone.append(branches[leaving & ~branches.inside])
+        if not generation:
+            gone.append(reflected[~leaving])
+        branches = refracted[~leaving & passes]
+        if generation:
+            branches = branches + reflected[~leaving & ~passes]
+        if not len(branches.ray):
+            break
+    return sum(gone[1:], start=gone[0])
+
+
+def _transmission(branches: Branches, meetings: Meetings, absorption: float) -> NDArray[np.float64]:
+    """Return what absorption leaves of branches on their way to the next face, exp(-a t), (m,)."""
+    path = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    return np.where(branches.inside, np.exp(-absorption * path), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class RayPath:
+    """The strongest branch of a ray: points (k, 3), mm, from the source to the fate, a name out of FATES."""
+
+    points: NDArray[np.float64]
+    fate: str
+
+
+def trace_paths(
+    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
+) -> list[RayPath]:
+    """Return the path of the stronger part at every face, for drawing.
+
+    A path ends in the target plane; one that never reaches it ends a lens's thickness after its
+    last face, or on that face after `bounces` of them.
+    """
+    require_rays(rays)
+    solid, branches = ClosedLens(backend, lens), Branches.start(rays)
+    points = [[point] for point in rays.origin.T]
+    fates = ["trapped"] * len(points)
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
+        fate, x, y, reaches = _fates(gone, undecided, target)
+        stub = (gone.origin + lens.thickness * gone.direction).T
+        there = target.receiver.pose.points(np.stack([x, y, np.zeros_like(x)])).T
+        ends = np.where(reaches[:, None], there, stub)
+        for ray, end, which in zip(gone.ray, ends, fate):
+            points[ray].append(end)
+            fates[ray] = FATES[which]
+        for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
+            points[ray].append(point)
+        refracted, reflected = split(branches, meetings)
+        passes = meetings.transmittance >= 0.5
+        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
+        if generation == bounces or not len(branches.ray):
+            break
+    return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
+
+
+def _fates(
+    gone: Branches, undecided: NDArray[np.bool_], target: TargetArea
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return (fates, x, y, crossing) of branches that meet no face, or none for sure.
+
+    x, y : mm, in the target plane.  crossing : the mask of those that cross it.
+    """
+    failed = gone.inside | undecided
+    landed = target.receiver.land(gone.origin, gone.direction)
+    x, y, reaches = landed.u, landed.v, landed.met & (landed.length >= 0) & ~failed
+    onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
+    on, off = (
+        np.array([FATES.index(name + side) for name in ("front_", "", "edges_")])
+        for side in ("on_target", "off_target")
+    )
+    exit_face = np.maximum(gone.left, FRONT) - FRONT
+    fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), FATES.index("back"))
+    fate = np.where(gone.left == NEVER, FATES.index("beside_lens"), fate)
+    fate = np.where(gone.left == OUTSIDE, FATES.index("reflected_outside"), fate)
+    return np.where(failed, FATES.index("failed"), fate), x, y, reaches

@@ -1,0 +1,278 @@
+"""Sequential tracing: rays from a source over the surfaces of a light path to its receiver.
+
+What no change of coefficients reaches is traced once: the surfaces before the first that carries a sag.
+Light along z that comes through a plane is still parallel, so that its meeting points with the next surface
+are known; all others are searched for.  Every ray ends in exactly one of the fates that `SequentialFates`
+names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache, partial, reduce
+from itertools import pairwise, takewhile
+from operator import and_
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.light.intersections import DeviceRays, Hits, KnownHits, SearchedHits, device_flux, on_device
+from optics.light.tracing.fates import SequentialFates
+from optics.light.tracing.landings import Landing
+from optics.light.tracing.traced_surface import Passage, TracedSurface, knots_of
+from optics.scene.sources import RayGrid, Rays
+from thbcad.poses import IDENTITY
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend, DrArray
+    from optics.light.intersections import Vector
+    from optics.scene.paths import LightPath
+    from thbcad.splines import KnotVector
+
+Coefficients: TypeAlias = "Sequence[NDArray[np.float64]]"
+LOSSES = (
+    "beside_lens",
+    "front_reflected",
+    "missed_rear",
+    "unresolved",
+    "total_internal",
+    "rear_reflected",
+    "absorbed",
+)
+Step: TypeAlias = "tuple[Hits | None, Passage]"  # no Hits where light along z passes a plane
+
+
+class Tracer:
+    """Rays of one source along a path over surfaces whose sags may change.
+
+    Coefficients are those of the sags, (dim,) each, in the order of the path; None are the path's own.
+
+    sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
+        `SearchedHits`.  This costs up to three times the time.
+    """
+
+    def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, sure: bool = True) -> None:
+        self._backend, self._path, self._sure = backend, path, sure
+        self._emitted = path.share * rays.total
+        self._missed = path.share * rays.missed if isinstance(rays, RayGrid) else 0.0
+        self._width = rays.flux.size
+        self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
+        self._embeddings = [sag.space.embedding for sag in path.sags]
+        frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
+        self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
+        self._receiver = path.receiver.seen_from(frames[-1])
+        self._number = cache(partial(backend.dr.opaque, backend.Float))
+        grid = rays if isinstance(rays, RayGrid) and _stays_parallel(path) else None
+        self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
+        self._fixed: list[Step] = []  # over surfaces that no coefficients change
+        if grid is not None:
+            self._fixed, self._behind = self._through_plane()
+            return
+        single = rays if isinstance(rays, Rays) else rays.rays(path.before)
+        self._source = self._behind = on_device(backend, single.posed(frames[0].inverse()), self._flux)
+        for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
+            step, self._behind = self._over(k, self._behind, None)
+            self._fixed.append(step)
+            backend.dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
+
+    def trace(self, coefficients: Coefficients | None = None) -> tuple[list[Hits], Landing]:
+        """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves."""
+        every, landing = self.trace_all(coefficients)
+        pairs = zip(every, self._path.surfaces)
+        return [hits for hits, s in pairs if hits is not None and s.shape.sag is not None], landing
+
+    def trace_all(self, coefficients: Coefficients | None = None) -> tuple[list[Hits | None], Landing]:
+        """Return (Hits of every surface, Landing).
+
+        There are no Hits of a plane through which light along z goes on to known meeting points.
+        """
+        steps, rays = self._follow(coefficients, len(self._surfaces))
+        return [hits for hits, _ in steps], self._landing([passage for _, passage in steps], rays)
+
+    def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
+        """Return (Hits of a surface, directions before it, flux before it, zero for rays that miss).
+
+        surface : its number along the path; directions are in its frame.
+
+        Raises
+        ------
+        ValueError : light along z passes it without being traced; give rays one by one.
+        """
+        if surface < len(self._fixed):
+            if self._fixed[surface][0] is None:
+                raise ValueError("parallel light is not traced to a plane; give rays one by one")
+            rays = self._source
+            for k in range(surface):
+                _, rays = self._over(k, rays, None)
+        else:
+            _, rays = self._follow(coefficients, surface)
+        hits = self._surfaces[surface].meet(rays, self._nets(coefficients)[surface])
+        return hits, rays.direction, self._backend.dr.select(hits.hit, rays.flux, 0)
+
+    def _follow(self, coefficients: Coefficients | None, stop: int) -> tuple[list[Step], DeviceRays]:
+        """Return the steps over the surfaces before number `stop`, and the rays behind them."""
+        nets, steps, rays = self._nets(coefficients), list(self._fixed), self._behind
+        for k in range(len(steps), stop):
+            step, rays = self._over(k, rays, nets[k])
+            steps.append(step)
+        return steps, rays
+
+    def _over(self, k: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> tuple[Step, DeviceRays]:
+        """Return the step over a surface, and the rays behind it in the frame of the next one."""
+        surface = self._surfaces[k]
+        hits = surface.meet(rays, net)
+        passage, direction = surface.passed(rays, hits)
+        point: Vector = (hits.x, hits.y, hits.z)
+        for ahead in self._ahead[k : k + 1]:
+            point, direction = ahead.points(point), ahead.directions(direction)
+        return (hits, passage), DeviceRays(point, direction, passage.leaving)
+
+    def _through_plane(self) -> tuple[list[Step], DeviceRays]:
+        """Return the step of light along z through a plane, and the rays behind it.
+
+        Their meeting points with the next surface are known, so that no ray is beside the plane.
+        """
+        dr, Float, second = self._backend.dr, self._backend.Float, self._surfaces[1].hits
+        assert isinstance(second, KnownHits)
+        direction = (0.0, 0.0, 1.0)
+        _, share, _ = self._surfaces[0].turned(direction, (Float(0), Float(0)))
+        entering = self._flux * share
+        dr.make_opaque(entering)
+        origin = second.x, second.y, self._ahead[0].shift[2].item()
+        before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
+        step = None, Passage(before, True, True, True, self._flux, entering)
+        return [step], DeviceRays(origin, direction, entering)
+
+    def _landing(self, passages: list[Passage], rays: DeviceRays) -> Landing:
+        dr = self._backend.dr
+        goes_on = reduce(and_, (p.goes_on for p in passages[-1:]), True)
+        x, y, z = rays.direction
+        # where nothing goes on no denominator may vanish
+        landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
+        known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
+        return Landing(
+            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
+        )
+
+    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64] | None]:
+        """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
+        every = self._path.coefficients if coefficients is None else coefficients
+        nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, every)])
+        return [None if s.shape.sag is None else next(nets) for s in self._path.surfaces]
+
+    def pull_back(
+        self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
+    ) -> list[NDArray[np.float64]]:
+        """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
+
+        knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
+        """
+        # of all surfaces together: they have most of the path in common
+        self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])
+        if knots is not None:
+            return [s.pull_back(h, k) for s, h, k in zip(self._changing, hits, knots)]
+        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, self._changing, hits)]
+
+    def set_directions(
+        self, hits: Sequence[Hits], directions: Sequence[NDArray[np.float64]]
+    ) -> list[DrArray]:
+        """Set the derivatives of all leaves to those along a direction in the coefficients; return them."""
+        nets = [e.coefficients(d) for e, d in zip(self._embeddings, directions)]
+        for surface, hit, net in zip(self._changing, hits, nets):
+            for leaf, slope in zip(hit.leaves, surface.jet(hit, net)):
+                self._backend.dr.set_grad(leaf, slope)
+        return [leaf for hit in hits for leaf in hit.leaves]
+
+    @property
+    def _changing(self) -> list[KnownHits | SearchedHits]:
+        """What meets the surfaces that carry a sag."""
+        return [s.hits for s in self._surfaces if s.surface.shape.sag is not None]
+
+    def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
+        """Return the flux of a traced landing by fate, for a target rectangle.
+
+        What happens behind the first surface is summed over all of these; light that does not meet the
+        receiver is beside the target.
+        """
+        dr = self._backend.dr
+        onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
+
+        def total(values: DrArray, mask: DrArray | bool) -> float:
+            every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
+            return float(dr.sum(every).numpy()[0])
+
+        coming, lost = self._missed + self._emitted, dict.fromkeys(LOSSES, 0.0)
+        before = self._flux
+        for k, p in enumerate(landing.passages):
+            first = k == 0
+            unresolved, hit = total(before, dr.select(p.found, False, True)), total(before, p.hit)
+            absorbing = self._path.media[k].absorption
+            reaching = total(p.reaching, p.hit) if absorbing else hit
+            going = reaching if first else total(p.reaching, p.hit & p.goes_on)
+            leaving = total(p.leaving, True)
+            lost["unresolved"] += unresolved
+            lost["beside_lens" if first else "missed_rear"] += coming - unresolved - hit
+            lost["absorbed"] += hit - reaching
+            lost["total_internal"] += reaching - going
+            lost["front_reflected" if first else "rear_reflected"] += going - leaving
+            coming, before = leaving, p.leaving
+        on_target = total(landing.flux, onto)
+        return SequentialFates(
+            on_target=on_target,
+            off_target=max(0.0, coming - on_target),
+            **{fate: max(0.0, flux) for fate, flux in lost.items()},  # rounding is no negative light
+        )
+
+    def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
+        """Return how many rays have each fate.
+
+        Reflected light is not counted: it splits off rays that go on.
+        """
+        dr = self._backend.dr
+        onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
+        alive = dr.ones(dr.mask_t(self._backend.Float), self._width)
+        counts = dict.fromkeys(("beside_lens", "missed_rear", "unresolved", "total_internal"), 0)
+
+        def count(mask: DrArray) -> int:
+            return int(dr.count(mask).numpy()[0])
+
+        for k, p in enumerate(landing.passages):
+            found, hit = alive & p.found, alive & p.found & p.hit
+            counts["unresolved"] += count(alive & ~found)
+            counts["missed_rear" if k else "beside_lens"] += count(found & ~hit)
+            alive = hit & p.goes_on
+            counts["total_internal"] += count(hit & ~alive)
+        return counts | {"on_target": count(alive & onto), "off_target": count(alive & ~onto)}
+
+    def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
+        """Return a surface of the path.  grid : of light along z, which meets it behind a plane."""
+        path, backend = self._path, self._backend
+        surface, hits = path.surfaces[k], None
+        shape, knots = surface.shape, knots_of(surface.shape)
+        changes = any(s.shape.sag is not None for s in path.surfaces[: k + 1])
+        if grid is not None and knots is not None:
+            hits = KnownHits(backend, grid, shape.conic, shape.half_width, knots)
+        return TracedSurface(
+            backend,
+            surface,
+            (path.media[k], path.media[k + 1]),
+            hits or SearchedHits(backend, shape.conic, shape.half_width, knots, self._sure),
+            path.soft_rim if changes else 0.0,
+        )
+
+
+def _stays_parallel(path: LightPath) -> bool:
+    """Whether light along z is still along z where it meets the second surface, which carries a sag."""
+    if len(path.surfaces) < 2:
+        return False
+    first, second = path.surfaces[:2]
+    return (
+        second.shape.sag is not None
+        and first.kind == "refract"
+        and first.shape.is_plane
+        and first.slope_error is None
+        and first.height_error is None
+        and first.pose.is_identity
+        and not (second.pose.rotates or second.pose.shift[:2].any())
+    )

@@ -1,0 +1,130 @@
+"""One surface of a light path on the device: where rays meet it, and how they go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.light.intersections import DeviceRays, Hits, KnownHits, raised_hits, rim_fade
+from optics.light.tracing.refraction import reflect, refract
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from optics.base.runtime import Backend, DrArray
+    from optics.light.intersections import SearchedHits, Vector
+    from optics.scene.paths import Medium, Surface
+    from thbcad.lens import FreeformSurface
+    from thbcad.splines import KnotVector
+
+RAISING_STEPS = 6  # at most: an error of 1 um with slopes of 1e-3 takes one, a gross one of 0.01 mm three
+
+
+@dataclass(eq=False)
+class Passage:
+    """What becomes of rays at a surface.
+
+    before : the rays that come, in its frame.
+    found, hit : as in Hits.  goes_on : the mask of rays that are refracted forward, or reflected.
+    reaching : flux at the surface, W: what absorption leaves of that behind the one before.
+    leaving : flux that goes on, zero of all other rays.
+    """
+
+    before: DeviceRays
+    found: DrArray | bool
+    hit: DrArray | bool
+    goes_on: DrArray | bool
+    reaching: DrArray
+    leaving: DrArray
+
+
+class TracedSurface:
+    """A surface and the media on its two sides.
+
+    hits : what finds meeting points.  media : before the surface and behind it.
+    soft_rim : as of `LightPath`; 0 is a hard rim.
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        surface: Surface,
+        media: tuple[Medium, Medium],
+        hits: KnownHits | SearchedHits,
+        soft_rim: float,
+    ) -> None:
+        self.surface, self.hits = surface, hits
+        self._backend, self._soft_rim = backend, soft_rim
+        before, behind = media[0], surface.beyond if surface.kind == "reflect" else media[1]
+        # opaque numbers do not become part of the kernels, which then serve every source and lens
+        self._eta = backend.dr.opaque(backend.Float, before.index / behind.index)
+        self._absorption = backend.dr.opaque(backend.Float, before.absorption) if before.absorption else None
+        error = surface.slope_error
+        self._slope_error = error if error is None else [*map(backend.array, error)]
+
+    def meet(self, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
+        """Return the Hits of rays in the surface's own frame.  net : of its sag, where it has one."""
+        error, known = self.surface.height_error, isinstance(self.hits, KnownHits)
+
+        def meet(height: DrArray | float) -> Hits:
+            if isinstance(self.hits, KnownHits):
+                assert net is not None
+                return self.hits.meet(net)
+            x, y, z = rays.origin
+            return self.hits.meet((x, y, z - height), rays.direction, net)
+
+        if error is None:
+            return meet(0.0)
+        return raised_hits(self._backend, error, meet, 0 if known else RAISING_STEPS)
+
+    def passed(self, rays: DeviceRays, hits: Hits) -> tuple[Passage, Vector]:
+        """Return what becomes of rays that met the surface, and the directions in which they go on.
+
+        Directions of rays that do not go on mean nothing.
+        """
+        dr = self._backend.dr
+        direction, share, goes_on = self.turned(rays.direction, self._slopes(hits))
+        if self.surface.kind == "refract":
+            goes_on = goes_on & (direction[2] > 0)
+        reaching = self._left(rays, hits)
+        passing = reaching * share * self._rim(hits)
+        leaving = dr.select(hits.hit & goes_on, passing, 0)
+        return Passage(rays, hits.found, hits.hit, goes_on, reaching, leaving), direction
+
+    def turned(self, direction: Vector, slope: tuple[DrArray, DrArray]) -> tuple[Vector, DrArray, DrArray]:
+        """Return directions behind it, the share of light that goes on, and the mask of these rays."""
+        turn = reflect if self.surface.kind == "reflect" else refract
+        out, share, goes_on = turn(self._backend.dr, direction, slope, self._eta)
+        if self.surface.share is not None:
+            share = self._backend.dr.select(goes_on, self._backend.Float(self.surface.share), 0)
+        return out, share, goes_on
+
+    def _left(self, rays: DeviceRays, hits: Hits) -> DrArray:
+        """Return the flux that absorption leaves of rays on their way to the surface, exp(-a t)."""
+        if self._absorption is None:
+            return rays.flux
+        dr = self._backend.dr
+        path = (hits.z - rays.origin[2]) / rays.direction[2]
+        return rays.flux * dr.exp(-self._absorption * dr.select(hits.hit, path, 0))
+
+    def _slopes(self, hits: Hits) -> tuple[DrArray, DrArray]:
+        """Return the slopes by which rays go on."""
+        error = self._slope_error
+        return (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
+
+    def _rim(self, hits: Hits) -> DrArray | float:
+        """Return 1 inside the surface, falling to 0 at its rim, see `rim_fade`."""
+        if not self._soft_rim or isinstance(self.hits, KnownHits):
+            return 1.0
+        return rim_fade(self._backend, (hits.x, hits.y), self.surface.shape.half_width, self._soft_rim)
+
+
+def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
+    """Return the knots in mm of a sag's tensor-product form."""
+    if shape.sag is None:
+        return None
+    embedding = shape.sag.space.embedding
+    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), shape.half_width))
+    return kv_x, kv_y

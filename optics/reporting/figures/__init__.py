@@ -1,0 +1,51 @@
+"""Pictures of lenses, scenes and light, drawn by matplotlib."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.reporting.figures.as_built_figures import (
+        height_error_figure as height_error_figure,
+        made_light_figure as made_light_figure,
+    )
+    from optics.reporting.figures.canvas import (
+        new_figure as new_figure,
+        new_panels as new_panels,
+        plane_figure as plane_figure,
+        png_bytes as png_bytes,
+    )
+    from optics.reporting.figures.colours_of_light import colour_figures as colour_figures
+    from optics.reporting.figures.intensity_diagrams import intensity_figures as intensity_figures
+    from optics.reporting.figures.lens_and_light import (
+        draw_fan as draw_fan,
+        lens_figures as lens_figures,
+        light_figures as light_figures,
+    )
+    from optics.reporting.figures.level_figures import level_figure as level_figure
+    from optics.reporting.figures.overview import (
+        OverviewFigure as OverviewFigure,
+        overview_figure as overview_figure,
+        overview_html as overview_html,
+    )
+    from optics.reporting.figures.scene_figure import scene_paths as scene_paths, scene_view as scene_view
+    from optics.reporting.figures.solid_figure import draw_solid as draw_solid, solid_views as solid_views
+    from optics.reporting.figures.source_figures import (
+        bound_figure as bound_figure,
+        relit_figure as relit_figure,
+    )
+    from optics.reporting.figures.tolerance_figures import (
+        change_figure as change_figure,
+        cost_figure as cost_figure,
+        form_figures_of as form_figures_of,
+        made_lens_figures_of as made_lens_figures_of,
+    )
+    from optics.reporting.figures.tool_figures import figures_of_tool as figures_of_tool
+    from optics.reporting.figures.trace_figures import (
+        fresnel_figure as fresnel_figure,
+        irradiance_figure as irradiance_figure,
+        phase_space_figure as phase_space_figure,
+        two_lights_figure as two_lights_figure,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,220 @@
+"""The pictures of a report (matplotlib)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from optics.light.analysis import counted_ways
+from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
+from optics.reporting.figures.colours_of_light import colour_figures
+from optics.reporting.figures.intensity_diagrams import intensity_figures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from optics.designing.optimisation import Row, Stage
+    from optics.light.analysis import Measurement
+    from optics.light.tracing import RayPath
+    from optics.scene.system import OpticalSystem
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import FreeformSurface, Lens
+
+    Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
+
+LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
+DARK = 0.75  # of the colours, from which on they are too light for thin lines
+SAMPLES = 400  # of a sag, along the longer side
+
+
+def light_figures(
+    system: OpticalSystem,
+    lens: Lens,
+    measurement: Measurement,
+    paths: Mapping[str, Sequence[RayPath]],
+) -> Figures:
+    """Return the figures of what a lens delivers, and of rays through it.
+
+    paths : fans of rays in the plane x = 0 by name, or none.
+    """
+    mean = measurement.target.mean()
+    target, irradiance = measurement.target / mean, measurement.irradiance / mean
+    top = float(target.max())
+    error = irradiance - target
+    span = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    density, unit = system.density, system.target.unit
+    quantity = density.quantity
+    label = f"{quantity} / mean"
+
+    def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
+        return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
+
+    figures = {
+        "target": (
+            f"The light asked for; its mean is {density.text(mean)}.{_merged(target)}",
+            picture(target, label, "gray", 0, top),
+        ),
+        "irradiance": (
+            f"The light that the lens makes ({counted_ways(measurement.metrics)}; fresh rays, box pixels), "
+            "on the scale of the light asked for.",
+            picture(irradiance, label, "gray", 0, top),
+        ),
+        "error": (
+            f"Made minus asked for; the greatest difference is {np.abs(error).max():.3g} of the mean.",
+            picture(error, f"difference of {quantity} / mean", "RdBu_r", -span, span),
+        ),
+        "irradiance_02": (
+            f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
+            picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
+        ),
+    }
+    if measurement.sharp is not None:
+        sharp = measurement.sharp / measurement.sharp.mean()
+        caption = "What the lens would make without divergence of the light and roughness of its surfaces."
+        figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
+    if system.target.far_field:
+        screen = system.target.screen()
+        figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
+    return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)
+
+
+def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:
+    return {
+        f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+        for k, (name, fan) in enumerate(paths.items(), 1)
+    }
+
+
+def lens_figures(lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> Figures:
+    """Return the figures of the free surfaces, those of the front named for it, and of the optimisation.
+
+    plan : every Stage that the rows of the history name.
+    """
+    caption = (
+        "Misfit ||E - T|| / ||T|| as the optimiser measures it, by stage. A line marks where a stage begins: "
+        "the mesh, the pixels or the window change there, and the curve jumps."
+    )
+    return {**_surfaces(lens), "loss": (caption, _loss(history, plan))}
+
+
+def _merged(image: NDArray[np.float64]) -> str:
+    """Return a sentence on the pixels that the figures of an image merge, if any."""
+    side = block(image.shape)
+    return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
+
+
+def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
+    """Return sag and mesh of the free surfaces."""
+    out = {}
+    for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
+        if surface.sag is not None:
+            out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
+            out[f"{prefix}mesh"] = (
+                f"Hierarchical mesh of the {name} surface: leaf cells by level.",
+                _mesh(surface.sag.space, surface.half_width),
+            )
+    return out
+
+
+def _sag(surface: FreeformSurface) -> bytes:
+    widest = max(surface.half_width)
+    x, y = (
+        h * (2 * np.arange(n) + 1 - n) / n
+        for h in surface.half_width
+        for n in [max(1, round(SAMPLES * h / widest))]
+    )
+    sag = surface.grid(x, y) - surface.conic(x[:, None], y[None, :])
+    limits = float(sag.min()), float(sag.max())
+    return plane_figure(sag.T[::-1], surface.half_width, "mm", "sag / mm", "viridis", limits)
+
+
+def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
+    (hx, hy), cells = half_width, space.cells
+    (x0, x1), (y0, y1) = (
+        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
+        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
+    )
+    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
+    figure, axes = new_figure()
+    # one path per level, which is much faster than one per cell
+    levels = np.unique(cells[:, 0])
+    paths = [Path.make_compound_path_from_polys(corners[cells[:, 0] == level]) for level in levels]
+    colours = plt.get_cmap("viridis")(DARK * levels / max(1, space.levels - 1))
+    lines = PathCollection(paths, facecolors="none", edgecolors=colours, linewidths=0.3)
+    lines.set_snap(True)
+    axes.add_collection(lines)
+    axes.set_xlim(-hx, hx)
+    axes.set_ylim(-hy, hy)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x / mm")
+    axes.set_ylabel("y / mm")
+    axes.set_title(
+        f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9
+    )
+    return png_bytes(figure)
+
+
+def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
+    """Return a section of the lens with the strongest branch of every ray."""
+    figure, axes = new_figure()
+    draw_fan(axes, lens, fan)
+    axes.set_xlabel("z / mm")
+    axes.set_ylabel("y / mm")
+    return png_bytes(figure)
+
+
+def draw_fan(axes: Axes, lens: Lens, fan: Sequence[RayPath]) -> None:
+    """Draw the section x = 0 of the lens and the paths of rays: those that meet the target are green."""
+    outline = []
+    for surface, vertex, direction in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
+        y = np.linspace(-1, 1, 201)[::direction] * surface.half_width[1]
+        outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
+    section = np.concatenate(outline)
+    axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)
+    low, high = (
+        f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0)
+        for f in (np.min, np.max)
+    )
+    margin = 0.4 * (high - low).max()
+    for path in fan:
+        axes.plot(
+            path.points[:, 2],
+            path.points[:, 1],
+            lw=0.8,
+            color="tab:green" if path.fate.endswith("on_target") else "tab:red",
+        )
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+
+
+def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
+    figure, axes = new_figure()
+    for number, (index, rows) in enumerate(groupby(history, key=lambda row: row.stage)):
+        evaluations, fits = np.array([(row.evaluation, row.fit) for row in rows]).T
+        axes.semilogy(evaluations, fits, ".-", lw=1.2, ms=4, label=_stage_words(plan[index]))
+        if number:
+            axes.axvline(evaluations[0] - 0.5, color="0.6", lw=0.8, ls="--", zorder=0)
+    if history:
+        # plain numbers: the setting of powers of ten takes longer than all else in the picture
+        axes.yaxis.set_major_locator(LogLocator(subs=LABELLED))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.legend(fontsize=8)
+    axes.set_xlabel("evaluations of loss and gradient")
+    axes.set_ylabel("||E - T|| / ||T||")
+    axes.grid(alpha=0.3, which="both")
+    return png_bytes(figure)
+
+
+def _stage_words(stage: Stage) -> str:
+    """Return the name of a stage with its pixels."""
+    columns, rows = stage.screen.pixels
+    return f"{stage.name}, {columns} x {rows} pixels"

@@ -1,0 +1,141 @@
+"""A picture of source, lens and lit target with rays between them, seen obliquely from behind the target."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.transforms import Affine2D
+from numpy.typing import NDArray
+
+from optics.light.tracing import RayPath, TargetArea, trace_paths
+from optics.reporting.figures.canvas import plt, png_bytes
+from optics.reporting.figures.solid_figure import draw_solid
+from optics.reporting.view import Face, Scene, View, caption, corners, placed, solid_faces
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import single_rays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Array = NDArray[np.float64]
+
+SMALL = 0.15  # of the picture: smaller lenses are drawn again, larger
+WIDTH, TALLEST, TEXT = 7.6, 5.0, 0.4  # inches: of the picture, and of what stands under it
+AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
+
+
+def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
+    """Return a PNG of source, lens, rays and the light on the target, in parallel projection.
+
+    Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, a short one longer,
+    and the text under the picture says so.  A lens that is small beside its target is shown again, larger.
+    Of a beam much wider than the lens the middle is shown.
+
+    irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
+    """
+    problem = system.problem
+    faces, _ = solid_faces(lens)
+    scene = placed(problem, faces)
+    body = corners(scene.lens)
+    target = scene.target if scene.target.size else corners(_behind(scene.lens))
+    boxes = [_wider(scene.box(body, scene.source, target), 0.06)]
+    if np.ptp(scene.box(body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
+        boxes.append(_wider(scene.box(body, scene.source), 0.25))
+    shapes = np.array([np.divide(*np.ptp(box, axis=0)) for box in boxes])  # width / height
+    height = min(TALLEST, WIDTH / shapes.sum())
+    starts = (WIDTH - height * shapes.sum()) / 2 + height * np.cumsum([0.0, *shapes[:-1]])
+    figure = plt.figure(figsize=(WIDTH, height + TEXT))
+    for box, shape, start in zip(boxes, shapes, starts):
+        position = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
+        axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
+        _draw(axes, scene, faces, irradiance, paths)
+        (left, low), (right, high) = box
+        axes.set_xlim(left, right)
+        axes.set_ylim(low, high)
+    figure.text(0.5, 0.1 / (height + TEXT), caption(problem, scene), fontsize=9, ha="center")
+    return png_bytes(figure)
+
+
+def _draw(
+    axes: Axes, scene: Scene, faces: Sequence[Face], irradiance: Array, paths: Sequence[RayPath]
+) -> None:
+    """Draw everything, what is nearer above what is farther."""
+    _rays(axes, scene, paths)
+    _source(axes, scene)
+    low, high = scene.box(*(face.points.reshape(3, -1) for face in faces[:2]))
+    draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
+    if scene.target.size:
+        _target(axes, scene, irradiance)
+
+
+def _wider(box: Array, margin: float) -> Array:
+    """Return a (2, 2) box with a margin around it, relative to its longer side."""
+    room = margin * np.ptp(box, axis=0).max()
+    return box + np.array([[-room], [room]])
+
+
+def _behind(lens: Array) -> Array:
+    """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
+    across = 1.5 * lens[:2]
+    return np.stack([*across, lens[2] + [0.0, FAR / 2 * np.ptp(lens[:2], axis=1).max()]])
+
+
+def _rays(axes: Axes, scene: Scene, paths: Sequence[RayPath]) -> None:
+    """Draw the rays, their last part above the lens and what comes before it below."""
+    for path in paths:
+        points = scene.visible(path.points)
+        colour = AIM if path.fate.endswith("on_target") else LOST
+        for part, order in ((points[:, :-1], 1), (points[:, -2:], 3 if points.shape[1] > 2 else 1)):
+            axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
+
+
+def _source(axes: Axes, scene: Scene) -> None:
+    """Draw the outline of the source, or a point."""
+    axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=1.5)
+    if not np.ptp(scene.source[:2]):
+        axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=1.5)
+
+
+def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
+    """Draw the light on the target's plane."""
+    (x, y), z = scene.target[:2, 2], scene.target[2, 0]
+    origin, right, up = scene(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [z, z, z]])).T
+    plane = Affine2D(
+        np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T
+    )
+    top = float(np.quantile(irradiance, 0.999)) or 1.0
+    axes.imshow(
+        irradiance,
+        cmap="gray",
+        vmin=0,
+        vmax=top,
+        extent=(-x, x, -y, y),
+        transform=plane + axes.transData,
+        interpolation="antialiased",
+        zorder=4,
+    )
+    axes.fill(*scene(scene.target), facecolor="none", edgecolor=INK, lw=0.9, zorder=4)
+
+
+BUNDLE = (8, 8)  # rays
+FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
+
+
+def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
+    """Return the paths of some 64 rays of the source to the target or its direction.
+
+    At every face a path follows the stronger part.
+
+    backend : of double precision
+    """
+    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
+    plane = TargetArea(target.receiver, target.settings.half_width)
+    if target.far_field:
+        plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
+    return trace_paths(backend, lens, rays, plane)

@@ -1,0 +1,16 @@
+"""The report as a page, and the files of its light."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.reporting.report.html import (
+        Report as Report,
+        check_page as check_page,
+        report_html as report_html,
+    )
+    from optics.reporting.report.irradiance_files import light_files as light_files
+    from optics.reporting.report.page_sections import PageSection as PageSection, section_page as section_page
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,259 @@
+"""The report: one HTML file that holds its figures, tables and links to the files beside it."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import checks_of
+from optics.light.analysis import NEGLIGIBLE, counted_ways, error_words, photometric_lines
+from optics.reporting.report.key_numbers import key_list
+from optics.reporting.report.metric_words import PERCENT, metric_rows, number_text
+from optics.reporting.report.page_style import STYLE
+from optics.scene.photometry import units_of
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Check, Grade, Result
+    from optics.light.analysis import Verdict
+    from optics.scene.photometry import Units
+    from optics.scene.problem import Problem
+
+OF_THE_SPLINES = (
+    "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "
+    "spline by up to 1e-11 mm in height, and by more in its radii."
+)
+# in the name of a check of a limit of manufacturing; a note says more of what was missed
+LIMIT = re.compile(r" (?:beyond|short of) limits\.")
+COLOURS: dict[Grade, str] = {
+    "made": "good",
+    "light misses": "bad",
+    "file or part fails": "bad",
+    "not decided": "open",
+}  # classes of the page's style
+RESULTS: dict[Result, str] = {"passed": "good", "failed": "bad", "undecided": "open"}
+FIRST = "photo"  # of the pictures
+OF_LENS = (
+    "scene",
+    "solid",
+    "solid_before",
+    "sag",
+    "mesh",
+    "front_sag",
+    "front_mesh",
+    "loss",
+    "rays_1",
+    "rays_2",
+)
+FILES = {
+    "lens.step": "the closed solid, for CAD",
+    "lens.json": "the exact surfaces",
+    "problem.toml": "the problem with every default",
+    "metrics.json": "the metrics below with every digit",
+    "verify.json": "the checks below",
+    "manufacture.json": "the numbers for manufacturing with their bounds",
+    "history.csv": "every evaluation of the optimiser",
+    "irradiance.npz": "irradiance and target as arrays with axes",
+    "irradiance_16bit.png": "the irradiance, linear grey, pixel by pixel",
+}
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a report shows.
+
+    metrics : numbers by name
+    verification : as `optics.base.runtime.verification`
+    manufacture : rows (name, value, unit, position)
+    pictures : (caption, PNG bytes) by name
+    verdict : on the design as a whole, for the banner, with notes for below it; None for none
+    background : sentences that forbid nothing and ask for nothing, folded below the notes
+    run : the run and the solid that the page speaks of: hashes by name
+    view : a self-contained HTML page that shows the lens at work, as `view.scene_page`; "" for none
+    """
+
+    problem: Problem
+    metrics: dict[str, Any]
+    verification: dict[str, Any]
+    manufacture: Sequence[tuple[str, float, str, str]]
+    pictures: Mapping[str, tuple[str, bytes]]
+    verdict: Verdict | None = None
+    background: Sequence[str] = ()
+    run: Mapping[str, str] = field(default_factory=dict)
+    view: str = ""
+    levels: Sequence[tuple[str, bytes]] = ()
+
+
+def report_html(report: Report, problem_text: str) -> str:
+    """Return the report as one HTML page, whose only references are names of files beside it."""
+    metrics, units = report.metrics, units_of(report.problem.source.unit)
+    return (
+        f"{page_head(escape(report.problem.title))}{_banner(report)}{_first(report, units)}"
+        f"<p>{_summary(metrics, units)}</p>"
+        f"{list_html(photometric_lines(metrics, units), 'notes')}"
+        f"{_pictures(report)}"
+        f'<div class="numbers">{_numbers(report, units)}</div>'
+        f'<div class="files"><h2>Files</h2>{_file_list()}'
+        f"{list_html(map(': '.join, report.run.items()), 'run')}</div>"
+        f'<div class="problem"><h2>Problem</h2><pre>{escape(problem_text)}</pre></div></html>\n'
+    )
+
+
+def _first(report: Report, units: Units) -> str:
+    """Return the first picture, where there is one, and beside it the main numbers."""
+    photo = [picture for name, picture in report.pictures.items() if name == FIRST]
+    return f'<div class="first">{figures_html(photo)}{key_list(report.metrics, units)}</div>'
+
+
+def _pictures(report: Report) -> str:
+    """Return the pictures of the light, then those of the lens and how it was found."""
+    pictures = report.pictures
+    of_lens = {name: pictures[name] for name in OF_LENS if name in pictures}
+    of_light = {name: pictures[name] for name in pictures if name not in (*OF_LENS, FIRST)}
+    parts = [
+        f'<h2>{title}</h2><div class="figures">{figures_html(some.values())}</div>'
+        for title, some in (("Light", of_light), ("Lens", of_lens))
+        if some
+    ]
+    levels = f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>'
+    kept = f'<div class="of-levels">{levels}</div>' if report.levels else ""
+    return f"{_frame(report.view)}{''.join(parts)}{kept}"
+
+
+def _numbers(report: Report, units: Units) -> str:
+    """Return the tables."""
+    passed = f'<span class="{COLOURS[report.verification["grade"]]}">{report.verification["grade"]}</span>'
+    rows = metric_rows(report.metrics, units)
+    return (
+        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), rows)}"
+        f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
+        f"<h2>Verification: {passed}</h2>{_check_table(report.verification)}"
+    )
+
+
+def figures_html(pictures: Iterable[tuple[str, bytes]]) -> str:
+    """Return pictures, (caption, PNG bytes) each, as HTML."""
+    return "".join(
+        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, png in pictures
+    )
+
+
+def check_page(
+    title: str,
+    verification: Mapping[str, Any],
+    sentences: Iterable[str],
+    pictures: Iterable[tuple[str, bytes]],
+) -> str:
+    """Return a page of checks by themselves, with sentences and pictures above them."""
+    shown = f'{list_html(sentences, "notes")}<div class="levels">{figures_html(pictures)}</div>'
+    return f"{page_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
+
+
+def page_head(title: str) -> str:
+    """Return the begin of a page, up to its title; title : HTML."""
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
+    )
+
+
+def _banner(report: Report) -> str:
+    """Return the verdict, what is wrong, and the other notes."""
+    verdict = report.verdict
+    if verdict is None:
+        return ""
+    banner = f'<p class="banner {COLOURS[verdict.grade]}">{escape(verdict.sentence)}</p>'
+    wrong = [c for c in verdict.checks if not c.ok]
+    missed = {LIMIT.split(c.name)[0] for c in wrong if LIMIT.search(c.name)}
+    of_limits = [note for note in verdict.notes if note.split(": got ")[0] in missed]
+    problems = [*map(_failure, (c for c in wrong if not LIMIT.search(c.name))), *of_limits]
+    notes = [note for note in verdict.notes if note not in of_limits]
+    folded = list_html(report.background, "notes")
+    background = f"<details><summary>Background</summary>{folded}</details>" if folded else ""
+    return f"{banner}{list_html(problems, 'bad')}{list_html(notes, 'notes')}{background}"
+
+
+def _failure(check: Check) -> str:
+    """Return "quantity: got ..., wanted ..." of a check that failed or is undecided."""
+    remark = f"; {check.remark}" if check.remark else ""
+    return f"{check.name}: got {check.got}, wanted {check.wanted} {check.unit}".rstrip() + remark
+
+
+def _frame(page: str) -> str:
+    """Return a page within the page, whose program runs by itself: it sees no other page and no file."""
+    if not page:
+        return ""
+    title = "Source, lens and target, to be turned"
+    return f'<iframe class="view" title="{title}" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
+
+
+def list_html(sentences: Iterable[str], name: str) -> str:
+    """Return sentences as a list of a class, "" for none."""
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f'<ul class="{name}">{items}</ul>' if items else ""
+
+
+def _file_list() -> str:
+    items = (f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in FILES.items())
+    return f"<ul>{''.join(items)}</ul>"
+
+
+def _summary(metrics: dict[str, Any], units: Units) -> str:
+    return (
+        f"Relative error {error_words(metrics)} ({counted_ways(metrics)}), "
+        f"{metrics['efficiency']:.1%} of the source flux inside the target "
+        f"(two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}), "
+        f"{metrics['stray']:.2%} stray; "
+        f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
+        f"{metrics['wall_s']['total']:.1f} s."
+        f"{_other_ways(metrics, units)}"
+    )
+
+
+def _other_ways(metrics: dict[str, Any], units: Units) -> str:
+    """Return a sentence on light that other ways than front and rear bring, or "" where none was followed."""
+    fluxes = metrics.get("nonsequential")
+    if not fluxes or not fluxes[units.key("target")]:
+        return ""
+    alone = number_text(metrics["rel_l2_sequential"], PERCENT)
+    verdict = (
+        f"it counts in all figures and pictures here; front and rear only make a relative error of {alone} %"
+        if metrics["paths"] == "all"
+        else f"below {NEGLIGIBLE:.0%} it counts nowhere"
+    )
+    return f" {fluxes['by_other_ways']:.2%} of the light on the target comes by other ways: {verdict}."
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table whose second column holds numbers."""
+    lines = ["<tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in head) + "</tr>"]
+    for row in rows:
+        cells = (
+            f'<td class="n">{escape(text)}</td>' if column == 1 else f"<td>{escape(text)}</td>"
+            for column, text in enumerate(row)
+        )
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return f'<div class="table"><table>{"".join(lines)}</table></div>'
+
+
+def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
+    texts = ((name, number_text(value), unit, position) for name, value, unit, position in rows)
+    return _table(("quantity", "value", "unit", "where"), texts)
+
+
+def _check_table(verification: Mapping[str, Any]) -> str:
+    names = ("check", "got", "wanted", "result")
+    rows = ["<tr>" + "".join(f'<th scope="col">{name}</th>' for name in names) + "</tr>"]
+    for check in checks_of(verification):
+        rows.append(
+            f'<tr><td>{escape(check.name)}</td><td class="n">{escape(check.got)}</td>'
+            f'<td class="n">{check.wanted}</td><td class="{RESULTS[check.result]}">{check.result}</td></tr>'
+        )
+    left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
+    return f'<div class="table"><table>{"".join(rows)}</table></div>{left_out}'

@@ -1,0 +1,142 @@
+"""The numbers of a report in words: with a unit, three or four digits, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import isinf
+from typing import TYPE_CHECKING, Any
+
+from optics.light.tracing import SENTENCES
+from optics.scene.photometry import BEAM, FIELD
+
+if TYPE_CHECKING:
+    from optics.scene.photometry import Units
+
+PERCENT = "%"
+LONGEST = 1e9  # numbers from here on have a power of ten
+FLUXES = ("W", "lm")
+NONE = 1e-9  # of a flux of 1: less is rounding
+# unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
+WORDS = {
+    "rel_l2": (PERCENT, "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1"),
+    "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
+    "ssim": ("", "structural similarity, 1 for equal pictures"),
+    "rel_l2_floor": (PERCENT, "error of the measured irradiance itself, on the scale of rel_l2"),
+    "rel_l2_debiased": (PERCENT, "rel_l2 without what that error adds to it"),
+    "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
+    "rel_l2_one_blur": (PERCENT, "what one blur everywhere, that of this lens, allows at best: a model"),
+    "rel_l2_by_etendue": (PERCENT, "what etendue allows any solid that brings as much light, at best"),
+    "rel_l2_design_wavelength": (PERCENT, "rel_l2 in light of source.wavelength alone, by front and rear"),
+    "from_nm": ("nm", "shorter one of two wavelengths whose rays are compared"),
+    "to_nm": ("nm", "longer one of them"),
+    "shift": ("", "mean distance of their landing points, mm; degrees in the far field"),
+    "shift_pixels": ("pixels", "the same in pixels"),
+    "fringe": ("", "mean distance of the chromaticity (u', v') from the source's, by luminance"),
+    "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only, without noise"),
+    "rel_l2_sequential_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
+    "contrast_error_std": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "rays": ("", "rays that measured the light, about"),
+    "lit_efficiency_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
+    "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
+    "efficiency": (PERCENT, "of the source flux arrives inside the target"),
+    "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
+    "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),
+    "stray_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "normal_incidence_transmittance": (
+        PERCENT,
+        "passes two uncoated faces once at normal incidence; no bound",
+    ),
+    "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),
+    "dof": ("", "degrees of freedom of the free surfaces"),
+    "levels": ("", "levels of the finest mesh"),
+    "evaluations": ("", "evaluations of loss and gradient"),
+    "wall_s": ("s", "wall time of the phase"),
+    "peak_mb": ("MB", "most memory of all processes, added"),
+}
+# of the light on pixels that are lit wholly, and of the beam in the far field
+JUDGED = {
+    "min_over_mean": ("", "U0: least over mean light of the boxes that count"),
+    "min_over_max": ("", "least over greatest light of these boxes"),
+    "rsd": ("", "relative standard deviation of their light, without noise"),
+    "min_over_mean_error": ("", "how far that value may be off, as a standard deviation"),
+    "min_over_max_error": ("", "how far that value may be off, as a standard deviation"),
+    "rsd_error": ("", "how far that value may be off, as a standard deviation"),
+    "noise": (PERCENT, "greatest standard deviation of a box, relative to the mean light"),
+    "reason": ("", "why there is no uniformity; empty where there is"),
+    "grid": ("", "boxes in each direction over the lit region's bounding rectangle"),
+    "boxes": ("", "boxes that count: those in the region without its margin"),
+    "region_left": (PERCENT, "of the region, without its margin"),
+    **{
+        f"{name}_{unit}": (unit, meaning)
+        for unit in ("mm", "degrees")
+        for name, meaning in (
+            ("box", "width and height of a box"),
+            ("margin", "taken off along the region's border"),
+            ("blur_rms", "rms deviation of the light of one point of the lens, in one direction"),
+            ("edge_width", "over which light falls from 90 to 10 % at the region's border"),
+        )
+    },
+    "peak_cd_per_klm": ("cd/klm", "intensity of the brightest pixel for 1000 lm of the source"),
+    **{
+        f"{angle}_{plane.lower()}": ("degrees", f"full width at {share:.0%} of the peak, plane {plane}")
+        for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD))
+        for plane in ("C0", "C90")
+    },
+}
+
+
+def words_of(units: Units) -> dict[str, tuple[str, str]]:
+    """Return (unit, meaning) of all metrics by name; those of a group by its name."""
+    flux, plane, far = units.flux, units.in_plane, units.in_far_field
+    lit = "mean of the pixels that are to be lit wholly"
+    return {
+        **WORDS,
+        **JUDGED,
+        units.key("fates"): (flux, "traced through front and rear"),
+        "nonsequential": (flux, "traced with all reflections at all six faces"),
+        f"target_mean_{plane.suffix}": (plane.shown, f"mean {plane.quantity} of the whole target"),
+        f"lit_mean_{plane.suffix}": (plane.shown, lit),
+        f"lit_mean_{far.suffix}": (far.shown, lit),
+        f"peak_{far.suffix}": (far.shown, "intensity of the brightest pixel"),
+    }
+
+
+def number_text(value: Any, unit: str = "") -> str:
+    """Return a value with four digits, fractions of one in percent with three; of a list by x."""
+    if value is None:
+        return "not defined"
+    if isinstance(value, list):
+        return " x ".join(number_text(part, unit) for part in value)
+    if not isinstance(value, float):
+        return str(value)
+    if isinf(value):
+        return "infinite"
+    if unit in (PERCENT, *FLUXES) and abs(value) < NONE:
+        return "0"
+    if unit == PERCENT:
+        return f"{100 * value:.3g}"
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LONGEST else text
+
+
+def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str, str]]:
+    """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
+    known = words_of(units)
+    for name, value in metrics.items():
+        for part, number in _parts(value):
+            unit, meaning = known.get(part) or known.get(name, ("", ""))
+            words = f"light that {SENTENCES[part]}; {meaning}" if part in SENTENCES else meaning
+            row_name = f"{name} {part}".rstrip()
+            yield row_name, number_text(number, unit), unit if number is not None else "", words
+
+
+def _parts(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of a group by their names, or the one value by no name."""
+    if not isinstance(value, Mapping):
+        yield name, value
+        return
+    for part, inner in value.items():
+        yield from _parts(inner, part)

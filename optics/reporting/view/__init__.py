@@ -1,0 +1,26 @@
+"""What the pictures of a lens at work share, and the one that is turned in a browser."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.reporting.view.glass_camera import lens_sight as lens_sight, photograph as photograph
+    from optics.reporting.view.photo_room import photo_caption as photo_caption
+    from optics.reporting.view.scene_layout import (
+        Scene as Scene,
+        block_means as block_means,
+        caption as caption,
+        corners as corners,
+        placed as placed,
+    )
+    from optics.reporting.view.solid_renderer import (
+        Face as Face,
+        View as View,
+        oblique as oblique,
+        rendered as rendered,
+        solid_faces as solid_faces,
+    )
+    from optics.reporting.view.viewer_page import scene_page as scene_page
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,124 @@
+"""Where source, lens and target stand in a picture, and from where it is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isinf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.reporting.view.solid_renderer import Face, oblique
+from optics.scene.system import source_of
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Problem
+
+    Array = NDArray[np.float64]
+
+RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
+# half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
+CLEAR = 1.7
+# in the same half-widths: shorter and longer throws are drawn longer and shorter
+SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
+LONG = 3.0
+FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
+BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The positions of source, lens and target, mm, and their projection.
+
+    turn : (3, 3), rows right, up and towards the viewer
+    lens : (3, 2), least and greatest corner of the box around it
+    source : (3, n), outline
+    target : (3, 4), corners, or (3, 0) for the far field
+    squeeze : how many times the distance behind the lens is drawn shorter than it is (below 1: longer)
+    """
+
+    turn: Array
+    lens: Array
+    source: Array
+    target: Array
+    squeeze: float
+
+    def __call__(self, points: Array) -> Array:
+        """Return points (3, n) in the picture, (2, n)."""
+        x, y, z = points
+        top = self.lens[2, 1]
+        return self.turn[:2] @ np.stack([x, y, np.minimum(z, top) + np.maximum(z - top, 0.0) / self.squeeze])
+
+    def visible(self, path: Array) -> Array:
+        """Return the points (k, 3) of a path as (3, k), from the source's picture on.
+
+        Parallel light comes from before it.
+        """
+        points = path.T.copy()
+        if points[2, 0] < self.source[2, 0]:
+            points[:, 0] = *points[:2, 0], self.source[2, 0]
+        return points
+
+    def box(self, *parts: Array) -> Array:
+        """Return the (2, 2) least and greatest corner of what is drawn of points."""
+        seen = self(np.concatenate(parts, axis=1))
+        return np.stack([seen.min(axis=1), seen.max(axis=1)])
+
+
+def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
+    """Return the scene of a problem, turned so that the target leaves the lens free."""
+    points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
+    box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
+    source, far = problem.source, source_of(problem).from_afar
+    before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if far else -source.distance
+    circle = source.profile in ("round", "round_gaussian")
+    around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
+    size = 1.0 if circle else np.sqrt(2)
+    extent = (
+        np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
+        if far
+        else source.half_width
+    )
+    outline = np.stack(
+        [*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)]
+    )
+    if isinf(problem.target_z):
+        return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0)), 1.0)
+    hx, hy = problem.target.half_width
+    corners = np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [problem.target_z] * 4])
+    throw, width = problem.target_z - box[2, 1], hx + box[0, 1]
+    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
+        FACTORS * throw >= SHORT * width
+    ].min(initial=FACTORS[-1])
+    turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
+    return Scene(oblique(-turn, RISE), box, outline, corners, squeeze)
+
+
+def corners(box: Array) -> Array:
+    """Return the eight corners of a box (3, 2), (3, 8)."""
+    return np.array(np.meshgrid(*box)).reshape(3, 8)
+
+
+def block_means(data: Array, side: int) -> Array:
+    """Return the means of blocks of side x side pixels; those at the last row and column may be cut."""
+    if side == 1:
+        return data
+    sums, counts = data, np.ones_like(data)
+    for axis in (0, 1):
+        starts = np.arange(0, data.shape[axis], side)
+        sums, counts = (np.add.reduceat(a, starts, axis=axis) for a in (sums, counts))
+    return sums / counts
+
+
+def caption(problem: Problem, scene: Scene) -> str:
+    """Return what stands under the picture of a scene."""
+    if not scene.target.size:
+        return "rays to the far field"
+    hx, hy = problem.target.half_width
+    text = f"target {2 * hx:g} x {2 * hy:g} mm, {problem.target.distance:g} mm behind the lens"
+    if scene.squeeze == 1:
+        return text
+    drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
+    return f"{text}; this distance is drawn {drawn} than it is"

@@ -1,0 +1,128 @@
+"""A page that shows source, lens, rays and the light on the target, to be turned in a browser.
+
+The page holds its program and its data, and asks no network.  The points of the lens are its own, rounded to
+float32, on a grid that is denser where a surface is steep; the browser joins them by triangles.
+"""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.reporting.view.scene_layout import Scene, block_means, caption, corners, placed
+from optics.reporting.view.solid_renderer import Face, solid_faces
+
+if TYPE_CHECKING:
+    from optics.light.tracing import RayPath
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+    Array = NDArray[np.float64]
+
+SAMPLES = 177  # across a face: two faces of 8 bytes a point take 0.67 MB as text; the indices have 16 bits
+MOST_PIXELS = 256  # of the irradiance, across
+MOST_PATHS = 96
+INT16 = 32767
+
+
+def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> str:
+    """Return an HTML page of source, lens, rays and the light on the target, of at most 1 MB.
+
+    It shows what the picture by `figures.scene_view` shows.  Where that draws the distance behind the
+    lens shorter or longer than it is, the page can show it true.  Of more than 96 paths, and of more than
+    256 pixels across, it shows paths at equal steps and means of blocks.
+
+    irradiance : (rows, columns), row 0 at +y.  paths : as `optics.reporting.figures.scene_paths`.
+    """
+    faces, _ = solid_faces(lens, SAMPLES)
+    scene = placed(system.problem, faces)
+    step = -(-len(paths) // MOST_PATHS) or 1
+    shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
+    body = corners(scene.lens)
+    far = [scene.target] if scene.target.size else [points[:, -1:] for points, _ in shown]
+    around = np.concatenate([body, scene.source, *far], axis=1)
+    data = {
+        "caption": caption(system.problem, scene),
+        "angles": [
+            float(np.arctan2(-scene.turn[0, 2], scene.turn[0, 0])),
+            float(np.arcsin(scene.turn[2, 1])),
+        ],
+        "squeeze": float(scene.squeeze),
+        "top": float(scene.lens[2, 1]),
+        "views": {"scene": around.T.tolist(), "lens": body.T.tolist()},
+        "faces": [_face(face) for face in faces],
+        "source": np.unique(scene.source.T, axis=0).tolist()
+        if not np.ptp(scene.source[:2])
+        else scene.source.T.tolist(),
+        "target": _target(scene, irradiance),
+        "rays": _rays(shown),
+    }
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    page = files("optics.reporting.view").joinpath("viewer.html").read_text("utf-8")
+    return page.replace("DATA", text, 1).replace("TITLE", escape(system.problem.title), 1)
+
+
+def _packed(array: Array, kind: type) -> str:
+    """Return numbers as base64, little-endian, row by row."""
+    return b64encode(array.astype(np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+
+
+def _grid(values: Array, kind: type) -> tuple[int, int, str]:
+    """Return numbers on a grid as (rows, columns, numbers): one row or column where all are equal."""
+    if not np.ptp(values, axis=0).any():
+        values = values[:1]
+    if not np.ptp(values, axis=1).any():
+        values = values[:, :1]
+    return (*values.shape, _packed(values, kind))
+
+
+def _face(face: Face) -> dict[str, Any]:
+    """Return a face as a grid of points and normals; of the ruled edges the two rims are enough.
+
+    On front and rear nz = +-sqrt(1 - nx^2 - ny^2) is left out.  flip : whether triangles (i, j), (i + 1, j),
+    (i + 1, j + 1) run clockwise, seen from outside.
+    """
+    optical = face.name in ("front", "rear")
+    ends = slice(None) if optical else slice(None, None, face.points.shape[2] - 1)
+    points, normals = face.points[:, :, ends], face.normals[:, :, ends]
+    tangents = points[:, 1:, :1] - points[:, :-1, :1], points[:, :-1, -1:] - points[:, :-1, :1]
+    outward = np.einsum("kij,kij->", np.cross(*tangents, axis=0), normals[:, :-1, :1])
+    turned = [_grid(np.rint(INT16 * n), np.int16) for n in normals]
+    return {
+        "glass": optical,
+        "shape": points.shape[1:],
+        "points": [_grid(p, np.float32) for p in points],
+        "normals": [*turned[:2], None if optical else turned[2]],
+        "side": 1 if face.name == "rear" else -1,
+        "flip": bool(outward < 0),
+    }
+
+
+def _target(scene: Scene, irradiance: Array) -> dict[str, Any] | None:
+    """Return the target's corners, and the light on it as grey levels up to the 99.9 % quantile."""
+    if not scene.target.size:
+        return None
+    side = -(-max(irradiance.shape) // MOST_PIXELS)
+    shown = block_means(irradiance, side)
+    top = float(np.quantile(irradiance, 0.999)) or 1.0
+    grey = np.rint(255 * np.clip(shown / top, 0.0, 1.0))
+    return {
+        "corners": scene.target.T.tolist(),
+        "image": {"shape": grey.shape, "grey": _packed(grey, np.uint8)},
+    }
+
+
+def _rays(shown: Sequence[tuple[Array, str]]) -> dict[str, Any]:
+    """Return the ends of the straight parts of all paths, and how many ends belong to paths that hit."""
+    parts: dict[bool, list[Array]] = {True: [], False: []}
+    for points, fate in shown:
+        parts[fate.endswith("on_target")].append(np.repeat(points, 2, axis=1)[:, 1:-1])
+    ends = np.concatenate([np.zeros((3, 0)), *parts[True], *parts[False]], axis=1)
+    return {"points": _packed(ends.T, np.float32), "hits": sum(part.shape[1] for part in parts[True])}

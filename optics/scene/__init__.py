@@ -1,0 +1,1 @@
+"""What a problem describes: sources, materials, receivers, light paths, and the system of them."""

@@ -1,0 +1,68 @@
+"""Numbers of a text file, asked for one after the other, with sentences where they are missing or wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError
+
+MOST_ANGLES = 100_000  # of one kind: every hundredth of a degree would be 36 001
+
+
+class FileNumbers:
+    """The words of a file from some place on."""
+
+    def __init__(self, words: Sequence[str]) -> None:
+        self._words, self._next = words, 0
+
+    def number(self, what: str) -> float:
+        """Return the next number.
+
+        Raises
+        ------
+        UserError : the file ends, or something else stands there; it says what was wanted.
+        """
+        if self._next >= len(self._words):
+            raise UserError(f"the file ends before its {what}; it may be truncated")
+        word = self._words[self._next]
+        self._next += 1
+        return parsed(word, what)
+
+    def whole(self, what: str, low: int, high: int) -> int:
+        """Return the next number, which must be whole and lie between two others."""
+        value = self.number(what)
+        if value != int(value) or not low <= value <= high:
+            raise UserError(f"its {what} must be a whole number from {low} to {high}, got {value:g}")
+        return int(value)
+
+    def row(self, count: int, what: str) -> NDArray[np.float64]:
+        """Return the next `count` numbers; that they are there is known before memory is taken."""
+        left = len(self._words) - self._next
+        if count > left:
+            raise UserError(
+                f"its header promises {count} {what}, and {left} numbers are left; it may be truncated"
+            )
+        words = self._words[self._next : self._next + count]
+        self._next += count
+        return np.array([parsed(word, what) for word in words])
+
+    def require_end(self) -> None:
+        """Raise UserError where numbers follow that the header does not promise."""
+        left = len(self._words) - self._next
+        if left:
+            raise UserError(f"{left} more numbers follow than its header promises; its counts are wrong")
+
+
+def parsed(word: str, what: str) -> float:
+    """Return the finite number that a word is; UserError says what was wanted."""
+    try:
+        value = float(word)
+    except ValueError:
+        raise UserError(f"its {what} must be numbers, got {word[:20]!r}") from None
+    if not isfinite(value):
+        raise UserError(f"its {what} must be finite, got {word[:20]!r}")
+    return value

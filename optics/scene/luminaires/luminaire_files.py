@@ -1,0 +1,58 @@
+"""Luminaire files of both formats: known by their text when they are read, by their suffix when written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from optics.base.runtime import UserError, read_at_most
+from optics.scene.luminaires.eulumdat_text import ldt_bytes, luminaire_of_ldt
+from optics.scene.luminaires.ies_text import TILT, ies_bytes, luminaire_of_ies
+from optics.scene.luminaires.intensity_record import Luminaire
+from thbcad.io import write_bytes
+
+MOST_BYTES = 20_000_000  # a grid of half a degree over the full sphere takes 2 MB
+TITLE = "luminaire"
+
+
+def read_luminaire(path: str | Path) -> Luminaire:
+    """Return the luminaire of an IES LM-63 (1986 to 2019) or EULUMDAT file; its suffix may be any.
+
+    Its planes cover the full turn: what a file leaves out by symmetry is filled in.
+
+    Raises
+    ------
+    UserError : no such file, no such text, or a file that contradicts itself; one sentence names it.
+    """
+    path = Path(path)
+    data = read_at_most(path, MOST_BYTES)
+    if not data.strip() or b"\0" in data:
+        raise UserError(f"{path} is no text; give an IES or EULUMDAT file")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # what both formats were made for
+    try:
+        with np.errstate(over="ignore"):  # what is infinite then is refused
+            return luminaire_of_ies(text) if TILT.search(text) else luminaire_of_ldt(text)
+    except UserError as error:
+        kind = "IES LM-63" if TILT.search(text) else "EULUMDAT (it has no line TILT= of IES)"
+        raise UserError(f"{path}, read as {kind}: {error}") from None
+
+
+def write_ies(luminaire: Luminaire, path: str | Path, title: str = TITLE) -> None:
+    """Write a luminaire as IES LM-63-2019, atomically: see `ies_bytes`.  title : its name, one line."""
+    write_bytes(path, ies_bytes(luminaire, title))
+
+
+def write_ldt(luminaire: Luminaire, path: str | Path, title: str = TITLE) -> None:
+    """Write a luminaire as EULUMDAT, atomically: see `ldt_bytes`.  title : its name, one line."""
+    write_bytes(path, ldt_bytes(luminaire, title))
+
+
+LUMINAIRE_WRITERS: dict[str, Callable[[Luminaire, str | Path, str], None]] = {  # by the suffix
+    ".ies": write_ies,
+    ".ldt": write_ldt,
+}

@@ -1,0 +1,19 @@
+"""What lenses are made of: refractive index by wavelength, absorption, density, and how sure these are."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.scene.materials.base_table import MATERIALS as MATERIALS
+    from optics.scene.materials.material_names import (
+        find_material as find_material,
+        refractive_index as refractive_index,
+    )
+    from optics.scene.materials.material_record import (
+        Material as Material,
+        Table as Table,
+        tabulated as tabulated,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

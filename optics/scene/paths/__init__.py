@@ -1,0 +1,17 @@
+"""What light meets on its way: surfaces and media up to a receiver, as one record with maps."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.scene.paths.light_path import (
+        AIR as AIR,
+        HeightError as HeightError,
+        LightPath as LightPath,
+        Medium as Medium,
+        SlopeErrors as SlopeErrors,
+        Surface as Surface,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,199 @@
+"""What light meets on its way from a source: surfaces, the media between them, and a receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.sources import BEFORE
+from thbcad.poses import IDENTITY, Pose
+
+if TYPE_CHECKING:
+    from optics.scene.receivers import Receiver
+    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.surfaces import THBSurface
+
+Array = NDArray[np.float64]
+SlopeErrors: TypeAlias = "Sequence[Array | None]"  # one of each surface, as of `Surface.slope_error`
+
+
+@dataclass(frozen=True)
+class Medium:
+    """What light travels through.
+
+    index : of refraction.  absorption : a, 1/mm: exp(-a t) of the light is left after the path t.
+    """
+
+    index: float
+    absorption: float = 0.0
+
+
+AIR = Medium(1.0)
+
+
+class HeightError(Protocol):
+    """What is added to the height z of a surface, mm, in the frame of the surface's own x and y."""
+
+    def jet(self, x: Array, y: Array, /) -> Array:
+        """Return dh and its derivatives by x and by y, (3, n): mm, 1, 1."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface that light meets, going to +z of the surface's own frame.
+
+    pose : from its own frame to that of the path.
+    kind : it refracts light into the next medium, or reflects it.
+    share : of the light that goes on, at any angle: a coating, or a metal.  None is smooth bare glass, by
+        Fresnel's equations for unpolarised light.
+    beyond : what lies behind a surface that reflects as bare glass.
+    slope_error : added to (dz/dx, dz/dy), by which light goes on; the surface stays where it is.  (2, 1) for
+        all rays alike, or (2, n).
+    height_error : by which its points move too; traces carry no derivatives then.
+    """
+
+    shape: FreeformSurface
+    pose: Pose = IDENTITY
+    kind: Literal["refract", "reflect"] = "refract"
+    share: float | None = None
+    beyond: Medium = AIR
+    slope_error: Array | None = None
+    height_error: HeightError | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LightPath:
+    """Surfaces in the order in which light meets them, and where it is received.
+
+    A path is a value: what perturbs it, or leaves something out, is a map from a path to another one.  A map
+    that changes nothing returns the path itself.
+
+    surfaces : of any number.  media : before, between and behind them, one more.
+    receiver : its pose, as those of the surfaces, is in the frame in which rays are given.
+    share : of the source's flux that takes this path.
+    soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
+        of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
+
+    Raises
+    ------
+    ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
+        reflects into another medium.
+    """
+
+    surfaces: tuple[Surface, ...]
+    media: tuple[Medium, ...]
+    receiver: Receiver
+    share: float = 1.0
+    soft_rim: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.media) != len(self.surfaces) + 1:
+            raise ValueError(
+                f"{len(self.surfaces)} surfaces lie between {len(self.surfaces) + 1} media,"
+                f" got {len(self.media)}"
+            )
+        if self.media[-1].absorption:
+            raise ValueError("the medium before the receiver must be clear: what it absorbs is not traced")
+        shares = self.share, *(s.share for s in self.surfaces if s.share is not None)
+        if not all(0 <= share <= 1 for share in shares):
+            raise ValueError(f"a share of light lies from 0 to 1, got {shares}")
+        for k, surface in enumerate(self.surfaces):
+            before, behind = self.media[k : k + 2]
+            if surface.kind == "reflect" and before != behind:
+                raise ValueError(f"surface {k} reflects light, but from {before} into {behind}")
+
+    @classmethod
+    def through(cls, lens: Lens, receiver: Receiver, absorption: float) -> LightPath:
+        """Return the path through front and rear of a lens in air, in the frame of its front vertex.
+
+        absorption : of its glass, 1/mm.
+        """
+        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)))
+        return cls((Surface(lens.front), rear), (AIR, Medium(lens.index, absorption), AIR), receiver)
+
+    @property
+    def sags(self) -> list[THBSurface]:
+        """Those that the surfaces carry."""
+        return [s.shape.sag for s in self.surfaces if s.shape.sag is not None]
+
+    @property
+    def coefficients(self) -> list[Array]:
+        """Of the sags, (dim,) each."""
+        return [sag.coefficients for sag in self.sags]
+
+    @property
+    def before(self) -> float:
+        """z from which parallel light along z starts: well before the first surface, mm."""
+        if not self.surfaces:
+            return 0.0
+        first, second = self.surfaces[0], self.surfaces[:2][-1]
+        apart = float(np.linalg.norm(second.pose.shift - first.pose.shift))
+        return float(first.pose.shift[2]) - BEFORE * (max(first.shape.half_width) + apart)
+
+    def onto(self, receiver: Receiver) -> LightPath:
+        """Return the path to another receiver."""
+        return self if receiver is self.receiver else replace(self, receiver=receiver)
+
+    def in_glass(self, glass: Medium) -> LightPath:
+        """Return the path through another glass, as one is of each wavelength: all but air is made of it."""
+        return self._through(AIR if medium == AIR else glass for medium in self.media)
+
+    def without_absorption(self) -> LightPath:
+        """Return the path through clear media."""
+        return self._through(replace(medium, absorption=0.0) for medium in self.media)
+
+    def without_reflection(self) -> LightPath:
+        """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
+        return self._with(replace(s, share=1.0) if s.share != 1 else s for s in self.surfaces)
+
+    def with_slope_errors(self, errors: SlopeErrors) -> LightPath:
+        """Return the path over surfaces whose slopes err.  errors : one of each surface."""
+        return self._with_errors("slope_error", errors)
+
+    def with_height_errors(self, errors: Sequence[HeightError | None]) -> LightPath:
+        """Return the path over surfaces whose heights err, mm.  errors : one of each surface."""
+        return self._with_errors("height_error", errors)
+
+    def moved(self, surface: int, motion: Pose) -> LightPath:
+        """Return the path over surfaces of which one is moved.  motion : in the frame of the path."""
+        if motion.is_identity:
+            return self
+        return self._with(
+            replace(s, pose=motion @ s.pose) if k == surface else s for k, s in enumerate(self.surfaces)
+        )
+
+    def seen_from(self, pose: Pose) -> LightPath:
+        """Return the path in the frame of a body with this pose."""
+        if pose.is_identity:
+            return self
+        back = pose.inverse()
+        surfaces = (replace(s, pose=back @ s.pose) for s in self.surfaces)
+        return replace(self, surfaces=tuple(surfaces), receiver=self.receiver.seen_from(pose))
+
+    def with_soft_rims(self, share: float) -> LightPath:
+        """Return the path over rims within which light fades."""
+        return self if share == self.soft_rim else replace(self, soft_rim=share)
+
+    def _through(self, media: Iterable[Medium]) -> LightPath:
+        """Return the path through other media; itself, if they are its own."""
+        new = tuple(media)
+        return self if new == self.media else replace(self, media=new)
+
+    def _with_errors(self, name: str, errors: Sequence[Any]) -> LightPath:
+        if len(errors) != len(self.surfaces):
+            raise ValueError(
+                f"there is one {name} for each surface, got {len(errors)} for {len(self.surfaces)}"
+            )
+        changes: list[dict[str, Any]] = [{name: e} for e in errors]
+        pairs = zip(self.surfaces, changes)
+        return self._with(s if c[name] is getattr(s, name) else replace(s, **c) for s, c in pairs)
+
+    def _with(self, surfaces: Iterable[Surface]) -> LightPath:
+        """Return the path over other surfaces; itself, if they are its own."""
+        new = tuple(surfaces)
+        return self if all(a is b for a, b in zip(new, self.surfaces)) else replace(self, surfaces=new)

@@ -1,0 +1,48 @@
+"""Units in watts or lumens, uniformity, beam and field angle; colour: the CIE observer, spectra, sRGB."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.scene.photometry.chromaticities import (
+        chromaticity as chromaticity,
+        chromaticity_distance as chromaticity_distance,
+    )
+    from optics.scene.photometry.cie_tables import (
+        ILLUMINANTS as ILLUMINANTS,
+        colour_matching as colour_matching,
+        illuminant as illuminant,
+    )
+    from optics.scene.photometry.intensity_planes import (
+        BEAM as BEAM,
+        FIELD as FIELD,
+        PlaneCurve as PlaneCurve,
+        plane_curves as plane_curves,
+    )
+    from optics.scene.photometry.light_units import (
+        PER_STERADIAN as PER_STERADIAN,
+        Density as Density,
+        Units as Units,
+        units_of as units_of,
+    )
+    from optics.scene.photometry.lit_region import (
+        RASTER as RASTER,
+        LitRegion as LitRegion,
+        edge_width as edge_width,
+    )
+    from optics.scene.photometry.reduced_spectra import (
+        MOST_LINES as MOST_LINES,
+        SpectralLine as SpectralLine,
+        spectral_lines as spectral_lines,
+        white_of as white_of,
+    )
+    from optics.scene.photometry.srgb_pictures import encoded_srgb as encoded_srgb, srgb as srgb
+    from optics.scene.photometry.uniformity_grid import (
+        GRID as GRID,
+        NOISE as NOISE,
+        Uniformity as Uniformity,
+        uniformity as uniformity,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,53 @@
+"""The tables of the CIE at 5 nm: the 1931 standard observer of 2 degrees, and illuminants (CIE 15:2018)."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optics.base.runtime import UserError
+
+ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
+OBSERVER = ("x", "y", "z")
+
+Floats = NDArray[np.float64]
+
+
+@cache
+def _columns() -> dict[str, Floats]:
+    """Return the columns of the tables by name; nm is the first."""
+    text = files("optics.scene.photometry").joinpath("cie_5nm.csv").read_text("utf-8")
+    head, *lines = text.splitlines()
+    numbers = np.array([[float(word) for word in line.split(",")] for line in lines]).T
+    numbers.flags.writeable = False
+    return dict(zip(head.split(","), numbers))
+
+
+def colour_matching(nm: ArrayLike) -> Floats:
+    """Return the colour-matching functions x, y and z of the CIE 1931 observer, (3, n); y is V(lambda).
+
+    nm : (n,) wavelengths.  Between the rows of the table cubic splines are taken, beyond its ends 0.
+    """
+    from scipy.interpolate import CubicSpline
+
+    columns, nm = _columns(), np.atleast_1d(np.asarray(nm, dtype=np.float64))
+    rows = np.array([columns[name] for name in OBSERVER])
+    values = CubicSpline(columns["nm"], rows, axis=1)(nm)
+    seen = (nm >= columns["nm"][0]) & (nm <= columns["nm"][-1])
+    return np.where(seen, np.maximum(values, 0.0), 0.0)
+
+
+def illuminant(name: str) -> tuple[Floats, Floats]:
+    """Return (wavelengths in nm, spectral power on a scale of its own) of a CIE illuminant, (n,) each.
+
+    Raises
+    ------
+    UserError : another name than those of ILLUMINANTS.
+    """
+    if name not in ILLUMINANTS:
+        raise UserError(f"an illuminant must be one of {', '.join(ILLUMINANTS)}, got {name!r}")
+    columns = _columns()
+    return columns["nm"], columns[name]

@@ -1,0 +1,179 @@
+"""How uniform light is where it is asked for, judged on a grid of boxes as lighting engineers do.
+
+The bounding rectangle of the lit region is cut into n x n equal boxes.  E_k is the mean light of box k.  The
+boxes count that lie in the region with a margin taken off along its border, where blurred light must fall:
+
+    U0 = min E_k / mean E_k,      diversity = min E_k / max E_k,      rsd = std E_k / mean E_k.
+
+Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, or where a box is
+smaller than a pixel, boxes are larger: every square of m x m boxes that all count is one, so that larger ones
+overlap and still reach every corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.photometry.lit_region import RASTER, LitRegion
+
+GRID = 21  # boxes in each direction
+LARGEST = 7  # parts of the rectangle, one of which a box is at most: larger ones do not see a dark rim
+MARGIN = 0.025  # of the shorter side of the bounding rectangle
+LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
+NOISE = 0.01  # of the mean light: the most that a box may have
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Uniformity:
+    """How uniform light is on boxes.
+
+    mean : over the boxes, in the unit of the light.  min_over_mean (U0), min_over_max, rsd : None where
+        nothing can be said; the reason says why.
+    min_over_mean_error, min_over_max_error, rsd_error : of these, as standard deviations.
+    grid : boxes in each direction.  box : width and height of those that count; larger than those of the grid
+        where noise asks for it.  boxes : how many count.  left : share of the region that they cover.
+    noise : the greatest of a box, relative to the mean light.
+    """
+
+    mean: float
+    grid: int
+    box: tuple[float, float]
+    boxes: int
+    left: float
+    margin: float
+    noise: float = 0.0
+    min_over_mean: float | None = None
+    min_over_mean_error: float = 0.0
+    min_over_max: float | None = None
+    min_over_max_error: float = 0.0
+    rsd: float | None = None
+    rsd_error: float = 0.0
+    reason: str = ""
+
+
+def uniformity(
+    light: Floats,
+    region: LitRegion,
+    half_width: tuple[float, float],
+    error: Floats | None = None,
+    blur: float = 0.0,
+    grid: int = GRID,
+) -> Uniformity:
+    """Return how uniform light is in a region of the target.
+
+    light : (rows, columns), means over pixels that tile |x| <= half_width[0], |y| <= half_width[1].
+    error : of it, as standard deviations, (rows, columns); None is no error.
+    blur : rms in one direction of the light that a point of the lens sends, mm or degrees.
+    grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
+    """
+    margin = max(MARGIN * min(region.size), blur)
+    pixel = 2 * half_width[0] / light.shape[1], 2 * half_width[1] / light.shape[0]
+    for width in range(1, max(1, grid // LARGEST) + 1):
+        found = _on_boxes(light, region, half_width, error, margin, grid, width)
+        wide = all(b >= p * (1 - 1e-9) for b, p in zip(found.box, pixel))
+        if found.reason or (wide and found.noise <= NOISE):
+            return found
+    boxes = f"boxes of {found.box[0]:.3g} x {found.box[1]:.3g}"
+    if not wide:
+        reason = f"{boxes} are smaller than a pixel of {pixel[0]:.3g} x {pixel[1]:.3g}; raise target.pixels"
+    else:
+        reason = f"the noise of {boxes} is {found.noise:.1%} of the mean"
+    return replace(found, min_over_mean=None, min_over_max=None, rsd=None, reason=reason)
+
+
+def _on_boxes(
+    light: Floats,
+    region: LitRegion,
+    half_width: tuple[float, float],
+    error: Floats | None,
+    margin: float,
+    grid: int,
+    width: int,
+) -> Uniformity:
+    """Return the uniformity on all squares of width x width boxes of the grid."""
+    kept = _all_of(_full_boxes(region.inside & (region.depth >= margin * (1 - 1e-9)), grid), width)
+    box = width * region.size[0] / grid, width * region.size[1] / grid
+    covered = _any_of(kept, width).sum() / grid**2
+    left = float(covered / region.inside.mean()) if region.inside.any() else 0.0
+    found = Uniformity(0.0, grid, box, int(kept.sum()), left, margin)
+    if left < LEAST_LEFT:
+        reason = (
+            f"a margin of {margin:.3g}, the larger of {MARGIN:.1%} of the region's shorter side and the "
+            f"blur, leaves boxes on {left:.0%} of the region"
+        )
+        return replace(found, reason=reason)
+    by_row = _mean_of(_shares(light.shape[0], half_width[1], (-region.y[1], -region.y[0]), grid), width)
+    by_column = _mean_of(_shares(light.shape[1], half_width[0], region.x, grid), width)
+    means = (by_row @ light @ by_column.T)[kept]
+    found = replace(found, mean=float(means.mean()))
+    if found.mean <= 0:
+        return replace(found, reason="the region is dark")
+    noise = np.zeros(len(means))
+    if error is not None:
+        noise = np.sqrt((by_row**2 @ error**2 @ (by_column**2).T)[kept]) / found.mean
+    return _judged(found, np.maximum(means, 0.0) / found.mean, noise)
+
+
+def _mean_of(shares: Floats, width: int) -> Floats:
+    """Return the shares of pixels in rows of `width` boxes, (grid - width + 1, pixels)."""
+    return np.lib.stride_tricks.sliding_window_view(shares, width, axis=0).mean(axis=-1)
+
+
+def _all_of(boxes: Bools, width: int) -> Bools:
+    """Return which squares of boxes count as a whole, (n - width + 1, n - width + 1)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(boxes, (width, width)).all(axis=(2, 3)))
+
+
+def _any_of(squares: Bools, width: int) -> Bools:
+    """Return which boxes lie in one of the squares."""
+    around = np.pad(squares, width - 1)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(around, (width, width)).any(axis=(2, 3)))
+
+
+def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
+    """Return the ratios of boxes.  means, noise : relative to the mean of all."""
+    low, high = int(means.argmin()), int(means.argmax())
+    least, most = float(means[low]), float(means[high])
+    ratio, square = least / most, max(float(means.var()) - float(np.mean(noise**2)), 0.0)
+    spread = float(np.sum((4 * (means - 1) ** 2 - 2 * noise**2) * noise**2)) / len(means) ** 2
+    rsd = sqrt(square)
+    rsd_error = sqrt(max(spread, 0.0)) / 2 / rsd if rsd else float(noise.max())
+    return replace(
+        found,
+        noise=float(noise.max()),
+        min_over_mean=least,
+        min_over_mean_error=float(noise[low]),
+        min_over_max=ratio,
+        min_over_max_error=hypot(float(noise[low]), ratio * float(noise[high])) / most,
+        rsd=rsd,
+        rsd_error=min(rsd_error, float(noise.max())),
+    )
+
+
+def _full_boxes(within: Bools, grid: int) -> Bools:
+    """Return which boxes lie wholly within, (rows, columns).  within : cells of the raster."""
+    edges = np.arange(grid + 1) / grid * RASTER
+    first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
+    sums = np.pad((~within).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # of all cells above and before
+    rows, columns = np.ix_(last, first), np.ix_(first, last)
+    count = sums[np.ix_(last, last)] - sums[rows] - sums[columns] + sums[np.ix_(first, first)]
+    return np.asarray(count == 0)
+
+
+def _shares(pixels: int, half: float, span: tuple[float, float], grid: int) -> Floats:
+    """Return the share of each box that each pixel makes up along one direction, (grid, pixels).
+
+    Pixels tile -half to half, boxes tile the span.
+    """
+    pixel = half * (2 * np.arange(pixels + 1) / pixels - 1)
+    box = span[0] + (span[1] - span[0]) * np.arange(grid + 1) / grid
+    low = np.maximum(box[:-1, None], pixel[None, :-1])
+    high = np.minimum(box[1:, None], pixel[None, 1:])
+    return np.maximum(high - low, 0.0) / ((span[1] - span[0]) / grid)

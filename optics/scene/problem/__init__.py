@@ -1,0 +1,53 @@
+"""The problem file and its limits of manufacture."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.scene.problem.choices import ENGINES as ENGINES, STARTS as STARTS, cannot_do as cannot_do
+    from optics.scene.problem.dotted_keys import Key as Key, keys_of as keys_of, table_of as table_of
+    from optics.scene.problem.key_changes import assignment as assignment
+    from optics.scene.problem.limit_remedies import limit_sentences as limit_sentences
+    from optics.scene.problem.manufacture_text import (
+        as_data as as_data,
+        manufacture_rows as manufacture_rows,
+        position as position,
+    )
+    from optics.scene.problem.manufacturing_limits import (
+        Miss as Miss,
+        feature_levels as feature_levels,
+        limit_advice as limit_advice,
+        limit_checks as limit_checks,
+        limit_misses as limit_misses,
+        require_limits as require_limits,
+    )
+    from optics.scene.problem.problem_file import load_problem as load_problem
+    from optics.scene.problem.problem_record import Problem as Problem
+    from optics.scene.problem.run_schema import (
+        Export as Export,
+        Limits as Limits,
+        Optimizer as Optimizer,
+        Refinement as Refinement,
+        Run as Run,
+        Verify as Verify,
+        per_level as per_level,
+    )
+    from optics.scene.problem.schema import (
+        FINEST_AUTO as FINEST_AUTO,
+        ILLUMINANTS as ILLUMINANTS,
+        SUN as SUN,
+        Freeform as Freeform,
+        Front as Front,
+        LensSpec as LensSpec,
+        Rear as Rear,
+        Source as Source,
+        Target as Target,
+        base_of as base_of,
+        freedom_of as freedom_of,
+    )
+    from optics.scene.problem.starting_problems import commented_problem as commented_problem
+    from optics.scene.problem.toml_records import AUTO as AUTO
+    from optics.scene.problem.toml_text import problem_to_toml as problem_to_toml
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

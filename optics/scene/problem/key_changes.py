@@ -1,0 +1,100 @@
+"""Changes of single keys: dotted names with their values, also as KEY=VALUE of a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, get_args, get_origin
+
+from optics.base.runtime import UserError
+from optics.scene.problem.choices import cannot_do
+from optics.scene.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
+from optics.scene.problem.toml_records import AUTO
+from thbcad.toml import MOST_PARTS, toml_tables
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """Return nested tables with some dotted keys changed; tables on the way that are missing are made.
+
+    Raises
+    ------
+    UserError : a key below a value that is no table, a key of more than 16 parts.
+    """
+    changed = dict(tables)
+    for key, value in changes.items():
+        *way, name = key.split(".", MOST_PARTS)
+        if len(way) == MOST_PARTS:
+            raise UserError(f"the key {key} has more than {MOST_PARTS} parts; `thbcad new` prints all keys")
+        node, path = changed, ""
+        for part in way:
+            path = f"{path}.{part}" if path else part
+            below = node.get(part)
+            if below is not None and not isinstance(below, Mapping):
+                raise UserError(f"{path} is a value, no table: there is no key {key}")
+            node[part] = dict(below or {})
+            node = node[part]
+        node[name] = value
+    return changed
+
+
+def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
+    """Return key and value of a text "KEY=VALUE".
+
+    VALUE is TOML.  A text that is none stands for itself where the key takes one.
+
+    kind : the record of the whole file.
+
+    Raises
+    ------
+    UserError : no "=" or nothing before it, an unknown key, a value that is no TOML.
+    """
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals:
+        raise UserError(f"{text!r} sets no key: write KEY=VALUE, such as target.distance=400")
+    if not name:
+        raise UserError(
+            f"a key is missing before = in {text!r}: write KEY=VALUE, such as target.distance=400"
+        )
+    key = next((k for k in keys_of(kind) if k.name == name), None)
+    if key is None and (reason := cannot_do(name) or cannot_do(value.strip("\"'"))):
+        raise UserError(f"unknown key {name}; {reason}")
+    if key is None:
+        meant = did_you_mean(name, kind) or "; `thbcad new` prints all keys"
+        raise UserError(f"unknown key {name}{meant}")
+    try:
+        read = toml_tables(f"value = {value}")
+    except ValueError:
+        read = {}
+    if list(read) == ["value"]:
+        return name, read["value"]
+    names = key.limits["choices"] or ()
+    if key.hint is str or value in names or (key.limits["auto"] and value == AUTO):
+        return name, value
+    raise UserError(f"{name} must be {_wanted(key)}, got {value!r}")
+
+
+def _wanted(key: Key) -> str:
+    """Return what the value of a key must be, with an example."""
+    if table_of(key.hint) is not None:
+        return f"a table, such as {key.name}={{KEY = VALUE}}"
+    if _is_table(key.hint):
+        names = "".join(f", or {name}" for name in (key.limits["choices"] or ())[:1])
+        return f"a list of rows, such as {key.name}=[[450, 1.5], [550, 1.49]]{names}"
+    if get_origin(key.hint) is tuple:
+        number = "1" if get_args(key.hint)[0] is int else "1.5"
+        several = ", ".join([number] * max(len(get_args(key.hint)), 2))
+        return f"a list of numbers, such as {key.name}=[{several}]"
+    if key.hint is bool:
+        return "true or false"
+    whole = int in (key.hint, *get_args(key.hint))
+    kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
+    automatic = ' or "auto"' if key.limits["auto"] else ""
+    return f"{kind}{automatic}, such as {key.name}={example}"
+
+
+def _is_table(hint: Any) -> bool:
+    """Return whether rows of numbers are wanted."""
+    kinds = [kind for kind in (hint, *get_args(hint)) if get_origin(kind) is tuple]
+    return any(get_origin(get_args(kind)[0]) is tuple for kind in kinds)

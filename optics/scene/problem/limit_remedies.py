@@ -1,0 +1,173 @@
+"""What missed limits of manufacturing ask of the problem: got, wanted, and one remedy for each cause.
+
+A remedy is an option `--set KEY=VALUE` to copy.  Limits that ask for the same key share one, with the value
+that serves all of them.  Where some ask for a thicker lens and others for a thinner one, no thickness serves:
+the surfaces must be flatter by
+
+    f = h / (h - a - b),        h = greatest - least thickness,
+
+with the millimetres a that lack and b that are too many.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import ceil, floor, inf, isinf, log10
+from typing import TYPE_CHECKING
+
+from optics.scene.problem.manufacturing_limits import limit_misses
+from thbcad.lens import mass
+
+if TYPE_CHECKING:
+    from optics.scene.problem.manufacturing_limits import Miss
+    from optics.scene.problem.problem_record import Problem
+    from thbcad.lens import Manufacturability
+
+DIGITS = 4  # of the numbers in a remedy
+THICKNESS = "lens.thickness"
+LEAST_HEIGHT = 0.1  # of the height of the surfaces: flatter ones could not send the light there
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A value that a key of the problem should have.
+
+    cause : in words.  value : one number, or those of a list.  more : greater values serve as well, otherwise
+    smaller ones.  allowed : the limit that the lens keeps as it is, as an option.
+    """
+
+    cause: str
+    key: str
+    value: list[float]
+    more: bool
+    allowed: str = ""
+
+
+def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: float = 0.0) -> list[str]:
+    """Return a sentence for every remedy, with the limits that the lens may miss and that it serves.
+
+    crossing : mm, by which surfaces crossed that the optimiser asked for.
+    """
+    wishes = [_wish(problem, metrics, m) for m in limit_misses(problem, metrics) if m.most > 0]
+    if crossing:
+        thicker = _rounded(problem.lens.thickness + crossing, True)
+        cause = f"the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
+        wishes.append(Wish(cause, THICKNESS, [thicker], True))
+    wishes, given_up = _without_conflict(problem, metrics, wishes)
+    return [
+        f"{'; '.join(w.cause for w in same)}: --set {shlex.quote(f'{same[0].key}={_text(_best(same))}')}"
+        for same in _by_key(wishes)
+    ] + [f"{w.cause}: --set {shlex.quote(w.allowed)}" for w in given_up]
+
+
+def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
+    """Return (key, value, whether it is raised) of a target that slopes less steep by a factor reach.
+
+    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count.
+    """
+    if isinf(problem.target.distance):
+        return "target.half_width", [_rounded(h / factor, False) for h in problem.target.half_width], False
+    return "target.distance", [_rounded(problem.target.distance * factor, True)], True
+
+
+def _wish(problem: Problem, metrics: Manufacturability, miss: Miss) -> Wish:
+    """Return the setting that helps most."""
+    wanted = f"wanted at {'most' if miss.beyond else 'least'} {miss.wanted:g} {miss.unit}"
+    cause = f"{miss.quantity}: got {_got(miss)} {miss.unit}, {wanted}{miss.where}"
+    return Wish(cause, *_setting(problem, metrics, miss), f"limits.{miss.key}={_allowed(problem, miss)}")
+
+
+def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:
+    """Return key, value, and whether greater values serve as well."""
+    lens, free = problem.lens, miss.surface in problem.lens.free
+    if miss.key in ("radius", "concave_radius", "feature"):
+        return _smoother(problem, metrics, miss)
+    if miss.key in ("slope", "sag_range") or miss.surface == "front":
+        times = miss.got / miss.wanted if miss.wanted else inf
+        if free:
+            return flatter(problem, times if 0 < times < inf else 2.0)
+        radius = getattr(lens, miss.surface).radius * times
+        return f"lens.{miss.surface}.radius", [_rounded(radius, radius > 0) if times > 0 else inf], radius > 0
+    amount = miss.most
+    if miss.key == "mass":
+        x, y = lens.rear.half_width
+        amount /= mass(4 * x * y, lens.density)
+    thickness = lens.thickness - amount if miss.beyond else lens.thickness + amount
+    return THICKNESS, [_rounded(thickness, not miss.beyond)], not miss.beyond
+
+
+def _smoother(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:
+    """Return the setting of a conic that is itself too curved, or of a mesh coarser by a level, or
+    by spans."""
+    surface = f"lens.{miss.surface}"
+    radius = getattr(problem.lens, miss.surface).radius
+    hollow = radius > 0 if miss.surface == "rear" else radius < 0
+    if miss.key != "feature" and abs(radius) < miss.wanted and (hollow or miss.key == "radius"):
+        return f"{surface}.radius", [-miss.wanted if radius < 0 else miss.wanted], radius > 0
+    feature = metrics.surfaces[miss.surface].feature
+    assert feature is not None, "these limits hold for free surfaces"
+    if feature.level:
+        return f"{surface}.freeform.max_level", [feature.level - 1], False
+    share = miss.got / miss.wanted if miss.key == "feature" else 0.5
+    spans = problem.lens.free[miss.surface].spans
+    return f"{surface}.freeform.spans", [max(1, floor(n * share)) for n in spans], False
+
+
+def _without_conflict(
+    problem: Problem, metrics: Manufacturability, wishes: list[Wish]
+) -> tuple[list[Wish], list[Wish]]:
+    """Return the wishes with flatter surfaces where a thicker and a thinner lens are asked for, and those
+    that no lens can fulfil beside the others: their limits must give way.
+    """
+    thicker, thinner = ([w for w in wishes if w.key == THICKNESS and w.more is up] for up in (True, False))
+    if thinner and problem.lens.thickness - _best(thinner)[0] >= metrics.thickness.lower:
+        return [w for w in wishes if w not in thinner], thinner
+    if not (thicker and thinner):
+        return wishes, []
+    height = metrics.greatest_thickness.value - metrics.thickness.value
+    left = height - (_best(thicker)[0] - _best(thinner)[0])
+    if left <= LEAST_HEIGHT * height:
+        return [w for w in wishes if w not in thinner], thinner
+    key, value, more = flatter(problem, height / left)
+    return [replace(w, key=key, value=value, more=more) if w.key == THICKNESS else w for w in wishes], []
+
+
+def _by_key(wishes: list[Wish]) -> Iterator[list[Wish]]:
+    """Yield the wishes for every key."""
+    for key in dict.fromkeys(w.key for w in wishes):
+        yield [w for w in wishes if w.key == key]
+
+
+def _best(wishes: list[Wish]) -> list[float]:
+    """Return the value that serves all wishes for a key, number by number."""
+    best = max if wishes[0].more else min
+    return [best(numbers) for numbers in zip(*(w.value for w in wishes), strict=True)]
+
+
+def _text(value: list[float]) -> str:
+    """Return a value as in a problem file."""
+    text = ", ".join(f"{v:g}" for v in value)
+    return text if len(value) == 1 else f"[{text}]"
+
+
+def _got(miss: Miss) -> str:
+    """Return the number that the limit would have to be, as text: what the lens keeps."""
+    return f"{_rounded(miss.got, miss.beyond):g}"
+
+
+def _allowed(problem: Problem, miss: Miss) -> str:
+    """Return the limit that the lens keeps, as in a problem file."""
+    if miss.key != "envelope":
+        return _got(miss)
+    low, high = problem.limits.envelope
+    return f"[{_got(miss)}, {high:g}]" if miss.surface == "front" else f"[{low:g}, {_got(miss)}]"
+
+
+def _rounded(number: float, up: bool) -> float:
+    """Return a number rounded to DIGITS digits, up or down."""
+    if not number or isinf(number):
+        return number
+    unit = 10.0 ** (floor(log10(abs(number))) + 1 - DIGITS)
+    return (ceil(number / unit) if up else floor(number / unit)) * unit

@@ -1,0 +1,225 @@
+"""The problem's limits of manufacture: by how much a lens may miss them, and advice before a design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import floor, inf, isfinite, log2, nextafter
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import Check, UserError
+from optics.scene.problem.manufacture_text import position, positions
+from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
+
+if TYPE_CHECKING:
+    from optics.scene.problem.problem_record import Problem
+    from optics.scene.problem.run_schema import Limits
+    from optics.scene.problem.schema import Freeform
+    from thbcad.certified import Enclosure
+    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
+
+THICKNESSES = {
+    "thickness": "thickness",
+    "centre_thickness": "centre thickness",
+    "edge_thickness": "edge thickness",
+}
+
+
+@dataclass(frozen=True)
+class Miss:
+    """How far a quantity lies on the wrong side of limits.`key`: at most `most`, at least `least`.
+
+    Both are 0 within the limit.
+
+    wanted : the limit.  beyond : the limit is an upper one.  surface : "front", "rear", or "" for the lens.
+    """
+
+    quantity: str
+    key: str
+    wanted: float
+    most: float
+    least: float
+    unit: str
+    beyond: bool = False
+    surface: str = ""
+    where: str = ""
+
+    @property
+    def side(self) -> str:
+        return "beyond" if self.beyond else "short of"
+
+    @property
+    def got(self) -> float:
+        """The certified number that is compared with the limit, where that is missed."""
+        return self.wanted + self.most if self.beyond else self.wanted - self.most
+
+
+def require_limits(problem: Problem) -> None:
+    """Raise UserError where a limit needs a key that is missing, or contradicts another limit."""
+    limits = problem.limits
+    for key in THICKNESSES:
+        if getattr(limits, key) > limits.greatest_thickness:
+            raise UserError(
+                f"limits.{key} of {getattr(limits, key):g} mm is more than limits.greatest_thickness of "
+                f"{limits.greatest_thickness:g} mm; lower the one or raise the other"
+            )
+    low, high = limits.envelope
+    least = max(limits.thickness, limits.centre_thickness, limits.edge_thickness)
+    if high - low <= least:
+        raise UserError(
+            f"limits.envelope from z = {low:g} to {high:g} mm must be higher than the least thickness, "
+            f"which is {least:g} mm; list the lower end first, and widen it"
+        )
+    if isfinite(problem.limits.mass) and not problem.lens.density:
+        raise UserError(
+            f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, "
+            "which is 0 (unknown)"
+        )
+
+
+def limit_checks(problem: Problem, metrics: Manufacturability) -> list[Check]:
+    """Return by how much the lens may miss each of the problem's limits, with the position.
+
+    The numbers come from certified bounds, that of the mass from quadrature.
+    """
+    return [
+        Check(f"{m.quantity} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit)
+        for m in limit_misses(problem, metrics)
+    ]
+
+
+def limit_advice(problem: Problem, lens: Lens) -> list[str]:
+    """Return a sentence for every limit that the lens misses without its sags.
+
+    Levels too fine for limits.feature get one too.
+    """
+    if problem.limits == type(problem.limits)():
+        return []
+    bare = Lens(replace(lens.front, sag=None), replace(lens.rear, sag=None), lens.thickness, lens.index)
+    missed = [m for m in limit_misses(problem, manufacturability(bare)) if m.least > 0]
+    sentences = [
+        f"before optimisation the {m.quantity} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
+        for m in missed
+    ]
+    return sentences + list(_feature_advice(problem))
+
+
+def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
+    """Yield the Miss of every limit that is set, also of those that are kept."""
+    limits = problem.limits
+    for key, quantity in THICKNESSES.items():
+        if getattr(limits, key):
+            yield _short(quantity, key, getattr(limits, key), getattr(metrics, key))
+    if isfinite(limits.greatest_thickness):
+        bound = metrics.greatest_thickness
+        limit = limits.greatest_thickness
+        yield _beyond("thickness", "greatest_thickness", limit, bound, "mm", position(bound))
+    yield from _envelope_misses(problem, metrics)
+    for name, surface in metrics.surfaces.items():
+        if name in problem.lens.free:
+            yield from _free_misses(name, surface, limits, problem.source.wavelength)
+        yield from _height_misses(name, surface, limits)
+    if isfinite(limits.mass):
+        amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
+        yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
+
+
+def _envelope_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
+    """Yield how far the solid leaves its range of z: the front is its lower end, the rear its upper one."""
+    low, high = problem.limits.envelope
+    bottom, top = metrics.front.heights.least, metrics.rear.heights.greatest
+    if isfinite(low):
+        miss = _short("least z of the front", "envelope", low, bottom)
+        yield replace(miss, surface="front")
+    if isfinite(high):
+        z = problem.lens.thickness
+        top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
+        miss = _beyond("greatest z of the rear", "envelope", high, top, "mm", position(top))
+        yield replace(miss, surface="rear")
+
+
+def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
+    """Yield the limits that hold for free surfaces."""
+    if limits.radius:
+        least = min((surface.concave, surface.convex), key=lambda radius: radius.lower)
+        yield replace(_short(f"radius of the {name}", "radius", limits.radius, least), surface=name)
+    if limits.concave_radius:
+        quantity = f"concave radius of the {name}"
+        miss = _short(quantity, "concave_radius", limits.concave_radius, surface.concave)
+        yield replace(miss, surface=name)
+    if limits.feature and surface.feature is not None:
+        amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
+        yield Miss(
+            quantity=f"smallest feature of the {name}",
+            key="feature",
+            wanted=limits.feature,
+            most=amount,
+            least=amount,
+            unit="wavelengths",
+            surface=name,
+            where=f", on level {surface.feature.level}",
+        )
+
+
+def _height_misses(name: str, surface: SurfaceMetrics, limits: Limits) -> Iterator[Miss]:
+    """Yield the limits that hold for every surface."""
+    if limits.slope < 90:
+        quantity, where = f"slope of the {name}", position(surface.slope)
+        miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
+        yield replace(miss, surface=name)
+    if isfinite(limits.sag_range):
+        quantity, where = f"range of heights of the {name}", positions(surface.heights)
+        miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
+        yield replace(miss, surface=name)
+
+
+def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
+    most, least = (max(0.0, limit - number) for number in (bound.lower, bound.upper))
+    where = f", {position(bound)}" if isfinite(bound.value) else ""
+    return Miss(quantity, key, wanted=limit, most=most, least=least, unit="mm", where=where)
+
+
+def _beyond(
+    quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, unit: str, where: str
+) -> Miss:
+    most, least = (max(0.0, number - limit) for number in (bound.upper, bound.lower))
+    where = f", {where}"
+    return Miss(quantity, key, wanted=limit, most=most, least=least, unit=unit, beyond=True, where=where)
+
+
+def feature_levels(problem: Problem) -> list[int]:
+    """Return the finest level of every free surface, front first, that limits.feature leaves of max_level.
+
+    It is 0 where even level 0 has smaller features.
+    """
+    return [
+        max(0, min(free.finest, floor(log2(size / problem.limits.feature))))
+        if problem.limits.feature
+        else free.finest
+        for _, free, size in _features(problem)
+    ]
+
+
+def _features(problem: Problem) -> Iterator[tuple[str, Freeform, float]]:
+    """Yield name, settings and the smallest feature of level 0 in wavelengths of every free surface."""
+    lens = problem.lens
+    for name, free in lens.free.items():
+        half_width = getattr(lens, name).half_width
+        smallest = min(free.degree * 2 * h / n for h, n in zip(half_width, free.spans))
+        yield name, free, smallest * NM_PER_MM / problem.source.wavelength
+
+
+def _feature_advice(problem: Problem) -> Iterator[str]:
+    """Yield a sentence for every free surface whose finest level would break limits.feature."""
+    limit, levels = problem.limits.feature, feature_levels(problem)
+    for (name, free, coarsest), level in zip(_features(problem), levels):
+        if coarsest < limit:
+            yield (
+                f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "
+                f"{coarsest:.4g}: take fewer spans"
+            )
+        elif level < free.finest:
+            yield (
+                f"limits.feature holds up to level {level}, but lens.{name}.freeform.max_level is "
+                f"{free.max_level}: the mesh stays at level {level}"
+            )

@@ -1,0 +1,261 @@
+"""The problem as a whole: a record whose keys are checked wherever it comes from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, fields
+from html import escape
+from itertools import pairwise
+
+from optics.base.runtime import UserError
+from optics.scene.problem.key_changes import with_changes
+from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
+from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
+from optics.scene.problem.toml_records import AUTO, checked_values, option, record
+from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.receivers import receiver_at
+
+LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
+LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
+LEAST_MERGED = 4  # pixels each way that merging leaves
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """What is asked for: source, lens and target, and how to design it.
+
+        Problem(source=Source(kind="collimated", half_width=(9.5, 9.5)), lens=..., target=...)
+
+    It is checked when it is made, by the rules of a problem file.  Whole numbers become floats and lists
+    become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
+    from the current folder.
+
+    Raises
+    ------
+    UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
+        together; it names the key.
+    """
+
+    title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
+    source: Source = option()
+    lens: LensSpec = option()
+    target: Target = option()
+    optimizer: Optimizer = option(Optimizer())
+    refinement: Refinement = option(Refinement())
+    limits: Limits = option(Limits())
+    verify: Verify = option(Verify())
+    export: Export = option(Export())
+    run: Run = option(Run())
+
+    def __post_init__(self) -> None:
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in checked_values(Problem, given).items():
+            object.__setattr__(self, name, value)
+        _require_partners(self)
+
+    @property
+    def target_z(self) -> float:
+        """z of the target plane, mm."""
+        return self.lens.thickness + self.target.distance
+
+    def with_(self, **changes: object) -> Problem:
+        """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
+
+        A table that is left out is made where one of its keys is set, such as "lens.front.freeform.degree".
+
+        Raises
+        ------
+        UserError : see Problem.
+        """
+        return record(Problem, with_changes(asdict(self), changes))
+
+    def to_toml(self) -> str:
+        """Return the problem file with every key."""
+        return problem_to_toml(self)
+
+    def _repr_html_(self) -> str:
+        """Return the main numbers as a table, for notebooks."""
+        rows = _main_numbers(self).items()
+        cells = "".join(f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows)
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
+
+
+def _main_numbers(problem: Problem) -> dict[str, str]:
+    """Return what to show of a problem, by its table."""
+    source, lens, target = problem.source, problem.lens, problem.target
+    receiver = receiver_at(problem.target_z)
+    far, unit = receiver.far_field, receiver.unit
+    rows = {
+        "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
+        "lens": f"{_made_of(lens)}, thickness {lens.thickness:g} mm",
+    }
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        free = surface.freeform
+        rows[name] = (
+            f"half-width {_by(surface.half_width)} mm, radius {surface.radius} mm, conic {surface.conic}"
+        )
+        if free:
+            rows[name] += f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}"
+            rows[name] += f", sag within {free.z_freedom} mm"
+    rows["target"] = (
+        f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
+        f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
+    )
+    return rows
+
+
+def _made_of(lens: LensSpec) -> str:
+    return f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
+
+
+def _by(size: tuple[float, float]) -> str:
+    return f"{size[0]:g} x {size[1]:g}"
+
+
+def _require_partners(problem: Problem) -> None:
+    """Refuse a problem that lacks a key which another key asks for."""
+    from thbcad.lens import require_line  # loads numpy, which the help of the commands does without
+
+    for key, text in (
+        ("lens.material", problem.lens.material),
+        ("export.product", problem.export.product),
+        ("export.author", problem.export.author),
+        ("export.organization", problem.export.organization),
+    ):
+        try:
+            require_line(key, text)
+        except ValueError as error:
+            raise UserError(str(error)) from None
+    _require_target(problem.target)
+    _require_source(problem.source)
+    _require_spectra(problem)
+    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
+    if merge > 1 and pixels < LEAST_MERGED * merge:
+        raise UserError(
+            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
+        )
+    _require_free(problem.lens)
+    most = problem.lens.thickness + sum(f.freedom for f in problem.lens.free.values())
+    if problem.limits.thickness > most and not problem.lens.automatic:
+        raise UserError(
+            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
+            f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_spectra(problem: Problem) -> None:
+    """Refuse a lens without any index, and tables by wavelength that cannot be."""
+    lens, spectrum = problem.lens, problem.source.spectrum
+    if lens.index == AUTO and not (lens.indices or lens.material):
+        raise UserError(
+            "the key lens.index is missing (refractive index, relative to the air around); add it, or name a "
+            'known material, such as lens.material = "PMMA"'
+        )
+    _require_rows("lens.indices", lens.indices, LEAST_INDEX, 10.0)
+    _require_rows("lens.absorptions", lens.absorptions, 0.0, 1e3)
+    if not isinstance(spectrum, str):
+        _require_rows("source.spectrum", spectrum, 0.0, 1e12)
+        if spectrum and not any(weight for _, weight in spectrum):
+            raise UserError("source.spectrum is dark: every weight is 0; make one greater")
+
+
+def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
+    """Refuse rows (nm, value) out of their limits, and wavelengths that come twice."""
+    for k, (nm, value) in enumerate(rows):
+        if not 1 <= nm <= 1e6:
+            raise UserError(f"{key}[{k}][0] must be a wavelength from 1 to 1e+06 nm, got {nm:g}")
+        if not low <= value <= high:
+            raise UserError(f"{key}[{k}][1] must be from {low:.7g} to {high:g}, got {value:g}")
+    wavelengths = sorted(nm for nm, _ in rows)
+    for nm, following in pairwise(wavelengths):
+        if nm == following:
+            raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
+
+
+def _require_free(lens: LensSpec) -> None:
+    if not lens.free:
+        raise UserError(
+            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
+        )
+    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
+        raise UserError(
+            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
+            f'got "{AUTO}"'
+        )
+
+
+def _require_target(target: Target) -> None:
+    if target.kind == "image" and not target.image:
+        raise UserError("the key target.image is missing; add it")
+    if target.kind == "function" and not target.formula:
+        raise UserError("the key target.formula is missing; add it")
+    if target.kind != "image" and target.seen_from == "lens":
+        raise UserError(
+            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
+            "the page on targets"
+        )
+    if math.isinf(target.distance) and max(target.half_width) >= 90:
+        raise UserError(
+            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
+        )
+
+
+def _require_placed(source: Source) -> None:
+    """Refuse a rotation that is said twice, and a place for light that no file describes."""
+    if any(source.tilt) and any(source.turn):
+        raise UserError(
+            "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
+            "leave one of them out"
+        )
+    for key in ("shift", "tilt", "turn"):
+        if not SOURCES[source.kind].file and any(getattr(source, key)):
+            raise UserError(
+                f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
+                "shines along +z"
+            )
+
+
+def _require_source(source: Source) -> None:
+    kind, has = source.kind, SOURCES[source.kind]
+    if source.profile == "image" and not source.image:
+        raise UserError("the key source.image is missing; add it")
+    if source.distance < has.nearest:
+        raise UserError(
+            f"source.distance must be at least {has.nearest} for a {kind}, which would lie in the lens, "
+            f"got {source.distance!r}"
+        )
+    if has.file and not source.file:
+        raise UserError("the key source.file is missing; add it")
+    if source.file and not has.file:
+        kinds = " and ".join(f'"{name}"' for name, keys in SOURCES.items() if keys.file)
+        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {kind!r}")
+    _require_placed(source)
+    if not source.flux and not has.own_flux:
+        raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
+    if has.area and min(source.half_width) < SHORTEST:
+        got = list(source.half_width)
+        raise UserError(f"source.half_width must be at least {SHORTEST} for a {kind} source, got {got}")
+    if has.profiles[1:] and source.profile not in has.profiles:
+        known = " or ".join(f'"{name}"' for name in has.profiles)
+        raise UserError(
+            f"source.profile of a {kind} must be {known}, got {source.profile!r}: "
+            "the same intensity from every point is all that its file tells"
+        )
+    if not has.diverges and (source.divergence or source.divergence_profile != "uniform"):
+        raise UserError(
+            "source.divergence and source.divergence_profile are those of collimated light; a "
+            f"{kind} source has source.half_angle"
+        )
+    if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
+        raise UserError(
+            f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
+        )
+    if source.profile not in has.profiles:
+        raise UserError(
+            f"source.profile is that of an area, the kind {kind!r} has none; got {source.profile!r}"
+        )
+    if source.profile in ("gaussian", "round_gaussian") and min(source.sigma) < LEAST_SIGMA:
+        raise UserError(
+            f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
+            "take a smaller source.half_width"
+        )

@@ -1,0 +1,300 @@
+"""The records of a problem file that describe the scene: every key with its default, limits and a note."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from optics.scene.problem.toml_records import AUTO, option
+
+PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
+DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
+FLUX_UNITS = ("W", "lm")
+LEAST_FLUX = 1e-12  # of source.unit
+ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
+SUN = 0.2665  # degrees: the mean half-angle of its disk
+
+Rows = tuple[tuple[float, float], ...]
+
+MAX_PIXELS = 4096
+SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
+LONGEST = 1e6  # mm: a kilometre
+FARTHEST = 1e9  # mm, of the planes before and behind the lens
+RADII = (1e-3, 1e12)  # mm, in size
+GREATEST_CONIC = 1e6  # in size
+FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
+
+
+class SourceKeys(NamedTuple):
+    """Which keys a kind of source has: a half_width above 0 (area), values of profile, a divergence, those of
+    light of a file (file), 0 as flux for that of the file (own_flux); and its least distance, mm (nearest).
+    """
+
+    area: bool = False
+    profiles: tuple[str, ...] = ("uniform",)
+    diverges: bool = False
+    file: bool = False
+    own_flux: bool = False
+    nearest: float = 0.0
+
+
+SOURCES = {
+    "collimated": SourceKeys(area=True, profiles=PROFILES, diverges=True),
+    "lambertian": SourceKeys(area=True, profiles=PROFILES),
+    "point": SourceKeys(nearest=SHORTEST),
+    "rays": SourceKeys(file=True),
+    "luminaire": SourceKeys(profiles=("uniform", "round"), file=True, own_flux=True),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    kind: str = option(
+        choices=tuple(SOURCES),
+        note="parallel rays along +z, a glowing area, a point, rays or a luminaire's intensity of a file",
+    )
+    half_width: tuple[float, float] = option(
+        (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
+    )
+    distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
+    flux: float = option(
+        1.0, low=LEAST_FLUX, high=1e12, zero=True, note="of the whole source; 0 is that of a luminaire's file"
+    )
+    unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
+    profile: str = option(
+        "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
+    )
+    sigma: tuple[float, float] = option(
+        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profiles, relative to half_width"
+    )
+    image: str = option(
+        "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
+    )
+    file: str = option(
+        "",
+        note="rays (TM-25, Zemax .dat, LightTools .ray) or luminaire (IES, EULUMDAT), relative to the "
+        "problem file",
+        picture=True,
+    )
+    shift: tuple[float, float] = option(
+        (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a file's origin; distance is that along -z"
+    )
+    tilt: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        size=(0, 360),
+        note="right-handed degrees about own x, then own y, then own z, of a file's light around its origin",
+    )
+    turn: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        size=(0, 360),
+        note="the same about axes that stay: x, then y, then z; tilt or turn, not both",
+    )
+    half_angle: float = option(
+        90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
+    )
+    exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
+    divergence: float = option(
+        0.0,
+        low=0,
+        high=60,
+        note="degrees, of collimated light: the half-angle, or sigma; 0 is parallel, but 0.2665 for the sun",
+    )
+    divergence_profile: str = option(
+        "uniform",
+        choices=DIVERGENCES,
+        note="over solid angle, of angles, of the sun's disk, or over the angle (theta_uniform)",
+    )
+    wavelength: float = option(
+        550.0,
+        low=1,
+        high=1e6,
+        note="nm, that the lens is designed at; limits.feature compares the lens's features with it",
+    )
+    spectrum: str | Rows = option(
+        (),
+        choices=ILLUMINANTS,
+        note="light to measure with: [[nm, radiant weight], ...] or a CIE illuminant; [] is wavelength alone",
+    )
+
+    @property
+    def data(self) -> str:
+        """The key of the file that the source is read from, where it names one."""
+        return "file" if self.file else "image"
+
+    @property
+    def half_divergence(self) -> float:
+        """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
+        return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Freeform:
+    degree: int = option(3, low=2, high=10, note="of the splines")
+    spans: tuple[int, int] = option((7, 7), low=1, high=1000, note="knot spans of level 0 in x and y")
+    max_level: int | str = option(
+        5,
+        low=0,
+        high=12,
+        note="finest level of refinement; auto takes it from the light's detail",
+        auto=True,
+    )
+    z_freedom: float | str = option(
+        5.0,
+        low=SHORTEST,
+        high=LONGEST,
+        note="mm, bound of the sag coefficients; auto takes it from the light",
+        auto=True,
+    )
+
+    @property
+    def freedom(self) -> float:
+        """z_freedom in mm; 0 where it is not known yet."""
+        return 0.0 if isinstance(self.z_freedom, str) else self.z_freedom
+
+    @property
+    def finest(self) -> int:
+        """The finest level; the finest that may be chosen where that is not known yet."""
+        return FINEST_AUTO if isinstance(self.max_level, str) else self.max_level
+
+
+def _radius(automatic: str) -> Any:
+    """Return the option of a surface's radius.  automatic : what "auto" stands for."""
+    note = f"mm, of the vertex; positive opens to +z, inf is a plane; {automatic}"
+    return option(math.inf, infinite=True, size=RADII, note=note, auto=True)
+
+
+def _conic() -> Any:
+    note = "conic constant K, -1 is a paraboloid, as auto is"
+    return option(0.0, size=(0, GREATEST_CONIC), note=note, auto=True)
+
+
+def _slope_rms() -> Any:
+    note = (
+        "radians, of errors of the slope in x and in y that blur the light: roughness, the steps of a print"
+    )
+    return option(0.0, low=0, high=0.3, note=note)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Front:
+    half_width: tuple[float, float] = option(
+        low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
+    )
+    radius: float | str = _radius("auto is a plane too")
+    conic: float | str = _conic()
+    slope_rms: float = _slope_rms()
+    freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rear:
+    half_width: tuple[float, float] = option(
+        low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
+    )
+    freeform: Freeform | None = option(
+        Freeform(), note="false in place of this table is the conic alone, behind a free front"
+    )
+    radius: float | str = _radius("auto takes it from the light")
+    conic: float | str = _conic()
+    slope_rms: float = _slope_rms()
+
+
+def base_of(surface: Front | Rear) -> tuple[float, float]:
+    """Return radius and conic constant of a surface; those of a plane where they are not known yet."""
+    if isinstance(surface.radius, str):
+        return math.inf, 0.0
+    return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
+
+
+def freedom_of(surface: Front | Rear) -> float:
+    """Return how far the sag coefficients of a surface may go, mm; 0 without a sag, or not known yet."""
+    return surface.freeform.freedom if surface.freeform else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensSpec:
+    index: float | str = option(
+        AUTO,
+        above=1,
+        high=10,
+        note="refractive index, relative to the air around; auto takes it from indices or the material",
+        auto=True,
+    )
+    thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
+    material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
+    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
+    absorption: float | str = option(
+        0.0,
+        low=0,
+        high=1e3,
+        note="1/mm: exp(-absorption path) of the light stays; auto takes the material's",
+        auto=True,
+    )
+    absorptions: Rows = option(
+        (), note="[[nm, 1/mm], ...] for other wavelengths; [] is absorption everywhere"
+    )
+    density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
+    front: Front = option()
+    rear: Rear = option()
+
+    @property
+    def known_index(self) -> float:
+        """The index; 0 where it is not known yet."""
+        return 0.0 if isinstance(self.index, str) else self.index
+
+    @property
+    def free(self) -> dict[str, Freeform]:
+        """The settings of the free surfaces by name, front first."""
+        surfaces = {"front": self.front.freeform, "rear": self.rear.freeform}
+        return {name: freeform for name, freeform in surfaces.items() if freeform is not None}
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the base lens or a bound of the sags is left to the program."""
+        bounds = [freeform.z_freedom for freeform in self.free.values()]
+        return AUTO in (*bounds, *(value for s in (self.front, self.rear) for value in (s.radius, s.conic)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    kind: str = option(
+        choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula"
+    )
+    image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
+    formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
+    shape: str = option(
+        "rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat"
+    )
+    lit: tuple[float, float] = option(
+        (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
+    )
+    distance: float = option(
+        low=SHORTEST,
+        high=FARTHEST,
+        infinite=True,
+        note="mm from the rear vertex to the target plane; inf is the far field",
+    )
+    half_width: tuple[float, float] = option(
+        low=SHORTEST,
+        high=FARTHEST,
+        note="mm in x and y, from the axis to the border; degrees in the far field",
+    )
+    encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
+    pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
+    fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+    seen_from: str = option(
+        "behind",
+        choices=("behind", "lens"),
+        note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
+    )
+
+    data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
+
+    @property
+    def placing(self) -> str:
+        """How the light is laid on the pixels: `fit` for pictures.
+
+        Regions and formulas are made on the pixels themselves.
+        """
+        return self.fit if self.kind == "image" else "stretch"

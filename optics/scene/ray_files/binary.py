@@ -1,0 +1,51 @@
+"""Little-endian records at the head of a file, and rows of numbers behind them, with sizes checked first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError
+
+Single = NDArray[np.float32]
+
+
+def packed_type(fields: Mapping[str, str]) -> np.dtype[Any]:
+    """Return the type of a record without gaps, from the numpy types of its fields in their order."""
+    return np.dtype([*fields.items()]).newbyteorder("<")
+
+
+def record(data: memoryview, kind: np.dtype[Any], path: Path) -> dict[str, Any]:
+    """Return the record at the head of a file, by the names of its fields.
+
+    Raises
+    ------
+    UserError : the file is shorter.
+    """
+    if len(data) < kind.itemsize:
+        raise UserError(
+            f"{path} ends in its header, after {len(data)} of {kind.itemsize} bytes; it may be truncated"
+        )
+    row = np.frombuffer(data[: kind.itemsize], kind)[0]
+    assert kind.names is not None
+    return {name: row[name].tolist() for name in kind.names}
+
+
+def rows(data: memoryview, start: int, count: int, columns: int) -> Single:
+    """Return rows of numbers in single precision, (count, columns); the file is known to hold them."""
+    stop = start + 4 * count * columns
+    return np.frombuffer(data[start:stop], "<f4").reshape(count, columns).astype(np.float32, copy=False)
+
+
+def require_rows(path: Path, held: int, start: int, count: int, columns: int) -> None:
+    """Raise UserError unless a file of `held` bytes has room for the rays that its header promises."""
+    needed = start + 4 * count * columns
+    if needed > held:
+        raise UserError(
+            f"{path} is too short for what its header says: {count} rays of {4 * columns} bytes behind"
+            f" {start} bytes need {needed} bytes, it has {held}; it may be truncated"
+        )

@@ -1,0 +1,143 @@
+"""Pictures as targets: files into linear light on the target's pixels."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageOps, UnidentifiedImageError
+from scipy.sparse import csr_array
+
+from optics.base.runtime import UserError, require_regular_file
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
+MAX_SOURCE_PIXELS = 100_000_000  # 0.8 GB as linear light; Pillow itself refuses 179 million
+BAND_PIXELS = 1 << 20  # decoded together
+DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
+# Pillow's name and ours; none of them starts another program, as EPS does
+FORMATS = {
+    "PNG": "PNG",
+    "JPEG": "JPEG",
+    "TIFF": "TIFF",
+    "BMP": "BMP",
+    "GIF": "GIF",
+    "WEBP": "WebP",
+    "PPM": "PGM",
+}
+
+
+def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64]:
+    """Return the picture as linear light, (rows, columns) float, row 0 at the top.
+
+    Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep their depth.
+
+    encoding : "srgb" (decoded) or "linear".
+
+    Raises
+    ------
+    UserError : missing or unreadable file, not a picture, too large, NaN, or black everywhere.
+    """
+    require_regular_file(path, "the picture")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Pillow's, about parts that are not read
+            with Image.open(path, formats=tuple(FORMATS)) as image:
+                if image.width * image.height > MAX_SOURCE_PIXELS:
+                    raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
+                light = _linear(ImageOps.exif_transpose(image), encoding)
+    except (UserError, MemoryError):
+        raise
+    except UnidentifiedImageError:
+        known = ", ".join(FORMATS.values())
+        raise UserError(f"{path} is not a picture that can be read; save it as one of {known}") from None
+    except Image.DecompressionBombError:
+        raise UserError(_too_large(path, "far")) from None
+    except OSError as error:
+        raise UserError(f"cannot read the picture {path}: {error.strerror or error}; save it again") from None
+    except Exception as error:  # a decoder may raise anything on a damaged file
+        raise UserError(f"the picture {path} cannot be decoded: {error}; save it again") from None
+    if not np.isfinite(light).all():
+        raise UserError(f"the picture {path} holds values that are not finite; mend them first")
+    if (light < 0).any():
+        raise UserError(f"the picture {path} holds negative values; light cannot be negative")
+    if not light.any():
+        raise UserError(f"the picture {path} is black everywhere; it asks for no light")
+    return light
+
+
+def _too_large(path: str | Path, size: str) -> str:
+    return (
+        f"the picture {path} has {size} more than the {MAX_SOURCE_PIXELS:,} pixels allowed; make it smaller"
+    )
+
+
+def fit_picture(
+    light: NDArray[np.float64], pixels: tuple[int, int], aspect: float, fit: str = "crop"
+) -> NDArray[np.float64]:
+    """Return the mean light on each of the target's pixels, (rows, columns).
+
+    pixels : (columns, rows).  aspect : width / height of the target.
+    fit : "crop" cuts what does not fit, "pad" adds dark bars, "stretch" distorts.
+    """
+    rows, columns = light.shape
+    if fit != "stretch" and not np.isclose(columns / rows, aspect):
+        wide = columns / rows > aspect
+        if (fit == "crop") == wide:
+            width, height = rows * aspect, float(rows)
+        else:
+            width, height = float(columns), columns / aspect
+    else:
+        width, height = float(columns), float(rows)
+    by_row = _overlap(rows, height, pixels[1])
+    by_column = _overlap(columns, width, pixels[0])
+    return np.ascontiguousarray((by_column @ (by_row @ light).T).T)
+
+
+def _overlap(count: int, extent: float, pixels: int) -> csr_array:
+    """Return the fraction of each target pixel that each source pixel covers, (pixels, count).
+
+    `pixels` equal intervals over `extent` source pixels, centred on the row of `count`.
+    """
+    edges = (count - extent) / 2 + np.linspace(0, extent, pixels + 1)
+    first = np.clip(np.floor(edges[:-1]), 0, count - 1).astype(np.int64)
+    width = int(np.ceil(extent / pixels)) + 1  # source pixels that an interval can touch
+    source = first[:, None] + np.arange(width)
+    covered = np.minimum(edges[1:, None], source + 1) - np.maximum(edges[:-1, None], source)
+    hit = (covered > 0) & (source < count)
+    target = np.nonzero(hit)[0]
+    return csr_array((covered[hit] / (extent / pixels), (target, source[hit])), shape=(pixels, count))
+
+
+def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
+    if image.mode in DEEP_MODES:
+        values = np.asarray(image, dtype=np.float64)
+        if values.max() > 65535:
+            raise ValueError("its whole numbers have more than 16 bits, which only floating point may have")
+        return _decoded(values / 65535, encoding)
+    if image.mode == "F":
+        return _decoded(np.asarray(image, dtype=np.float64), encoding)
+    if image.mode == "1" or image.mode == "L":
+        return _decoded(np.asarray(image.convert("L"), dtype=np.float64) / 255, encoding)
+    return _luminance(np.asarray(image.convert("RGBA")), encoding)
+
+
+def _luminance(colours: NDArray[np.uint8], encoding: str) -> NDArray[np.float64]:
+    """Return the linear light of (rows, columns, 4) colours with transparency, band after band."""
+    light = np.empty(colours.shape[:2])
+    step = max(1, BAND_PIXELS // colours.shape[1])
+    for row in range(0, len(colours), step):
+        values = _decoded(colours[row : row + step] / 255, encoding, channels=3)
+        light[row : row + step] = values[..., :3] @ np.array(LUMINANCE) * values[..., 3]
+    return light
+
+
+def _decoded(values: NDArray[np.float64], encoding: str, channels: int | None = None) -> NDArray[np.float64]:
+    """Undo the sRGB curve (of the first `channels` channels)."""
+    if encoding == "linear":
+        return values
+    colour = values if channels is None else values[..., :channels]
+    low = colour <= 0.04045
+    decoded = np.where(low, colour / 12.92, ((np.maximum(colour, 0.04045) + 0.055) / 1.055) ** 2.4)
+    return decoded if channels is None else np.concatenate([decoded, values[..., channels:]], axis=-1)

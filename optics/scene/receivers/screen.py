@@ -1,0 +1,123 @@
+"""The target as pixels: a rectangle of the target plane, or of directions in the far field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.receivers.receivers import FarField, Plane
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Pixels that tile |x| <= half_width[0], |y| <= half_width[1]; row 0 at +y, column 0 at -x.
+
+    pixels : (columns, rows).  margin : dark pixels added on every side, so that light that
+    falls beside the target is seen (and charged) too.
+    angular : coordinates are the angles u = atan(d_x / d_z), v = atan(d_y / d_z) in degrees instead of mm.
+    """
+
+    half_width: tuple[float, float]
+    pixels: tuple[int, int]
+    margin: int = 0
+    angular: bool = False
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of the image without margin."""
+        return self.pixels[1], self.pixels[0]
+
+    @property
+    def padded(self) -> tuple[int, int]:
+        """(rows, columns) with margin."""
+        return self.pixels[1] + 2 * self.margin, self.pixels[0] + 2 * self.margin
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Pixel size (x, y), mm or degrees."""
+        return 2 * self.half_width[0] / self.pixels[0], 2 * self.half_width[1] / self.pixels[1]
+
+    @property
+    def unit(self) -> str:
+        """Of lengths on the screen."""
+        return (FarField if self.angular else Plane).unit
+
+    @property
+    def pixel_area(self) -> float:
+        return self.pitch[0] * self.pitch[1]
+
+    @property
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x of the columns and y of the rows, mm or degrees; y falls."""
+        x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(self.half_width, self.pixels))
+        return x, -y
+
+    def projection(self) -> NDArray[np.float64]:
+        """Return flux per pixel area of a unit picture, (rows, columns).
+
+        In a plane it is 1.  In the far field it is the solid angle
+        d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v,
+        so that pictures are intensities.
+        """
+        if not self.angular:
+            return np.ones(self.shape)
+        a, b = (
+            np.tan(np.radians(h * ((2 * np.arange(n) + 1) / n - 1)))[None, :] ** 2
+            for h, n in zip(self.half_width, self.pixels)
+        )
+        return (1 + a) * (1 + b.T) / (1 + a + b.T) ** 1.5
+
+    def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
+        (px, py), (hx, hy) = self.pitch, self.half_width
+        return (1 / px, hx / px + self.margin), (-1 / py, hy / py + self.margin)
+
+    def binned(self, points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum of weights in every pixel, (rows, columns), without the margin.
+
+        points : (n, 2), mm or degrees; those beside the screen, and NaN, count nowhere.  weights : (n,).
+        """
+        columns, rows = self.pixels
+        maps = self.pixel_map()
+        with np.errstate(invalid="ignore"):  # NaN compares as beside
+            column, row = (np.floor(points[:, k] * maps[k][0] + maps[k][1] - self.margin) for k in range(2))
+            on = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        pixel = (row[on] * columns + column[on]).astype(np.int64)
+        sums = np.bincount(pixel, weights[on], rows * columns)
+        return np.asarray(sums, dtype=np.float64).reshape(self.shape)
+
+    def widened(self, pixels: int) -> Screen:
+        """Return a screen with so many more of the same pixels on every side."""
+        (px, py), (hx, hy), (columns, rows) = self.pitch, self.half_width, self.pixels
+        half_width = hx + pixels * px, hy + pixels * py
+        return replace(self, half_width=half_width, pixels=(columns + 2 * pixels, rows + 2 * pixels))
+
+    def finer(self, times: int) -> Screen:
+        """Return a screen of the same size with so many times as many pixels in each direction."""
+        return replace(self, pixels=(times * self.pixels[0], times * self.pixels[1]))
+
+    def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the image with the dark margin."""
+        return np.pad(image, self.margin)
+
+    def crop(self, padded: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the image without the margin."""
+        m = self.margin
+        return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]
+
+
+def lit_part(
+    image: NDArray[np.float64], screen: Screen, dark: float
+) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+    """Return the least rectangle of an irradiance outside of which all is dark, its centre and half-widths.
+
+    dark : of the greatest irradiance, what counts as dark at most.  Lengths are in mm.
+    """
+    bright = image > dark * image.max()
+    rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
+    (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+    wide, tall = hx / image.shape[1], hy / image.shape[0]  # half a pixel
+    centre = float((c0 + c1) * wide - hx), float(hy - (r0 + r1) * tall)
+    return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))

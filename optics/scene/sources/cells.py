@@ -1,0 +1,159 @@
+"""Cells of a source of two parameters: a grid of rays at their corners, and the flux of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import cos, radians, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.sources.collimated import lit_part
+from optics.scene.sources.profile import UNIFORM, Profile
+from optics.scene.sources.rays import BEFORE, RayGrid, Rays
+from optics.scene.sources.spreading import concentric
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceCells:
+    """A source cut into a grid of cells over its two parameters s, t.
+
+    s : (nx + 1,), t : (ny + 1,) float, borders of the cells.  emitted : (nx, ny) W.
+    at : called with s, t and flux, (n,) each; returns the Rays there.
+    density : called with s and t, (n,) each; returns the flux per area of s and t there, up to a factor.
+    parallel : the rays go along +z and s, t are x, y in mm.  missed : W that passes beside the lens.
+    """
+
+    s: Floats
+    t: Floats
+    emitted: Floats
+    at: Callable[[Floats, Floats, Floats], Rays]
+    density: Callable[[Floats, Floats], Floats]
+    parallel: bool = False
+    missed: float = 0.0
+
+    def rays(self) -> RayGrid | Rays:
+        """Return the rays at the corners; each carries a quarter of the flux of the cells around it."""
+        flux = corner_flux(self.emitted)
+        if self.parallel:
+            return RayGrid(self.s, self.t, flux, self.missed)
+        s, t = (a.ravel() for a in np.meshgrid(self.s, self.t, indexing="ij"))
+        return self.at(s, t, flux.ravel())
+
+    def half(self, axes: Sequence[int]) -> SourceCells:
+        """Return the cells with s >= 0 (axis 0) and t >= 0 (axis 1) of an even number of cells there."""
+        starts = [n // 2 if axis in axes else 0 for axis, n in enumerate(self.emitted.shape)]
+        i, j = starts
+        return replace(self, s=self.s[i:], t=self.t[j:], emitted=self.emitted[i:, j:])
+
+    def slices(self, most: int) -> Iterator[SourceCells]:
+        """Yield strips of about `most` corners that make up these cells."""
+        step = max(1, most // len(self.t) - 1)
+        for start in range(0, len(self.s) - 1, step):
+            yield replace(
+                self,
+                s=self.s[start : start + step + 1],
+                emitted=self.emitted[start : start + step],
+                missed=0.0 if start else self.missed,
+            )
+
+
+def corner_flux(emitted: Floats) -> Floats:
+    """Return the flux that the corners of cells stand for, (nx + 1, ny + 1): quarters of the cells around."""
+    quarters = np.pad(emitted / 4, 1)
+    return quarters[1:, 1:] + quarters[1:, :-1] + quarters[:-1, 1:] + quarters[:-1, :-1]
+
+
+def beam_cells(
+    half_width: Sequence[float],
+    flux: float,
+    aperture: Sequence[float],
+    counts: Sequence[int],
+    profile: Profile = UNIFORM,
+    centre: Sequence[float] = (0.0, 0.0),
+) -> SourceCells:
+    """Return the cells of a beam along +z, as far as it meets an aperture; s and t are x and y in mm.
+
+    half_width : of the source, mm.  aperture, centre : as of `lit_part`, mm.  counts : (nx, ny) cells.
+    """
+    middles, lit = lit_part(half_width, aperture, centre)
+    x, y = (m + h * (2 * np.arange(n + 1) / n - 1) for m, h, n in zip(middles, lit, counts))
+    emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
+    missed = flux - float(emitted.sum()) if lit != list(half_width) else 0.0
+
+    before = BEFORE * 2 * max(aperture)
+
+    def at(x: Floats, y: Floats, flux: Floats) -> Rays:
+        along = np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)])
+        return Rays(np.stack([x, y, np.full_like(x, -before)]), along, flux)
+
+    def density(x: Floats, y: Floats) -> Floats:
+        return profile(x / half_width[0], y / half_width[1])
+
+    return SourceCells(x, y, emitted, at, density, parallel=True, missed=missed)
+
+
+def tilted_cells(
+    half_width: Sequence[float],
+    distance: float,
+    flux: float,
+    direction: Floats,
+    counts: Sequence[int],
+    profile: Profile = UNIFORM,
+) -> SourceCells:
+    """Return the cells of an area in the plane z = -distance that shines in one direction.
+
+    s and t are x and y in mm.
+
+    half_width : mm.  direction : (3,) unit vector.  counts : (nx, ny) cells.
+    """
+    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half_width, counts))
+    emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
+
+    def at(x: Floats, y: Floats, flux: Floats) -> Rays:
+        along = np.repeat(direction[:, None], len(x), axis=1)
+        return Rays(np.stack([x, y, np.full_like(x, -distance)]), along, flux)
+
+    def density(x: Floats, y: Floats) -> Floats:
+        return profile(x / half_width[0], y / half_width[1])
+
+    return SourceCells(x, y, emitted, at, density)
+
+
+def cone_cells(
+    distance: float, flux: float, half_angle: float, exponent: float, counts: Sequence[int]
+) -> SourceCells:
+    """Return the cells of a point's cone with intensity ~ cos(theta)^exponent.
+
+    s and t are coordinates in the square [-1, 1]^2 that `concentric` maps to the cone, equal solid angles to
+    equal areas.  1 - cos(theta) is in proportion to max(|s|, |t|)^2 there.
+
+    distance : mm, of the point before z = 0.  half_angle : degrees.  counts : (nx, ny) cells.
+    """
+    s, t = (2 * np.arange(n + 1) / n - 1 for n in counts)
+    deepest = 1 - cos(radians(half_angle))
+    inside = sqrt(3 / 5)  # three points of Gauss in each direction
+
+    def density(s: Floats, t: Floats) -> Floats:
+        return (1 - deepest * np.maximum(np.abs(s), np.abs(t)) ** 2) ** exponent
+
+    emitted = np.zeros(counts)
+    for a, by_a in ((-inside, 5), (0.0, 8), (inside, 5)):
+        for b, by_b in ((-inside, 5), (0.0, 8), (inside, 5)):
+            middle = [((1 - w) * r[:-1] + (1 + w) * r[1:]) / 2 for w, r in ((a, s), (b, t))]
+            emitted += by_a * by_b * density(middle[0][:, None], middle[1][None, :])
+    emitted *= flux / emitted.sum()
+
+    def at(s: Floats, t: Floats, flux: Floats) -> Rays:
+        p, q = concentric(s, t)
+        depth = deepest * (p * p + q * q)
+        stretch = np.sqrt((2 - depth) * deepest)
+        direction = np.stack([p * stretch, q * stretch, 1 - depth])
+        origin = np.zeros_like(direction)
+        origin[2] = -distance
+        return Rays(origin, direction, flux)
+
+    return SourceCells(s, t, emitted, at, density)

@@ -1,0 +1,69 @@
+"""The lens of a problem before optimisation, and what its CAD files say about it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import UserError
+from optics.scene.problem import base_of
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Freeform, Front, Problem, Rear
+
+
+def base_lens(problem: Problem) -> Lens:
+    """Return the lens before optimisation: a THB sag of zeros on the level-0 mesh.
+
+    Raises
+    ------
+    UserError : the prescription makes no lens.
+    """
+    spec = problem.lens
+    front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
+    try:
+        return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
+    except ValueError as error:
+        raise UserError(f"lens: {error}") from None
+
+
+def lens_product(problem: Problem) -> Product:
+    """Return what the CAD files say about the lens."""
+    spec, names = problem.lens, problem.export
+    return Product(
+        name=names.product or one_line(problem.title) or "lens",
+        author=names.author,
+        organization=names.organization,
+        material=spec.material or f"transparent, n = {spec.known_index:g}",
+        density=spec.density,
+        index=spec.known_index,
+    )
+
+
+def freeforms(problem: Problem) -> tuple[Freeform, ...]:
+    """Return the settings of the free surfaces, front first, as `Lens.sags`."""
+    return tuple(problem.lens.free.values())
+
+
+def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
+    """Return a surface of the prescription, with a sag of zeros on the level-0 mesh where it is free."""
+    sag = None
+    if spec.freeform is not None:
+        kv = [
+            KnotVector.uniform(spec.freeform.degree, n, -h, h)
+            for n, h in zip(spec.freeform.spans, spec.half_width)
+        ]
+        space = THBSpace(*kv)
+        sag = THBSurface(space, np.zeros(space.dim))
+    try:
+        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag)
+    except ValueError as error:
+        raise UserError(
+            f"lens.{name}: {error}; make its radius larger in size or its half_width smaller"
+        ) from None

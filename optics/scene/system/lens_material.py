@@ -1,0 +1,182 @@
+"""What the lens is made of: its index and absorption at every wavelength that is traced."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from optics.base.runtime import UserError
+from optics.scene.materials import find_material, tabulated
+from optics.scene.paths import Medium
+from optics.scene.photometry import spectral_lines
+from optics.scene.problem import AUTO
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from optics.scene.materials import Material
+    from optics.scene.photometry import SpectralLine
+    from optics.scene.problem import LensSpec, Problem
+
+INDEX_DIGITS = 6  # behind the point: no index is known better
+ABSORPTION_DIGITS = 4
+VISIBLE = range(380, 781, 20)  # nm, at which absorption is tabulated for other light that may come later
+CAUCHY = -2  # power of the wavelength in which indices are interpolated
+
+
+@dataclass(frozen=True)
+class Wavelength:
+    """Light of one wavelength.
+
+    nm : in air.  weight : of the source's flux.  medium : the lens.
+    xyz : CIE 1931 colour of a watt, in units of 683 lm/W, or of a lumen, with Y = 1, as `source.unit` has it;
+        None where no spectrum is given.
+    """
+
+    nm: float
+    weight: float
+    medium: Medium
+    xyz: tuple[float, float, float] | None = None
+
+
+def with_material(problem: Problem) -> Problem:
+    """Return the problem with numbers for what it leaves to the material: index, density, absorption.
+
+    Raises
+    ------
+    UserError : no such material is known, or not at the source's wavelengths.
+    """
+    spec, nm = problem.lens, problem.source.wavelength
+    if AUTO not in (spec.index, spec.absorption):
+        return problem
+    changes: dict[str, Any] = {}
+    if spec.index == AUTO:
+        index = _tabulated_index(spec, nm) if spec.indices else find_material(spec.material).index(nm)
+        known = known_material(spec)
+        changes["index"] = round(index, INDEX_DIGITS)
+        changes["density"] = spec.density or (known.density if known and known.density else 0.0)
+    if spec.absorption == AUTO:
+        changes["absorption"] = _absorption(spec, nm)
+        changes["absorptions"] = spec.absorptions or _absorption_rows(problem)
+    return replace(problem, lens=replace(spec, **changes))
+
+
+def known_material(spec: LensSpec) -> Material | None:
+    """Return the material that a lens names, if it is known; else the name is a label."""
+    try:
+        return find_material(spec.material)
+    except UserError:
+        return None
+
+
+def indexing_material(problem: Problem) -> Material | None:
+    """Return the material whose index the lens has at the source's wavelength; None where it is another."""
+    material, nm = known_material(problem.lens), problem.source.wavelength
+    if material is None or not material.range[0] <= nm <= material.range[1]:
+        return None
+    same = abs(material.index(nm) - problem.lens.known_index) < 10**-INDEX_DIGITS
+    return material if same else None
+
+
+def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
+    """Return the wavelengths at which light is measured: the lines of the spectrum, or the source's own.
+
+    problem : with numbers for index and absorption.
+
+    Raises
+    ------
+    UserError : the index or the absorption at a wavelength is not known; lumens of light that is not seen.
+    """
+    source = problem.source
+    if not source.spectrum:
+        nm = source.wavelength
+        return (Wavelength(nm, 1.0, medium_at(problem, nm)),)
+    lines = spectral_lines(source.spectrum)
+    if source.unit == "lm":
+        lines = _by_lumens(lines)
+    return tuple(Wavelength(line.nm, line.weight, medium_at(problem, line.nm), line.xyz) for line in lines)
+
+
+def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
+    """Return lines whose weights are those of lumens, and whose colours are those of a lumen."""
+    seen = sum(line.weight * line.xyz[1] for line in lines)
+    if not seen:
+        raise UserError('source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"')
+    return tuple(
+        replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
+        for line, (x, y, z) in ((line, line.xyz) for line in lines)
+        if y
+    )
+
+
+def medium_at(problem: Problem, nm: float) -> Medium:
+    """Return what the lens is at a wavelength, nm.
+
+    Raises
+    ------
+    UserError : see `index_at` and `absorption_at`.
+    """
+    return Medium(index_at(problem, nm), absorption_at(problem, nm))
+
+
+def index_at(problem: Problem, nm: float) -> float:
+    """Return the index of the lens at a wavelength, nm.
+
+    lens.index holds at the source's own wavelength.  Elsewhere it is that of lens.indices; without them
+    lens.index + n(nm) - n(source.wavelength), with the dispersion n of the material.
+
+    Raises
+    ------
+    UserError : neither tells the index there.
+    """
+    spec, own = problem.lens, problem.source.wavelength
+    if nm == own:
+        return spec.known_index
+    if spec.indices:
+        return _tabulated_index(spec, nm)
+    material = known_material(spec)
+    if material is None:
+        raise UserError(
+            f"source.spectrum needs the index at {nm:.4g} nm too, but lens.index is one number: name a known "
+            'lens.material, such as "PMMA", or give lens.indices = [[nm, index], ...]'
+        )
+    index = spec.known_index + material.index(nm) - material.index(own)
+    if index <= 1:
+        raise UserError(
+            f"lens.index = {spec.known_index:g} is far from that of {spec.material}: its dispersion leaves "
+            f"{index:.4g} at {nm:.4g} nm; give lens.indices = [[nm, index], ...]"
+        )
+    return index
+
+
+def absorption_at(problem: Problem, nm: float) -> float:
+    """Return the absorption of the lens at a wavelength, 1/mm.  nm : of it.
+
+    Raises
+    ------
+    UserError : lens.absorptions has rows, but not around the wavelength.
+    """
+    spec = problem.lens
+    return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
+
+
+def _absorption_rows(problem: Problem) -> tuple[tuple[float, float], ...]:
+    """Return the absorption of the material at all wavelengths that are traced, and where it is visible."""
+    spec, source = problem.lens, problem.source
+    lines = spectral_lines(source.spectrum) if source.spectrum else ()
+    rows = {nm: _absorption(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
+    for nm in map(float, VISIBLE):
+        with suppress(UserError):
+            rows.setdefault(nm, _absorption(spec, nm))
+    return tuple(sorted(rows.items()))
+
+
+def _tabulated_index(spec: LensSpec, nm: float) -> float:
+    return tabulated(spec.indices, nm, "lens.indices", CAUCHY)
+
+
+def _absorption(spec: LensSpec, nm: float) -> float:
+    if spec.absorptions:
+        return tabulated(spec.absorptions, nm, "lens.absorptions")
+    return float(f"{find_material(spec.material).absorption(nm):.{ABSORPTION_DIGITS}g}")

@@ -1,0 +1,218 @@
+"""What a problem describes, built once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import load_backend
+from optics.scene.paths import LightPath
+from optics.scene.photometry import units_of
+from optics.scene.system.lens import base_lens, freeforms, lens_product
+from optics.scene.system.lens_material import (
+    Wavelength,
+    absorption_at,
+    index_at,
+    indexing_material,
+    wavelengths_of,
+    with_material,
+)
+from optics.scene.system.source import source_of
+from optics.scene.system.target import LightTarget
+from optics.scene.system.tracing_skips import Skip, skips
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.materials import Material
+    from optics.scene.photometry import Density, Units
+    from optics.scene.problem import Freeform, Problem
+    from optics.scene.sources import LightSource
+    from thbcad.lens import Lens, Product
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalSystem:
+    """Lens, sources and targets of a problem.  Every part is built when it is first asked for, and once.
+
+    Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
+    `problem` is the one given, with numbers for what it leaves to the material of the lens.
+    aim : what the light of a sharp system is to be that stands for a blurred one, see `blur.aimed`;
+        None of other systems.
+
+    Raises
+    ------
+    UserError : nothing is known of the material.
+    """
+
+    problem: Problem
+    aim: LightTarget | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "problem", with_material(self.problem))
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The lens before optimisation: sags of zeros on the level-0 meshes.
+
+        Raises
+        ------
+        UserError : the prescription makes no lens.
+        """
+        return base_lens(self.problem)
+
+    @property
+    def backend(self) -> Backend:
+        """Dr.Jit in double precision, on as many threads as the problem asks for.
+
+        Threads belong to the process, and other work sets them: so they are set whenever this is asked for,
+        which takes less than 0.1 ms.
+
+        Raises
+        ------
+        ImportError, UserError, MemoryError : as `load_backend`.
+        """
+        return load_backend("double", self.problem.run.threads)
+
+    @cached_property
+    def product(self) -> Product:
+        """What the CAD files say about the lens."""
+        return lens_product(self.problem)
+
+    @property
+    def freeforms(self) -> tuple[Freeform, ...]:
+        """The settings of the free surfaces, front first, as `Lens.sags`."""
+        return freeforms(self.problem)
+
+    @property
+    def units(self) -> Units:
+        """The units of flux, and of the light on a target."""
+        return units_of(self.problem.source.unit)
+
+    @property
+    def density(self) -> Density:
+        """The units of the light on the target."""
+        return self.units.density(self.target.far_field)
+
+    @property
+    def shaped(self) -> str:
+        """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
+        return [*self.problem.lens.free][-1]
+
+    @property
+    def shapes_parallel(self) -> bool:
+        """Whether parallel light meets the surface that a transport map shapes."""
+        return self.parallel or (self.shaped == "front" and self.source.collimated)
+
+    @property
+    def slope_rms(self) -> tuple[float, float]:
+        """Of front and rear, radians."""
+        return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms
+
+    @property
+    def blurred(self) -> bool:
+        """Whether the light is that of a source without extent, blurred: by divergence, or rough surfaces."""
+        return self.source.diverging or (any(self.slope_rms) and not self.source.extended)
+
+    @property
+    def shaping(self) -> OpticalSystem:
+        """The system whose light a design traces: what blurs it is a convolution."""
+        return self.sharp if self.blurred else self
+
+    @cached_property
+    def sharp(self) -> OpticalSystem:
+        """The system without the divergence of its beam and without roughness.
+
+        Where it stands for a blurred one, it aims at the target itself, as long as nothing is known of the
+        blur.
+        """
+        changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
+        if self.source.diverging:
+            changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}
+        return OpticalSystem(self.problem.with_(**changes), self.target if self.blurred else None)
+
+    @cached_property
+    def sources(self) -> tuple[LightSource, ...]:
+        return (source_of(self.problem),)
+
+    @cached_property
+    def wavelengths(self) -> tuple[Wavelength, ...]:
+        """At which light is measured: the lines of the spectrum, or the source's own wavelength.
+
+        Raises
+        ------
+        UserError : the index or the absorption of the lens is not known at one of them.
+        """
+        return wavelengths_of(self.problem)
+
+    @property
+    def material(self) -> Material | None:
+        """The known material whose index the lens has; None where its index is another."""
+        return indexing_material(self.problem)
+
+    def index_at(self, nm: float) -> float:
+        """Return the index of the lens at a wavelength, nm.
+
+        Raises
+        ------
+        UserError : it is not known there.
+        """
+        return index_at(self.problem, nm)
+
+    @property
+    def absorption(self) -> float:
+        """Of the lens at the source's own wavelength, 1/mm."""
+        return absorption_at(self.problem, self.problem.source.wavelength)
+
+    @property
+    def spectral(self) -> bool:
+        """Whether light is measured at other wavelengths than that of the design."""
+        return bool(self.problem.source.spectrum)
+
+    @cached_property
+    def targets(self) -> tuple[LightTarget, ...]:
+        return (LightTarget(self.problem.target, self.problem.target_z),)
+
+    @property
+    def source(self) -> LightSource:
+        """The source, where there is one."""
+        (source,) = self.sources
+        return source
+
+    @property
+    def target(self) -> LightTarget:
+        """The target, where there is one."""
+        (target,) = self.targets
+        return target
+
+    @property
+    def goal(self) -> LightTarget:
+        """What transport, and the first of two stages of a blurred system, shape light to."""
+        return self.aim or self.target
+
+    def paths(self, lens: Lens) -> tuple[LightPath, ...]:
+        """Return the paths of light of the source's own wavelength through a lens, one to each target."""
+        return tuple(LightPath.through(lens, target.receiver, self.absorption) for target in self.targets)
+
+    def path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens, where there is one."""
+        (path,) = self.paths(lens)
+        return path
+
+    @cached_property
+    def parallel(self) -> bool:
+        """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
+        return self.source.collimated and self.lens.front.is_plane
+
+    @property
+    def by_edges(self) -> bool:
+        """Whether light may reach the target by other ways than through front and rear.
+
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        """
+        return not (self.parallel or self.target.far_field)
+
+    @cached_property
+    def skips(self) -> tuple[Skip, ...]:
+        """What tracing leaves out."""
+        return tuple(skips(self.problem, self.source, self.parallel))

@@ -1,0 +1,186 @@
+"""Whether a problem can be solved, and which settings do not suit it, before any tracing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isinf
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import UserError, speaking_of
+from optics.scene.problem import freedom_of, limit_advice, load_problem, require_limits
+from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.source import source_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from optics.scene.problem import Problem
+
+MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
+
+
+def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -> OpticalSystem:
+    """Return the OpticalSystem of a problem file that can be solved.
+
+    changes : {dotted key: value}, in place of what the file says.
+
+    Raises
+    ------
+    UserError : see `load_problem` and `solvable_system`; it names the file.
+    """
+    problem = load_problem(path, changes)
+    with speaking_of(path):
+        return solvable_system(problem)
+
+
+def solvable_system(problem: Problem) -> OpticalSystem:
+    """Return the OpticalSystem of a problem that can be solved.
+
+    Raises
+    ------
+    UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
+        read, a source or a target that lies in the lens, a target that no lens can light, a material that is
+        not known.
+    """
+    require_limits(problem)
+    told = source_of(problem).told
+    system = OpticalSystem(problem.with_(**told) if told else problem)
+    _ = (
+        system.target.light,
+        system.lens,
+        system.source.profile,
+        system.wavelengths,
+    )  # built now, so that errors come now
+    require_room(system)
+    require_light(system)
+    require_reachable(system)
+    return system
+
+
+def require_reachable(system: OpticalSystem) -> None:
+    """Refuse a target that no rear surface behind a plane front can light.
+
+    A surface of index n bends parallel rays by less than arccos(1 / n) before it reflects them totally;
+    a lit pixel farther aside from the beam than that, seen from the rear vertex, stays dark.
+
+    Raises
+    ------
+    UserError : names the angle needed and the angle that the index allows.
+    """
+    if not system.parallel or system.target.far_field:
+        return
+    lens, target = system.problem.lens, system.problem.target
+    screen = system.target.screen()
+    lit = system.target.irradiance(screen, 1.0) > 0
+    beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
+    aside = [
+        np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()
+        for d, (n, h, b) in enumerate(zip(screen.pixels[::-1], target.half_width[::-1], beam[::-1]))
+    ]
+    needed, most = (
+        np.degrees(np.arctan(max(aside) / target.distance)),
+        np.degrees(np.arccos(1 / lens.known_index)),
+    )
+    if needed >= most:
+        raise UserError(
+            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
+            f"{lens.known_index:g} bends rays by less than {most:.1f} degrees; "
+            "make target.half_width smaller or target.distance larger"
+        )
+
+
+def require_light(system: OpticalSystem) -> None:
+    """Refuse a beam whose picture is dark wherever it meets the front.
+
+    Raises
+    ------
+    UserError : names the picture and the half-widths.
+    """
+    source, front = system.problem.source, system.lens.front
+    if not system.source.collimated:
+        return
+    met = (np.array([-1.0, 1.0]) * min(1.0, f / s) for s, f in zip(source.half_width, front.half_width))
+    if not system.source.profile.shares(*met).any():
+        raise UserError(
+            "source.image is dark wherever it meets the lens; make source.half_width smaller or "
+            "lens.front.half_width larger"
+        )
+
+
+def require_room(system: OpticalSystem) -> None:
+    """Refuse a source that lies in the lens, and a target plane that cuts it.
+
+    Raises
+    ------
+    UserError : names the planes and the extent of the surfaces.
+    """
+    problem, lens = system.problem, system.lens
+    source, distance = problem.source, problem.target.distance
+    x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
+    front = min(0.0, float(lens.front.conic(x, y)))
+    if system.source.extended and front <= -source.distance:
+        raise UserError(
+            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm "
+            f"and the front reaches to z = {front:.4g} mm there; "
+            "make source.distance larger or source.half_width smaller"
+        )
+    starts = system.source.starts()
+    if starts is not None:
+        _require_before(system, starts)
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
+    if distance <= top:
+        raise UserError(
+            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
+            f"got {distance:g}"
+        )
+
+
+def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
+    """Refuse light of a file that starts behind the front.  origin : of its rays, (3, n) mm.
+
+    Raises
+    ------
+    UserError : names how far they reach into the lens.
+    """
+    front, (x, y, z) = system.lens.front, origin
+    a, b = front.half_width
+    within = (np.abs(x) <= a) & (np.abs(y) <= b)
+    depth = (z[within] - front.conic(x[within], y[within])).max(initial=-np.inf)
+    if depth >= 0:
+        raise UserError(
+            f"rays of source.file start up to {depth:.4g} mm behind the front; make source.distance larger"
+        )
+
+
+def advice(system: OpticalSystem) -> list[str]:
+    """Return sentences about settings that do not suit the problem, and about missed limits.
+
+    The limits are those that the lens misses before optimisation.
+    """
+    problem, lens = system.problem, system.lens
+    options, sentences = problem.optimizer, [*system.source.assumed]
+    if system.source.glowing and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
+        sentences.append(
+            'an extended source blurs its light anyway: optimizer.window = "bspline" and '
+            "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
+        )
+    bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
+    thrown = CONIC_SLOPE * problem.target.distance
+    if bent and not isinf(thrown) and thrown > problem.verify.landing:
+        sentences.append(
+            "STEP holds conics other than paraboloids as splines, which may move landing points by "
+            f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "
+            "refused then: use conic = -1, or raise it if that will do"
+        )
+    poles = max(graph.coefficients.size for graph in lens.graphs())
+    if bent and poles > MANY_POLES:
+        sentences.append(
+            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
+            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
+            f"lens.{system.shaped}.freeform.degree fewer"
+        )
+    return sentences + limit_advice(problem, lens)

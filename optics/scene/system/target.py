@@ -1,0 +1,157 @@
+"""The light that a problem asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError, speaking_of
+from optics.scene.photometry import RASTER, LitRegion
+from optics.scene.receivers import (
+    Receiver,
+    Screen,
+    fit_picture,
+    formula_light,
+    formula_pixels,
+    read_picture,
+    receiver_at,
+    uniform_region,
+)
+
+if TYPE_CHECKING:
+    from optics.scene.problem import Target
+
+WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LightTarget:
+    """The light asked for, and its plane.
+
+    settings : of the problem file.  z : of the target plane, mm; inf is the far field.
+    """
+
+    settings: Target
+    z: float
+
+    @cached_property
+    def light(self) -> NDArray[np.float64]:
+        """Linear light: a picture at its own resolution, a region or a formula on the target's pixels.
+
+        Row 0 is at the greatest y, column 0 at the least x.
+
+        Raises
+        ------
+        UserError : see `read_picture` and `formula_light`.
+        """
+        target = self.settings
+        if target.kind == "tophat":
+            return _lit_region(target)
+        if target.kind == "function":
+            return formula_light(target.formula, target.pixels)
+        with speaking_of("target.image"):
+            light = read_picture(target.image, target.encoding)
+        # column 0 is at -x: on the left for one behind the target, on the right for one at the lens
+        return np.ascontiguousarray(light[:, ::-1]) if target.seen_from == "lens" else light
+
+    @cached_property
+    def lit_pixels(self) -> NDArray[np.bool_] | None:
+        """The pixels that a region or a formula lights wholly, (rows, columns); None of a picture."""
+        target = self.settings
+        if target.kind == "image":
+            return None
+        if target.kind == "function":
+            return formula_pixels(target.formula, target.pixels)
+        return self.light > 1 - WHOLE
+
+    @cached_property
+    def even_region(self) -> LitRegion | None:
+        """The region on which the same light is asked for everywhere.
+
+        None of a picture, and of a formula whose light varies: that is judged as a picture.
+        """
+        target, lit = self.settings, self.lit_pixels
+        if target.kind == "tophat":
+            x, y = (h * part for h, part in zip(target.half_width, target.lit))
+            inside = uniform_region(target.shape, (RASTER, RASTER), (1.0, 1.0)) > 1 - WHOLE
+            return LitRegion((-x, x), (-y, y), inside)
+        if lit is None or not lit.any() or np.ptp(self.light[lit]) > WHOLE * self.light.max():
+            return None
+        return LitRegion.of_pixels(lit, target.half_width)
+
+    @property
+    def receiver(self) -> Receiver:
+        """Where the light is asked for."""
+        return receiver_at(self.z)
+
+    @property
+    def unit(self) -> str:
+        """Of lengths on the target."""
+        return self.receiver.unit
+
+    @property
+    def far_field(self) -> bool:
+        """Whether light is asked for by direction, in degrees, and not in a plane."""
+        return self.receiver.far_field
+
+    def screen(self, coarsening: int = 1, margin: int = 0) -> Screen:
+        """Return the Screen of the target, with pixels merged `coarsening` times in each direction.
+
+        margin : of dark pixels around it.
+        """
+        columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
+        return Screen(self.settings.half_width, (columns, rows), margin, self.far_field)
+
+    def of_light(self, screen: Screen, irradiance: NDArray[np.float64]) -> LightTarget:
+        """Return a target in the same plane that asks for a given irradiance on a screen's pixels."""
+        settings = replace(
+            self.settings, kind="image", fit="stretch", half_width=screen.half_width, pixels=screen.pixels
+        )
+        target = LightTarget(settings, self.z)
+        target.__dict__["light"] = irradiance / screen.projection()  # in place of a picture that is read
+        return target
+
+    def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
+        """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
+        return target_irradiance(self.light, screen, self.settings.placing, flux)
+
+
+def _lit_region(target: Target) -> NDArray[np.float64]:
+    """Return the light of a uniform region.
+
+    Raises
+    ------
+    UserError : the region is so narrow that it falls between the samples of a pixel.
+    """
+    light = uniform_region(target.shape, target.pixels, target.lit)
+    if not light.any():
+        raise UserError(
+            f"target.lit = {list(target.lit)} leaves no light on the pixels; "
+            "make it larger, or target.half_width smaller"
+        )
+    return light
+
+
+def target_irradiance(
+    light: NDArray[np.float64], screen: Screen, fit: str, flux: float
+) -> NDArray[np.float64]:
+    """Return the target irradiance on a screen's pixels for a total flux, (rows, columns), W/mm^2.
+
+    In the far field it is in W per square degree.
+
+    light : linear, of any size.  fit : as `fit_picture`.  flux : W.
+
+    Raises
+    ------
+    UserError : the light is 0 on all pixels.
+    """
+    aspect = screen.half_width[0] / screen.half_width[1]
+    image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()
+    total = image.sum() * screen.pixel_area
+    if total <= 0:
+        raise UserError("no light is left of the picture inside the target; choose another target.fit")
+    return image * (flux / total)

@@ -1,0 +1,228 @@
+"""Whether a tool fits a lens, what its cusps do to the light, and how its machine must move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import atan, ceil, degrees
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import Check
+from optics.light.blur import spot_width
+from optics.tolerancing.machining.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
+from optics.tolerancing.machining.cusp_light import CuspLight, light_with_cusps
+from optics.tolerancing.machining.response_to_slopes import landing_response
+from optics.tolerancing.machining.tool_order import SPEED
+from thbcad.tools import (
+    SURFACES,
+    Draft,
+    Fit,
+    SpiralCut,
+    acceleration_at,
+    air_side,
+    ball_fit,
+    draft,
+    greatest_acceleration,
+    greatest_slope_along_cut,
+    highest_rpm,
+    nose_fit,
+    rim_gaps,
+)
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from optics.tolerancing.machining.tool_order import ToolOrder
+    from thbcad.certified import Enclosure
+    from thbcad.lens import Lens
+    from thbcad.splines import BSplineSurface
+    from thbcad.tools import Gaps
+
+Floats = NDArray[np.float64]
+
+RAYS = 257  # in each direction: a map finer than a picture shows
+ANYWHERE = 257  # points in each direction, on the rim too
+ROUND_DOWN = 1 - 1e-14  # below the roundings of an arctangent and a product
+
+
+@dataclass(frozen=True, eq=False)
+class SpiralMotion:
+    """A slow tool servo on one surface.
+
+    cut : the spiral.  kernel : mm, greatest |z''| / omega^2 over the lens, certified
+    gaps : the tool beside the lens, sampled.  clearance : degrees, least clearance angle, certified
+    """
+
+    cut: SpiralCut
+    kernel: Enclosure
+    gaps: Gaps
+    clearance: Enclosure
+
+    @property
+    def greatest(self) -> float:
+        """The greatest |z''| / omega^2 over lens and gaps, mm."""
+        return max(self.kernel.upper, self.gaps.worst()[0])
+
+    def acceleration(self, rpm: float) -> float:
+        """Return the greatest acceleration over lens and gaps, m/s^2."""
+        return acceleration_at(rpm, self.greatest)
+
+    def highest_rpm(self, limit: float) -> float:
+        """Return the revolutions for each minute that keep a limit in m/s^2 over lens and gaps."""
+        return highest_rpm(limit, self.greatest)
+
+
+@dataclass(frozen=True)
+class RowCut:
+    """A ball on a surface, row by row.  rows : how many.  length : m, of all rows.  hours : of one pass."""
+
+    rows: int
+    length: float
+    hours: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFindings:
+    """A tool on one surface.
+
+    graph : with air above it.  blur : None where the tool fits nowhere.  pitch : mm, step or feed
+    yardstick : pixels, by which light is blurred without cusps, at least one.
+    height_anywhere : mm, of cusps on the whole surface for each mm^2 of the pitch squared, sampled; NaN where
+        the tool fits nowhere.
+    light : with the cusps; None where it is unknown.  motion : of a nose that fits, else None
+    rows : of a ball
+    """
+
+    name: str
+    graph: BSplineSurface
+    fit: Fit
+    blur: CuspBlur | None
+    pitch: float | None
+    yardstick: float
+    height_anywhere: float
+    light: CuspLight | None
+    motion: SpiralMotion | None
+    rows: RowCut | None
+
+    @property
+    def cusp_height(self) -> float:
+        """The greatest height of cusps where light for the target crosses, mm; NaN where it is unknown."""
+        if self.blur is None or self.pitch is None:
+            return float("nan")
+        return float(np.nanmax(self.blur.heights)) * self.pitch**2
+
+    @property
+    def largest_pitch(self) -> float | None:
+        """The step or feed, mm, whose cusps blur by the yardstick at most; None where blur is unknown."""
+        return None if self.blur is None else self.yardstick / self.blur.worst()[0]
+
+
+@dataclass(frozen=True, eq=False)
+class ToolFindings:
+    """What was found of a tool on a lens; checks fail where it is not proven to fit, or moves too hard."""
+
+    order: ToolOrder
+    surfaces: tuple[SurfaceFindings, ...]
+    draft: Draft
+
+    @property
+    def checks(self) -> list[Check]:
+        """By how much the tool may be too large, and the acceleration too great."""
+        checks = []
+        for s in self.surfaces:
+            name = f"{self.order.words} on the {s.name}: radius beyond the least concave radius"
+            checks.append(Check(name, max(0.0, s.fit.tool - s.fit.least.lower), 0, "mm"))
+            limit, rpm = self.order.acceleration, self.order.rpm
+            if s.motion is not None and rpm is not None and limit is not None:
+                name = f"acceleration of the tool on the {s.name} at {rpm:g} rpm"
+                checks.append(Check(name, s.motion.acceleration(rpm), limit, "m/s^2"))
+        return checks
+
+
+def tool_findings(
+    system: OpticalSystem, lens: Lens, order: ToolOrder, backend: Backend, rays: int = RAYS
+) -> ToolFindings:
+    """Return what a tool does on a lens.
+
+    rays : in each direction, by which the blur is mapped.
+    """
+    names = [order.surface] if order.surface else [n for n in SURFACES if not getattr(lens, n).is_plane]
+    if order.radius is None:
+        names = []
+    pixel = float(np.mean(system.target.screen().pitch))
+    yardstick = max(1.0, spot_width(system, lens, backend) / pixel) if names else 1.0
+    surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
+    return ToolFindings(order, surfaces, draft(lens))
+
+
+def _surface(
+    system: OpticalSystem,
+    lens: Lens,
+    order: ToolOrder,
+    backend: Backend,
+    name: str,
+    rays: int,
+    yardstick: float,
+) -> SurfaceFindings:
+    graph, radius = air_side(lens, name), order.radius
+    assert radius is not None  # surfaces are looked at for a tool
+    fit = nose_fit(graph, radius) if order.spiral else ball_fit(graph, radius)
+    response = landing_response(system, lens, backend, name, rays)
+    blur = cusp_blur(graph, response, system.target.screen(), order) if len(response.x) else None
+    if blur is not None and blur.unknown == 1:
+        blur = None
+    pitch = order.pitch
+    if pitch is None and blur is not None:
+        pitch = yardstick / blur.worst()[0]
+    light = None
+    if blur is not None and pitch is not None and not blur.unknown:
+
+        def slopes(x: Floats, y: Floats) -> Floats:
+            return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
+
+        light = light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
+    motion = None
+    if order.spiral and fit.proven and pitch is not None:
+        motion = spiral_motion(graph, radius, pitch)
+    rows = None if order.spiral or pitch is None else row_cut(graph, order, pitch)
+    anywhere = _greatest_height(graph, order)
+    return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, motion, rows)
+
+
+def _grid(graph: BSplineSurface) -> tuple[Floats, Floats]:
+    """Return x and y of points all over a surface, its rim too, (n,) each."""
+    sides = (np.linspace(kv.start, kv.stop, ANYWHERE) for kv in (graph.kv_u, graph.kv_v))
+    x, y = np.meshgrid(*sides)
+    return x.ravel(), y.ravel()
+
+
+def _greatest_height(graph: BSplineSurface, order: ToolOrder) -> float:
+    """Return the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits."""
+    heights = cusps_of(graph, *_grid(graph), order, 1.0).height
+    return float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
+
+
+def row_cut(graph: BSplineSurface, order: ToolOrder, step: float) -> RowCut:
+    """Return the rows of a ball over a surface, along its slopes, and the hours at its speed."""
+    x, y = _grid(graph)
+    along, across = (graph.kv_u, graph.kv_v) if order.rows == "x" else (graph.kv_v, graph.kv_u)
+    slope = graph(x, y, (1, 0) if order.rows == "x" else (0, 1))
+    rows = ceil((across.stop - across.start) / step) + 1
+    length = rows * (along.stop - along.start) * float(np.sqrt(1 + slope**2).mean())
+    return RowCut(rows, length / 1e3, length / (order.speed or SPEED) / 60)
+
+
+def spiral_motion(graph: BSplineSurface, nose: float, feed: float) -> SpiralMotion:
+    """Return the motion of a nose that fits, on a spiral with a feed for each revolution, mm."""
+    cut = SpiralCut.over((graph.kv_u.stop, graph.kv_v.stop), feed)
+    kernel = greatest_acceleration(graph, nose, cut.advance)
+    return SpiralMotion(cut, kernel, rim_gaps(graph, nose), _clearance(graph))
+
+
+def _clearance(graph: BSplineSurface) -> Enclosure:
+    """Return the least clearance angle: the arctangent of the greatest slope along the cut, degrees."""
+    slope = greatest_slope_along_cut(graph)
+    lower, value, upper = (degrees(atan(s)) for s in (slope.lower, slope.value, slope.upper))
+    return replace(slope, lower=lower * ROUND_DOWN, value=value, upper=upper / ROUND_DOWN)

@@ -1,0 +1,114 @@
+"""The made surface: the designed one and a correction that is fitted to what was measured.
+
+Both are splines of one THB space.  The correction's space has all cells of one level, as fine as the points
+resolve; the made surface's space is refined where either is, and both are carried there by matrices of
+refinement, which change neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, log2, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from optics.tolerancing.metrology.alignment import Alignment
+from thbcad.fitting import NoisyFit, Samples, fit_noisy
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+Floats = NDArray[np.float64]
+
+POINTS_PER_FUNCTION = 1.5  # finer cells hold no more of what was measured
+MOST_FUNCTIONS = 60_000  # the factors of their matrix take 0.3 GB
+BARE_SPANS = 8  # of the first level on a surface without sag
+DEGREE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class MadeSurface:
+    """A surface as it was made.
+
+    surface : FreeformSurface.  fit : of the correction.  covered : fraction of its cells that hold a point.
+    unresolved : correlation of the fit's residuals between neighbouring points; that of noise is 0.
+    """
+
+    designed: FreeformSurface
+    surface: FreeformSurface
+    fit: NoisyFit
+    covered: float
+    unresolved: float
+
+    def correction(self, x: Floats, y: Floats) -> Floats:
+        """Return made - designed at points, mm."""
+        return self.surface(x, y) - self.designed(x, y)
+
+    def with_noise(self, noise: Floats, factor: float = 1.0) -> FreeformSurface:
+        """Return the surface that other noise, (n,) mm, would make of this one: the fit is linear."""
+        return _made(self.designed, self._corrected(self.fit.carried(factor * noise)))
+
+    def _corrected(self, more: Floats) -> THBSurface:
+        return THBSurface(self.fit.surface.space, self.fit.surface.coefficients + more)
+
+
+def made_surface(
+    designed: FreeformSurface, aligned: Alignment, smoothing: float | None = None
+) -> MadeSurface:
+    """Return the made surface from the height errors of aligned points.
+
+    smoothing : of the fit, see `fit_noisy`; None is as much as the noise asks for.
+    """
+    x, y, _ = aligned.points
+    space = _fit_space(_base(designed), len(x))
+    whole = designed if designed.sag is not None else _with_flat_sag(designed)
+    u, v = whole.to_parameters(x, y)
+    fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
+    cells = len(np.unique(space.locate(u, v)))
+    return MadeSurface(
+        designed=designed,
+        surface=_made(designed, fit.surface),
+        fit=fit,
+        covered=cells / len(space.cells),
+        unresolved=_likeness(x, y, fit.residuals),
+    )
+
+
+def _likeness(x: Floats, y: Floats, residuals: Floats) -> float:
+    """Return the mean product of each residual with that of the nearest other point, over the mean square."""
+    _, nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)
+    return float(np.mean(residuals * residuals[nearest[:, 1]]) / (np.mean(residuals**2) or 1.0))
+
+
+def _base(designed: FreeformSurface) -> THBSpace:
+    """Return the space of the first level of a surface's sag."""
+    if designed.sag is not None:
+        return THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
+    return THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
+
+
+def _with_flat_sag(designed: FreeformSurface) -> FreeformSurface:
+    space = _base(designed)
+    return designed.with_sag(THBSurface(space, np.zeros(space.dim)))
+
+
+def _fit_space(base: THBSpace, points: int) -> THBSpace:
+    """Return the space with all cells refined as far as the points resolve."""
+    wanted = min(points / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
+    level = max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans)))))
+    return base.uniform(level)
+
+
+def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:
+    """Return designed + correction on the space that is refined where either is."""
+    if designed.sag is None:
+        return designed.with_sag(correction)
+    own, common = designed.sag.space, correction.space
+    for level, cells in enumerate(own.refined[common.levels - 1 :], common.levels - 1):
+        common = common.refine({level: cells})
+    sag = own.prolongation(common) @ designed.sag.coefficients
+    added = correction.space.prolongation(common) @ correction.coefficients
+    return designed.with_sag(THBSurface(common, sag + added))

@@ -1,0 +1,156 @@
+"""Measured points of a surface, in the surface's own frame.
+
+The frame has its origin in the vertex of the surface, +z along the light, x and y as the lens has them, mm.
+What a file holds is brought there in this order: units, mirrored x, rotation about z, heights turned over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError
+from optics.tolerancing.metrology.point_text import grid_header, grid_rows, number_rows, read_text
+from thbcad.lens import FreeformSurface
+
+Floats = NDArray[np.float64]
+Unit = Literal["m", "mm", "um", "nm"]
+Kind = Literal["heights", "errors"]
+
+MILLIMETRES: dict[str, float] = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+GRID_UNITS = (1.0, 10.0, 25.4, 1000.0)  # mm, of the unit flag of a grid sag file
+TURNS = (0, 90, 180, 270)
+LEAST_POINTS = 100  # fewer say nothing of a freeform surface
+LEAST_INSIDE = 0.5  # of the points lie on the surface, else the frame or the unit is another one
+LEAST_EXTENT = 0.02  # of the surface's width
+FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
+
+
+@dataclass(frozen=True)
+class FileFrame:
+    """What a file's numbers mean.
+
+    unit : of x and y.  height_unit : of the third column, by default the same.
+    kind : "heights" z of the surface, or "errors" dz = made - designed.
+    mirror : x is turned over first, as where the part was measured from behind.
+    turn : then x and y are turned by 0, 90, 180 or 270 degrees, from +x towards +y.
+    down : heights are positive against the light.
+    """
+
+    unit: Unit = "mm"
+    height_unit: Unit | None = None
+    kind: Kind = "heights"
+    mirror: bool = False
+    turn: int = 0
+    down: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("unit", self.unit, get_args(Unit)),
+            ("height_unit", self.height_unit or self.unit, get_args(Unit)),
+            ("kind", self.kind, get_args(Kind)),
+            ("turn", self.turn, TURNS),
+        ):
+            if value not in known:
+                raise UserError(f"{name} must be one of {', '.join(map(str, known))}, got {value!r}")
+
+    def placed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Return x and y of the surface from those of the file, both in mm."""
+        if self.mirror:
+            x = -x
+        for _ in range(self.turn // 90):
+            x, y = -y, x
+        return x, y
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoints:
+    """Points (3, n) in the frame of a surface, mm.
+
+    missing : rows of the file without a value.  beside : points that lie beside the surface.
+    """
+
+    points: Floats
+    missing: int = 0
+    beside: int = 0
+
+
+def read_measured(
+    path: str | Path, surface: FreeformSurface, frame: FileFrame | None = None
+) -> MeasuredPoints:
+    """Return the measured points of a surface from a file of rows x y z, or from a grid sag file.
+
+    Raises
+    ------
+    UserError : a file that cannot be read, is cut off, holds too few points, or does not fit the surface.
+    """
+    frame = frame or FileFrame()
+    x, y, values = _values(path, frame)
+    there = np.isfinite(x) & np.isfinite(y) & np.isfinite(values)
+    missing = int(there.size - there.sum())
+    x, y = frame.placed(x[there], y[there])
+    values = -values[there] if frame.down else values[there]
+    if len(x) < LEAST_POINTS:
+        raise UserError(f"{path} holds {len(x)} points with a value, fewer than {LEAST_POINTS}")
+    hx, hy = surface.half_width
+    on = (np.abs(x) <= hx) & (np.abs(y) <= hy)
+    _require_on_surface(path, x, y, on, surface)
+    if frame.kind == "errors":  # they belong to points of the surface alone
+        x, y, values = x[on], y[on], values[on]
+        values = values + surface(x, y)
+        on = on[on]
+    _require_near(path, values[on] - surface(x[on], y[on]), surface)
+    return MeasuredPoints(np.stack([x, y, values]), missing, int(there.sum() - on.sum()))
+
+
+def _values(path: str | Path, frame: FileFrame) -> tuple[Floats, Floats, Floats]:
+    """Return x and y in mm, as the file has them, and heights or errors in mm."""
+    text = read_text(path)
+    scale = MILLIMETRES[frame.unit]
+    header = grid_header(text)
+    if header is None:
+        x, y, z = number_rows(text, str(path)).T
+        return scale * x, scale * y, MILLIMETRES[frame.height_unit or frame.unit] * z
+    flag = int(header[4])
+    if not 0 <= flag < len(GRID_UNITS):
+        raise UserError(f"the unit flag of {path} must be 0 (mm), 1 (cm), 2 (in) or 3 (m), got {flag}")
+    nx, ny = int(header[0]), int(header[1])
+    heights = grid_rows(text, str(path), nx * ny)
+    across = header[5] + (np.arange(nx) - (nx - 1) / 2) * header[2]
+    up = header[6] + ((ny - 1) / 2 - np.arange(ny)) * header[3]
+    unit = GRID_UNITS[flag]
+    return unit * np.tile(across, ny), unit * np.repeat(up, nx), unit * heights
+
+
+def _require_on_surface(
+    path: str | Path, x: Floats, y: Floats, on: NDArray[np.bool_], surface: FreeformSurface
+) -> None:
+    """Raise UserError unless most points lie on the surface, and cover some of it."""
+    hx, hy = surface.half_width
+    reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
+    if on.mean() < LEAST_INSIDE:
+        raise UserError(
+            f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
+            "is the unit right (--unit), and is the origin the vertex of the surface?"
+        )
+    if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
+        raise UserError(
+            f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
+            "unit right (--unit)?"
+        )
+
+
+def _require_near(path: str | Path, apart: Floats, surface: FreeformSurface) -> None:
+    """Raise UserError where the points lie so far from the surface that they are of something else."""
+    most = float(np.median(np.abs(apart)))
+    if most > FARTHEST * max(surface.half_width):
+        raise UserError(
+            f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
+            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
+            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
+            "of the front."
+        )

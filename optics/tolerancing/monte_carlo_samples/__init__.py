@@ -1,0 +1,22 @@
+"""Lenses as they are made: errors at random within their tolerances, each lens traced exactly."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch as MadeBatch, Range as Range
+    from optics.tolerancing.monte_carlo_samples.monte_carlo_result import MonteCarlo as MonteCarlo
+    from optics.tolerancing.monte_carlo_samples.random_errors import (
+        Draw as Draw,
+        FormTolerance as FormTolerance,
+        draws as draws,
+        each_set as each_set,
+    )
+    from optics.tolerancing.monte_carlo_samples.sampling import (
+        ErrorModel as ErrorModel,
+        Sampled as Sampled,
+        sample_lenses as sample_lenses,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

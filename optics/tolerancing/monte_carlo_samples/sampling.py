@@ -1,0 +1,156 @@
+"""Made lenses traced by workers, each with all of its errors at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from itertools import chain
+from operator import add
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from optics.base.runtime import grade, load_backend
+from optics.base.workers import run_tasks
+from optics.light.analysis import delivered, delivery_checks, rel_l2
+from optics.light.blur import spot_rms
+from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
+from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, Draw, FormTolerance, draws
+from optics.tolerancing.perturbations import NOMINAL, PerturbedLight
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from optics.base.workers import WorkerPool
+    from optics.scene.system import OpticalSystem
+    from optics.tolerancing.perturbations import Perturbation, Tolerance
+    from thbcad.lens import Lens
+
+FIELDS = 4  # form errors, with both signs, whose mean rise of rel_l2^2 is told: they differ by some per cent
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """A design, and how wrong a lens made of it may be.
+
+    target : the light asked for, (rows, columns), at any scale.  floats : the target follows the light.
+    """
+
+    system: OpticalSystem
+    lens: Lens
+    target: NDArray[np.float64]
+    tolerances: tuple[Tolerance, ...]
+    forms: tuple[FormTolerance, ...] = ()
+    floats: bool = False
+
+    @cached_property
+    def light(self) -> PerturbedLight:
+        """What traces the lenses, on one thread; every worker builds its own."""
+        return PerturbedLight(self.system, self.lens, load_backend("double", 1), floats=self.floats)
+
+    @cached_property
+    def blur(self) -> float:
+        """Of the light behind the designed lens, see `blur.spot_rms`; 0 where no verdict needs it."""
+        if self.system.target.even_region is None:
+            return 0.0
+        return spot_rms(self.system, self.lens, self.light.backend)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is sent to workers: all but the device's part."""
+        return {name: value for name, value in self.__dict__.items() if name != "light"}
+
+    def errors(self, draw: Draw) -> Perturbation:
+        """Return the errors of a lens.
+
+        Raises
+        ------
+        UserError : see `FormTolerance.drawn`.
+        """
+        moved = (t.at(a * t.amount) for t, a in zip(self.tolerances, draw.amounts, strict=True))
+        return reduce(add, chain(moved, (draw.sign * form for form in self.form(draw.seed))), NOMINAL)
+
+    def form(self, seed: int) -> list[Perturbation]:
+        """Return random form errors of the surfaces.  seed : of all of them."""
+        half_widths = {"front": self.lens.front.half_width, "rear": self.lens.rear.half_width}
+        seeds = np.random.default_rng(seed).integers(1 << 63, size=len(self.forms))
+        return [form.drawn(half_widths[form.surface], int(s)) for form, s in zip(self.forms, seeds)]
+
+    def irradiance(self, draw: Draw) -> NDArray[np.float64]:
+        """Return the light of a lens, (rows, columns)."""
+        return self.light(self.errors(draw))[0]
+
+
+class Traced(NamedTuple):
+    """What a worker says of a lens.  made : the verdict on its light is "made"."""
+
+    rel_l2: float
+    efficiency: float
+    made: bool
+
+
+class Sampled(NamedTuple):
+    """The light of made lenses.
+
+    sets : their errors, in the order of the batch.
+    by_form : rel_l2^2, mean of lenses with nothing but form errors; None without such errors.
+    """
+
+    batch: MadeBatch
+    sets: list[list[Draw]]
+    by_form: float | None
+
+
+def traced(model: ErrorModel, draw: Draw) -> Traced:
+    """Return the quality of the light of one lens."""
+    image, fates = model.light(model.errors(draw))
+    error = model.light.error(image)
+    metrics = delivered(model.system, image, error, fates.on_target, fates.off_target, model.blur)
+    # the most likely values count: what is not sure of one lens evens out over many
+    checks = delivery_checks(metrics, model.system.problem.verify)
+    made = grade(replace(check, error=0.0) for check in checks) == "made"
+    return Traced(rel_l2(image, model.target), metrics["efficiency"], made)
+
+
+def sample_lenses(
+    model: ErrorModel,
+    samples: int,
+    pool: WorkerPool,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sampled:
+    """Return the light of `samples` made lenses.
+
+    samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
+
+    Raises
+    ------
+    UserError : another number of samples, a form error that the surface cannot have, or no workers.
+    """
+    sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
+    model.form(0)  # refuses bands before any worker starts
+    alone = _forms_alone(model)
+    items = [*alone, *chain.from_iterable(sets)]
+    found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
+    failures: dict[str, None] = {}
+    seconds = peak = 0.0
+    with closing(run_tasks(traced, items, pool, model)) as results:
+        for done, result in enumerate(results, 1):
+            if result.failure:
+                failures[result.failure] = None
+            else:
+                found[result.index] = result.value
+            seconds, peak = seconds + result.seconds, max(peak, result.peak_mb)
+            if progress:
+                progress(done, len(items))
+    rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
+    by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
+    return Sampled(MadeBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
+
+
+def _forms_alone(model: ErrorModel) -> list[Draw]:
+    """Return lenses with nothing but form errors, each with both signs: what changes sign has no mean."""
+    if not model.forms:
+        return []
+    right = (0.0,) * len(model.tolerances)
+    return [Draw(right, seed, sign) for seed in range(FIELDS) for sign in (1.0, -1.0)]

@@ -1,0 +1,149 @@
+"""What the light of a perturbed lens is judged by, and how much of its limits it takes.
+
+Limits are those of rel_l2 at most, and of min_over_mean (U0) and efficiency at least.  An error takes the
+parts
+
+    (rel_l2^2 - rel_l2_0^2) / (limit^2 - rel_l2_0^2)        (m_0 - m) / (m_0 - limit)
+
+of them: 0 is the design, 1 the limit.  In squares errors of random phase add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError
+from optics.light.analysis import rel_l2, uniformity_metrics
+
+if TYPE_CHECKING:
+    from optics.tolerancing.perturbations.traced_light import PerturbedLight
+
+Floats = NDArray[np.float64]
+Limits = Mapping[str, float]
+
+RISE = 0.01  # what rel_l2 may rise by where nothing else is said
+EVEN = 0.7  # min_over_mean that uniform light must keep where nothing else is said
+NAMES = ("rise", "rel_l2", "min_over_mean", "efficiency")
+
+
+@dataclass(frozen=True)
+class LightNumbers:
+    """What light is judged by.
+
+    min_over_mean : U0 on boxes, see `optics.scene.photometry.uniformity`; None of a picture.
+    """
+
+    rel_l2: float
+    efficiency: float
+    min_over_mean: float | None = None
+
+    def data(self) -> dict[str, float]:
+        """Return the numbers that there are, by name."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class LightJudge:
+    """What is asked for.
+
+    target : of the system, (rows, columns), at any scale.  light : of the perturbed lenses.
+    blur : see `optics.light.blur.spot_rms`.
+    """
+
+    target: Floats
+    light: PerturbedLight
+    blur: float = 0.0
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the same light is asked for everywhere in a region."""
+        return self.light.system.target.even_region is not None
+
+    def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
+        """Return the numbers of light, (rows, columns).  on_target : its flux there."""
+        system, least = self.light.system, None
+        if self.uniform:
+            error = self.light.error(irradiance)
+            least = uniformity_metrics(system, irradiance, error, self.blur)["min_over_mean"]
+            least = 0.0 if least is None and irradiance.sum() <= 0 else least
+        flux = system.problem.source.flux
+        return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
+
+
+def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float]:
+    """Return what holds where no limits are given: min_over_mean EVEN of uniform light, else a rise by RISE.
+
+    Boxes that rays are counted in differ by chance, and the least of them most of all.
+    """
+    known = design.min_over_mean is not None and light.by_cells
+    return {"min_over_mean": EVEN} if known else {"rise": RISE}
+
+
+def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:
+    """Return limits by name.  asked : them, or one number, that rel_l2 may rise by; None is the usual ones.
+
+    Raises
+    ------
+    UserError : an unknown name, or a number that is no limit.
+    """
+    if asked is None:
+        return dict(usual)
+    limits = dict(asked) if isinstance(asked, Mapping) else {"rise": asked}
+    for name, value in limits.items():
+        if name not in NAMES:
+            raise UserError(f"there is no limit {name!r}; there are {', '.join(NAMES)}")
+        number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+        if name == "rise" and not (number and value > 0):
+            raise UserError(f"limit must be a positive rise of rel_l2, such as 0.01, got {value!r}")
+        most = np.inf if name in ("rise", "rel_l2") else 1.0
+        if not (number and 0 < value < most):
+            raise UserError(f"the limit of {name} must lie between 0 and {most:g}, got {value!r}")
+    if not limits:
+        raise UserError("give a limit at least, such as rel_l2=0.05")
+    return limits
+
+
+def bounds_of(limits: Limits, design: LightNumbers) -> dict[str, float]:
+    """Return the limits as values that light must keep, by name; of two for rel_l2 the lower one.
+
+    Raises
+    ------
+    UserError : min_over_mean of a picture.
+    """
+    bounds = {name: value for name, value in limits.items() if name != "rise"}
+    if "rise" in limits:
+        most = design.rel_l2 + limits["rise"]
+        bounds = {"rel_l2": min(most, bounds.get("rel_l2", most))} | {
+            name: value for name, value in bounds.items() if name != "rel_l2"
+        }
+    if "min_over_mean" in bounds and design.min_over_mean is None:
+        raise UserError(
+            "min_over_mean is not known of this light: the target is a picture, or too narrow for boxes of "
+            "verify.grid; limit rel_l2 or efficiency"
+        )
+    return bounds
+
+
+def parts_taken(bounds: Limits, design: LightNumbers, now: LightNumbers) -> dict[str, float]:
+    """Return the part of each limit that light takes; inf of one that the design itself does not keep."""
+    before, behind = design.data(), now.data()
+    parts = {}
+    for name, bound in bounds.items():
+        power = 2 if name == "rel_l2" else 1
+        room, taken = (a**power - before[name] ** power for a in (bound, behind[name]))
+        if name != "rel_l2":
+            room, taken = -room, -taken
+        parts[name] = taken / room if room > 0 else float("inf")
+    return parts
+
+
+def missed(bounds: Limits, design: LightNumbers) -> dict[str, Any]:
+    """Return the limits that the design itself does not keep, by name."""
+    parts = parts_taken(bounds, design, design)
+    return {name: bounds[name] for name, part in parts.items() if not isfinite(part)}

@@ -1,0 +1,122 @@
+"""What the shop must hold, in plain sentences: the costliest errors first, and a table of all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from optics.tolerancing.perturbations.allowed_amount import FREE
+from optics.tolerancing.perturbations.light_limits import RISE
+
+if TYPE_CHECKING:
+    from optics.tolerancing.perturbations.light_limits import LightNumbers
+    from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
+
+SAID = 5  # tolerances that have a sentence; the others are in the table
+NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light
+HEAD = (
+    "tolerance",
+    "amount +-",
+    "allowed +-",
+    "amount / allowed",
+    "limit reached",
+    "moves the light",
+    "rel_l2 at - / +",
+    "predicted",
+    "min_over_mean at - / +",
+    "efficiency at - / +",
+    "share",
+)
+SIGNS = {"rel_l2": "at most", "min_over_mean": "at least", "efficiency": "at least"}
+
+
+def shop_sentences(budget: ToleranceBudget) -> list[str]:
+    """Return what light must keep, which errors cost most, which cost nothing, and what to expect."""
+    ranked = budget.by_cost()
+    limited = [e for e in ranked if e.allowed is not None]
+    free = [e.tolerance.name for e in ranked if e.allowed is None]
+    lines = [_asked(budget)]
+    if budget.missed:
+        lines.append(_missed(budget))
+    else:
+        lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
+        if more := len(limited) - SAID:
+            lines += [f"The other {more}, with lower cost, are in the table."] if more > 0 else []
+        if free:
+            lines.append(
+                f"No care needed: {', '.join(free)}. No error of these was found that reaches a limit, up to "
+                f"{FREE:g} times the amount or to the largest that a lens can have."
+            )
+    lines.append(
+        f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "
+        "(root mean square)."
+    )
+    return [*lines, *_notes(budget)]
+
+
+def _asked(budget: ToleranceBudget) -> str:
+    """Return what the design delivers, and what light must keep, as a sentence."""
+    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
+    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
+    floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
+    return f"The design has {numbers}. Each error alone must keep {keep}{floats}."
+
+
+def _missed(budget: ToleranceBudget) -> str:
+    """Return that the design does not keep a limit, and which one to give, as a sentence."""
+    parts = [
+        f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
+        for name, bound in budget.missed.items()
+    ]
+    return (
+        f"The design itself misses what its errors are to keep ({'; '.join(parts)}), so that no error is "
+        f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
+    )
+
+
+def _held(effect: ToleranceEffect) -> str:
+    assert effect.allowed is not None
+    allowed, tolerance = effect.allowed, effect.tolerance
+    reached = f"{allowed.limit} is {_number(allowed.limit, allowed.light.data()[allowed.limit])} there"
+    cost = f"its amount, +- {tolerance.words}, is {effect.cost:.0%} of that"
+    return f"Hold {tolerance.name} within +- {tolerance.in_words(allowed.amount)} ({reached}); {cost}."
+
+
+def _notes(budget: ToleranceBudget) -> list[str]:
+    """Return how far min_over_mean is that of counted rays, where it is judged."""
+    if "min_over_mean" not in budget.bounds or budget.noise < NOISY:
+        return []
+    return [
+        f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers min_over_mean; "
+        "limit rel_l2 or efficiency, or measure on fewer and larger pixels (target.pixels)."
+    ]
+
+
+def _number(name: str, value: float) -> str:
+    return f"{value:.3f}" if name == "min_over_mean" else f"{value:.2%}"
+
+
+def effect_rows(budget: ToleranceBudget) -> list[tuple[str, ...]]:
+    """Return a row of texts for every tolerance, the costliest first, under HEAD."""
+    shares = budget.shares()
+    return [_row(e, shares[e.tolerance.name], budget.unit) for e in budget.by_cost()]
+
+
+def _row(effect: ToleranceEffect, share: float, unit: str) -> tuple[str, ...]:
+    def both(name: str, ends: tuple[LightNumbers, ...]) -> str:
+        values = [end.data().get(name) for end in ends]
+        return " / ".join("-" if v is None else _number(name, v) for v in values)
+
+    allowed, predicted = effect.allowed, effect.predicted
+    return (
+        effect.tolerance.name,
+        effect.tolerance.words,
+        "-" if allowed is None else effect.tolerance.in_words(allowed.amount),
+        "-" if allowed is None else f"{effect.cost:.0%}",
+        "-" if allowed is None else allowed.limit,
+        f"{effect.moves[0]:.3g} {unit}, {effect.moves[1]:.2g} pixels",
+        both("rel_l2", effect.ends),
+        "-" if predicted is None else " / ".join(f"{v:.2%}" for v in predicted),
+        both("min_over_mean", effect.ends),
+        both("efficiency", effect.ends),
+        f"{share:.1%}",
+    )

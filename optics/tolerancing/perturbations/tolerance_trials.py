@@ -1,0 +1,180 @@
+"""What each tolerance costs, traced exactly at plus and minus its amount.
+
+Beside it stands what the derivatives of the landing points predict (`LinearLight.moved`).  Irradiance itself
+is no good for a prediction: its derivative holds for hundredths of a pixel only, see there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.base.runtime import UserError, speaking_of
+from optics.light.analysis import rel_l2, unit_mean
+from optics.light.blur import spot_rms
+from optics.tolerancing.perturbations.allowed_amount import amount_of
+from optics.tolerancing.perturbations.light_limits import (
+    LightJudge,
+    LightNumbers,
+    bounds_of,
+    limits_of,
+    missed,
+    parts_taken,
+    usual_limits,
+)
+from optics.tolerancing.perturbations.linear_light import LinearLight
+from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
+from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
+from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.scene.system import OpticalSystem
+    from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
+    from thbcad.lens import Lens
+
+TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
+STILL = 1e-9  # of a pixel per amount: what moves no light
+
+
+def tolerance_budget(
+    system: OpticalSystem,
+    lens: Lens,
+    target: Floats,
+    backend: Backend,
+    amounts: Mapping[str, float] | None = None,
+    limits: float | Mapping[str, float] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+    floats: bool = False,
+) -> ToleranceBudget:
+    """Return the ToleranceBudget of a lens.
+
+    target : the light asked for, (rows, columns), at any scale.  backend : of double precision.
+    amounts : see `tolerances_of`.
+    limits : see `limits_of` and `usual_limits`, for which amounts are looked for.
+    progress : called with a tolerance's name, its number from 0, and how many there are.
+    floats : light may shift as a whole: the target follows it, see `PerturbedLight.aimed`.
+
+    Raises
+    ------
+    UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture.
+    """
+    asked = limits if limits is None else limits_of(limits, {})
+    chosen = tolerances_of(system, amounts)
+    if not chosen:
+        raise UserError("every tolerance is 0, so that nothing is left to look at; give one an amount")
+    trial = _Trial(PerturbedLight(system, lens, backend, floats=floats), target, asked)
+    effects = []
+    for k, tolerance in enumerate(chosen):
+        if progress:
+            progress(tolerance.name, k, len(chosen))
+        with speaking_of(f"{tolerance.name} = {tolerance.words}"):
+            effects.append(trial.effect(tolerance))
+    return ToleranceBudget(
+        effects=tuple(effects),
+        light=trial.here,
+        bounds=trial.bounds,
+        floats=floats,
+        noise=trial.noise,
+        unit=system.target.unit,
+        irradiance=trial.scaled,
+        target=trial.judge.target,
+    )
+
+
+class _Trial:
+    """One design on trial: its light, and what comes of perturbing it."""
+
+    def __init__(self, light: PerturbedLight, target: Floats, limits: Mapping[str, float] | None) -> None:
+        self._light, self._linear = light, LinearLight(light)
+        system = light.system
+        blur = 0.0 if light.by_cells else spot_rms(system, light.lens, light.backend)
+        self.judge = LightJudge(unit_mean(target), light, blur)
+        irradiance = self._linear.irradiance
+        self.scaled = unit_mean(irradiance)
+        self.here = self.judge.numbers(irradiance, self._linear.fates.on_target)
+        self.bounds = bounds_of(limits_of(limits, usual_limits(light, self.here)), self.here)
+        self._hopeless = bool(missed(self.bounds, self.here))
+        self._pixel = float(np.mean(light.screen.pitch))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a lit pixel in its mean, by the rays that are counted; 0 of cells."""
+        lit = self.judge.target > 0
+        if self._light.by_cells or not lit.any():
+            return 0.0
+        rays = RAYS_PER_PIXEL * lit.size * self.here.efficiency / lit.sum()
+        return float(1 / np.sqrt(rays)) if rays else 0.0
+
+    def effect(self, tolerance: Tolerance) -> ToleranceEffect:
+        """Return what a tolerance does."""
+        amount = tolerance.amount
+        moves = self._light.moved_by(tolerance.at(amount))
+        moves = moves if moves > STILL * self._pixel else 0.0
+        (_, behind), (image, ahead) = (self._traced(tolerance.at(sign * amount)) for sign in (-1, 1))
+        tenth = None
+        errors: tuple[float | None, float | None] = None, None
+        if moves:
+            tenth = TENTH * self._pixel / moves * amount
+            errors = self._prediction_errors(tolerance.at(tenth))
+        return ToleranceEffect(
+            tolerance=tolerance,
+            moves=(moves, moves / self._pixel),
+            ends=(behind, ahead),
+            predicted=self._predicted(tolerance),
+            tenth=tenth,
+            prediction_error=errors[0],
+            derivative_error=errors[1],
+            allowed=self._allowed(tolerance, (behind, ahead)) if moves else None,
+            change=image - self.scaled,
+            rise=(behind.rel_l2**2 + ahead.rel_l2**2) / 2 - self.here.rel_l2**2,
+        )
+
+    def _traced(self, perturbation: Perturbation) -> tuple[Floats, LightNumbers]:
+        """Return light scaled to unit mean, and what it is judged by."""
+        image, fates = self._light(perturbation)
+        return unit_mean(image), self.judge.numbers(image, fates.on_target)
+
+    def _predicted(self, tolerance: Tolerance) -> tuple[float, float] | None:
+        """Return rel_l2 at - amount and + amount by landing points that move in proportion."""
+        moved = self._linear.moved(self._light.aimed(tolerance.at(tolerance.amount)))
+        if moved is None:
+            return None
+        behind, ahead = (rel_l2(image, self.judge.target) for image in moved)
+        return behind, ahead
+
+    def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
+        """Return the errors of the predicted change and of J p, relative to the traced change."""
+        before = self._linear.irradiance
+        try:
+            moved, slope = self._linear.moved(perturbation), self._linear.derivative(perturbation)
+            exact = self._linear.traced(perturbation)
+        except UserError:  # it hardly moves light, so that no lens is so wrong
+            return None, None
+        if moved is None or slope is None or exact is None:
+            return None, None
+        traced = exact - before
+        scale = float(np.linalg.norm(traced)) or 1.0
+        by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved[1] - before, slope))
+        return by_moves, by_slope
+
+    def _allowed(self, tolerance: Tolerance, ends: tuple[LightNumbers, LightNumbers]) -> Allowed | None:
+        """Return the greatest amount that keeps all limits; None where no error reaches one."""
+        if self._hopeless:
+            return None
+        worst = {0.0: ("", self.here)}
+
+        def taken(amount: float, lights: tuple[LightNumbers, ...] = ()) -> float:
+            lights = lights or tuple(self._traced(tolerance.at(s * amount))[1] for s in (-1, 1))
+            parts = [parts_taken(self.bounds, self.here, light) for light in lights]
+            part, name, k = max((p, name, k) for k, of in enumerate(parts) for name, p in of.items())
+            worst[amount] = name, lights[k]
+            return part
+
+        found = amount_of(taken, (tolerance.amount, taken(tolerance.amount, ends)))
+        if found is None:
+            return None
+        name, light = worst[found[0]]
+        return Allowed(found[0], light, name or worst[tolerance.amount][0])

@@ -1,0 +1,239 @@
+"""The light of a perturbed lens, traced exactly: by cells, or of extended sources by a fixed set of rays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import cached_property, reduce
+from math import isqrt
+from operator import add
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.light.analysis import coloured, traced_cells
+from optics.light.measuring import Splat
+from optics.light.tracing import Tracer
+from optics.scene.receivers import BoxWindow
+from optics.scene.sources import RayGrid, Rays, SourceCells, single_rays
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
+from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_index
+from thbcad.poses import Pose
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.tracing import Landing, SequentialFates
+    from optics.scene.paths import SlopeErrors
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
+
+# in each direction: with 3 on pearl.toml rel_l2 is off by 2e-4, less than a hundredth of what 0.1 mm changes
+CELLS_PER_PIXEL, LEAST_CELLS = 3, 128
+RAYS_PER_PIXEL = 32  # half a gigabyte of them on 512^2 pixels
+RAYS_AT_ONCE = 1 << 19  # more only take more memory
+CORNERS_AT_ONCE = 1 << 18  # two processes side by side take 0.7 GB then; half of it takes twice the time
+WIDER = 1.05  # of the front: as far as cells of a wider beam reach, so that the front's rim cuts them
+HEIGHTS = 33  # of the front, in each direction: how far it reaches up and down
+SHIFT_RAYS = (65, 65)  # which tell how far light moves
+
+
+class PerturbedLight:
+    """The map from a Perturbation to the light on the target; what never changes is built once.
+
+    Light goes by front and rear alone.  Every call traces the same cells or rays, so that differences of
+    light are those of the perturbations; where a parallel beam moves, as many, where it meets the lens.
+
+    backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
+    floats : the target follows the light, see `aimed`.
+    """
+
+    def __init__(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        backend: Backend,
+        per_pixel: int | None = None,
+        floats: bool = False,
+    ) -> None:
+        self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
+        self.screen = system.target.screen()
+        self.by_cells = not (system.source.extended or system.blurred)
+        self._shown = self.screen.projection()
+        self._glasses = [(weight, path.media[1]) for weight, path in coloured(system, system.path(lens))]
+        pixels = self.screen.pixels
+        if self.by_cells:
+            counts = [max(LEAST_CELLS, (per_pixel or CELLS_PER_PIXEL) * n) for n in pixels]
+            self._counts = counts
+            at_rest = PerturbedParts.of(system, lens, NOMINAL)
+            self.cells: SourceCells = system.source.cells(counts, *self._lit(at_rest, WIDER))
+        else:
+            self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
+            fresh = np.random.default_rng(system.problem.run.seed)
+            self._rays = list(system.source.parts(self._counts, None, RAYS_AT_ONCE))
+            self._errors = [self._slope_errors(rays.flux.size, fresh) for rays in self._rays]
+
+    def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
+        """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
+        colours = self.colours(self.aimed(perturbation))
+        lights = [(weight, *self._light(parts)) for weight, parts, _ in colours]
+        image = sum(weight * light for weight, light, _ in lights)
+        return image / self._shown, reduce(add, (fates * weight for weight, _, fates in lights))
+
+    def moved_by(self, perturbation: Perturbation) -> float:
+        """Return how far light moves on the target, flux-weighted mean, mm (degrees in the far field)."""
+        apart, flux = self._moves(perturbation)
+        return float((flux * np.hypot(*apart)).sum() / flux.sum()) if flux.any() else 0.0
+
+    def aimed(self, perturbation: Perturbation) -> Perturbation:
+        """Return it with the target moved as far as the light is on average, where the target follows it.
+
+        The target moves in its own plane, and in the far field it turns.  The average is over the flux of the
+        light that the design brings to the target.
+        """
+        if not self.floats:
+            return perturbation
+        apart, flux = self._moves(perturbation)
+        flux = np.where((np.abs(self._at_rest[:2].T) <= self.screen.half_width).all(axis=1), flux, 0.0)
+        dx, dy = ((flux * apart).sum(axis=1) / (flux.sum() or 1.0)).tolist()
+        if self.system.target.far_field:
+            return perturbation + Perturbation(target_tilt=(-np.radians(dy), np.radians(dx), 0.0))
+        tilted = Pose.at(rotation_vector=perturbation.target_tilt)
+        x, y, z = tilted.directions(np.array((dx, dy, 0.0))).tolist()
+        return perturbation + Perturbation(target_shift=(x, y, z))
+
+    def _moves(self, perturbation: Perturbation) -> tuple[Floats, Floats]:
+        """Return how far single rays move on the target, (2, n), and their flux, (n,), 0 where they miss."""
+        before, behind = self._at_rest, self._landed(perturbation)
+        flux = np.where((before[2] > 0) & (behind[2] > 0), before[2], 0.0)
+        return np.where(flux > 0, behind[:2] - before[:2], 0.0), flux
+
+    @cached_property
+    def _at_rest(self) -> Floats:
+        return self._landed(NOMINAL)
+
+    def _landed(self, perturbation: Perturbation) -> Floats:
+        """Return x, y and flux of single rays on the target, (3, n)."""
+        parts = PerturbedParts.of(self.system, self.lens, perturbation)
+        _, landing = self.trace_through(parts)(parts.rays(self._single_rays))
+        return np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)])
+
+    @cached_property
+    def _single_rays(self) -> Rays:
+        return single_rays(self.system.source.rays(SHIFT_RAYS), self.lens)
+
+    def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
+        """Yield weight, parts, and what traces rays through them, of every wavelength."""
+        parts = PerturbedParts.of(self.system, self.lens, perturbation)
+        for weight, glass in self._glasses:
+            index = perturbed_index(self.system, glass.index, perturbation)
+            coloured = replace(parts, path=parts.path.in_glass(replace(glass, index=index)))
+            yield weight, coloured, self.trace_through(coloured)
+
+    def error(self, irradiance: Floats) -> Floats | None:
+        """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
+
+        It is that of independent rays of equal flux q: the square is E q / pixel area.
+
+        irradiance : of a call.
+        """
+        if self.by_cells:
+            return None
+        rays = RAYS_PER_PIXEL * irradiance.size
+        quantum = self.system.problem.source.flux / rays / self.screen.pixel_area / self._shown
+        return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
+
+    def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
+        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the rear, or a
+        front that alone is free; NaN where they miss it."""
+        _, parts, trace = next(self.colours(perturbation))
+        every_s, every_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
+        rays = parts.rays(self.cells.at(every_s, every_t, np.ones(every_s.size)))
+        tracer, _ = trace(rays)
+        with self.backend.dr.suspend_grad():
+            hits, _, flux = tracer.at(0 if self.lens.rear.sag is None and self.lens.front.sag else 1)
+        at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
+        return np.reshape(at, (2, len(s), len(t)))
+
+    def trace_through(self, parts: PerturbedParts, errors: SlopeErrors = (None, None)) -> Trace:
+        """Return what traces rays through perturbed parts, whose slopes may err."""
+        backend, path = self.backend, parts.path.with_slope_errors(errors)
+
+        def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
+            tracer = Tracer(backend, path, rays)
+            with backend.dr.suspend_grad():
+                _, landing = tracer.trace()
+                return tracer, landing
+
+        return trace
+
+    def _light(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
+        """Return the light of one wavelength, as if it had all of the flux."""
+        if not self.by_cells:
+            return self._light_of_rays(parts)
+        cells = parts.cells(self._cells_of(parts))
+        image, fates = traced_cells(
+            self.trace_through(parts), self.screen, cells, self.backend, CORNERS_AT_ONCE
+        )
+        if not cells.parallel:  # such rays do not know of the light that has none
+            fates = replace(fates, beside_lens=fates.beside_lens + cells.missed)
+        return image, fates
+
+    def _light_of_rays(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
+        splat = Splat(self.backend, self.screen, BoxWindow())
+        image, fates = np.zeros(self.screen.shape), []
+        for part, errors in zip(self._rays_of(parts), self._errors):
+            rays = single_rays(part, self.lens)
+            tracer, landing = self.trace_through(parts, errors)(parts.rays(rays))
+            with self.backend.dr.suspend_grad():
+                light = splat(landing.x, landing.y, landing.flux).numpy()
+            image += light.reshape(self.screen.shape, order="F")
+            fate = tracer.fates(landing, self.screen.half_width)
+            missed = part.missed if isinstance(part, RayGrid) else 0.0
+            fates.append(replace(fate, beside_lens=fate.beside_lens + missed))
+        return image, reduce(add, fates)
+
+    def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
+        """Return random errors of the slopes where rays meet front and rear."""
+        return [fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms]
+
+    def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
+        """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
+        source = self.system.source
+        if not source.collimated:
+            return self._rays
+        return source.parts(self._counts, None, RAYS_AT_ONCE, *self._lit(parts, 1.0))
+
+    def _cells_of(self, parts: PerturbedParts) -> SourceCells:
+        """Return cells of the source, before it moves; of a parallel beam those that meet the moved front."""
+        source = self.system.source
+        if not source.collimated or (parts.source.is_identity and parts.size == 1.0):
+            return self.cells
+        return source.cells(self._counts, *self._lit(parts, WIDER))
+
+    def _lit(self, parts: PerturbedParts, wider: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return (half-widths, middle) of a rectangle in a parallel beam, mm.
+
+        wider : times the rectangle in which the front lies there.
+        """
+        hx, hy = parts.half_width
+        box = np.meshgrid((-hx, hx), (-hy, hy), self._heights)
+        x, y, _ = parts.source.inverse().points((box[0], box[1], box[2]))
+        (a, b), (c, d) = ((v.min() / parts.size, v.max() / parts.size) for v in (x, y))
+        return (wider * (b - a) / 2, wider * (d - c) / 2), ((a + b) / 2, (c + d) / 2)
+
+    @cached_property
+    def _heights(self) -> tuple[float, float]:
+        """Least and greatest z of the front, mm."""
+        hx, hy = self.lens.front.half_width
+        x, y = np.meshgrid(np.linspace(-hx, hx, HEIGHTS), np.linspace(-hy, hy, HEIGHTS))
+        z = self.lens.front(x.ravel(), y.ravel())
+        return float(z.min()), float(z.max())
+
+
+def perturbed_light(
+    system: OpticalSystem, lens: Lens, perturbation: Perturbation, backend: Backend
+) -> tuple[Floats, SequentialFates]:
+    """Return (irradiance, flux by fate) of one perturbed lens, see `PerturbedLight`."""
+    return PerturbedLight(system, lens, backend)(perturbation)

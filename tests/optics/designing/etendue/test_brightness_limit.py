@@ -1,0 +1,119 @@
+"""The universal rung: what etendue forbids every lens of a problem."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.optimize import lsq_linear
+
+from optics.designing.etendue import least_distance, universal_bound
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import HOLLOW
+
+SMALL_TARGET = HOLLOW | {
+    "source.kind": "lambertian",
+    "source.half_width": [4.0, 4.0],
+    "source.distance": 7.0,
+    "target.kind": "tophat",
+    "target.shape": "ellipse",
+    "target.distance": 50.0,
+    "target.half_width": [20.0, 20.0],
+    "target.pixels": [32, 32],
+}
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.floats(0.3, 4.0))
+def test_the_least_distance_is_that_of_a_general_solver(seed, brightness):
+    """Bounded least squares with the mean as a row of great weight, whose error is about 1 / weight^2."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 12))
+    goal = rng.exponential(size=n) * (rng.uniform(size=n) > 0.3) + 1e-3
+    most = brightness * rng.exponential(size=n) * (rng.uniform(size=n) > 0.1)
+    found = least_distance(goal, most)
+    if most.sum() < goal.sum():
+        assert found is None
+        return
+    weight = 1e5
+    rows = np.vstack([np.eye(n), weight * np.ones(n)])
+    right = np.append(goal, weight * goal.sum())
+    best = lsq_linear(rows, right, (0, np.maximum(most, 1e-12)), "bvls", tol=1e-15, max_iter=5000).x
+    expected = np.linalg.norm(best - goal) / np.linalg.norm(goal)
+    assert found == pytest.approx(expected, abs=1e-7)
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_no_light_below_the_caps_is_nearer(seed):
+    rng = np.random.default_rng(seed)
+    goal, most = rng.uniform(size=(6, 7)) ** 3, rng.uniform(0.2, 1.5, (6, 7))
+    share = rng.uniform(size=(6, 7))
+    light = most * share
+    light *= goal.sum() / light.sum()
+    if (light > most).any():
+        most = np.maximum(most, light)
+    assert least_distance(goal, most) <= np.linalg.norm(light - goal) / np.linalg.norm(goal)
+
+
+def test_light_within_the_caps_is_not_forbidden():
+    goal = np.array([[1.0, 2.0], [0.0, 3.0]])
+    assert least_distance(goal, goal) == 0
+    assert least_distance(goal, goal + np.eye(2)) == 0
+    # one unit of the brightest pixel goes to the three others, a third each
+    assert least_distance(goal, np.array([[9.0, 9.0], [9.0, 2.0]])) == pytest.approx(
+        np.sqrt((1 + 3 / 9) / 14), rel=1e-12
+    )
+
+
+@pytest.fixture
+def small(problem_file):
+    return universal_bound(OpticalSystem(load_problem(problem_file(SMALL_TARGET))))
+
+
+def test_the_least_error_grows_with_the_efficiency_until_no_light_has_it(small):
+    curve = dict(small.curve())
+    assert list(curve) == pytest.approx([k / 10 for k in range(1, 11)])
+    some = [least for least in curve.values() if least is not None]
+    assert some == sorted(some)
+    assert some[0] == 0 < some[-1]
+    reachable = small.most_on_target / small.flux
+    assert all((least is None) == (efficiency > reachable) for efficiency, least in curve.items())
+
+
+def test_the_picture_is_forbidden_from_its_efficiency_on(small):
+    exact = small.exact_efficiency
+    assert 0 < exact < 1
+    assert small.least_rel_l2(exact * (1 - 1e-9)) == 0
+    assert small.least_rel_l2(1.05 * exact) > 0
+
+
+def test_the_brightest_light_fills_the_silhouette(small):
+    """Radiance 1 / (64 pi) W / (mm^2 sr), and P between those of squares as deep as rear rim and vertex."""
+    area = 40.0**2
+    low, high = (a / np.sqrt(1 + a * a) for a in (8 / (50 + 6.4 + 1), 8 / (50 - 1)))
+    assert small.most_on_lit < small.most_on_target == pytest.approx(small.most.sum())
+    assert 4 * low * np.arctan(low) < 64 * np.pi * small.peak < 4 * high * np.arctan(high)
+    assert small.peak * area > small.most_on_target
+
+
+def test_a_brighter_source_forbids_less(problem_file):
+    """The same flux from a quarter of the area has four times the radiance."""
+    bright = load_problem(problem_file(SMALL_TARGET | {"source.half_width": [2.0, 2.0]}))
+    dim = load_problem(problem_file(SMALL_TARGET))
+    narrow, wide = (universal_bound(OpticalSystem(problem)) for problem in (bright, dim))
+    np.testing.assert_allclose(narrow.most, 4 * wide.most)
+    assert narrow.least_rel_l2(0.5) < wide.least_rel_l2(0.5)
+
+
+def test_directions_have_a_bound_too(problem_file):
+    """The whole sphere of directions in view takes the flux; a narrow cone A Omega L."""
+    far = {"target.distance": float("inf"), "target.half_width": [2.0, 2.0]}
+    found = universal_bound(OpticalSystem(load_problem(problem_file(SMALL_TARGET | far))))
+    omega = np.radians(4.0) ** 2
+    # the rear's square of 16 x 16 mm is the shadow on the axis; edges of 13 mm add tan(2 degrees) of it
+    assert found.most_on_target == pytest.approx(256 * omega / (64 * np.pi), rel=0.1)
+    assert found.least_rel_l2(0.9 * found.most_on_target) > 0
+    assert found.least_rel_l2(1.0) is None

@@ -1,0 +1,168 @@
+"""The silhouette of a problem's envelope, seen from the target."""
+
+from __future__ import annotations
+
+from math import atan, pi, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.spatial import ConvexHull, Delaunay
+
+from optics.designing.etendue.silhouette import (
+    _seen,
+    envelope,
+    greatest_slack,
+    pixel_etendue,
+    projected_solid_angle,
+)
+from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Source, Target, load_problem
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from oracles.seen_envelope import sampled_etendue, sampled_lenses
+from tests.cases import ROOT
+from tests.optics.cases import HOLLOW, hollow_lens
+
+GLOWING = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
+BOX = np.array([[i, j, k] for i in (-3.0, 2.0) for j in (-1.0, 4.0) for k in (-2.0, 5.0)])
+
+
+def looked_at(points, x, rays, rng):
+    """Return P of a convex hull seen from x by random directions, and its standard error.
+
+    Directions are uniform over the unit disk of (p, q), so that P is pi times the share of hits.  A line
+    meets the hull where the part of it between all half-spaces is not empty.
+    """
+    r, phi = np.sqrt(rng.uniform(size=rays)), rng.uniform(0, 2 * pi, rays)
+    d = np.stack([r * np.cos(phi), r * np.sin(phi), -np.sqrt(1 - r * r)])
+    planes = ConvexHull(points).equations
+    speed, gap = planes[:, :3] @ d, -(planes[:, :3] @ x + planes[:, 3])
+    with np.errstate(divide="ignore"):
+        at = gap[:, None] / speed
+    enter = np.where(speed < 0, at, 0.0).max(axis=0)
+    leave = np.where(speed > 0, at, np.inf).min(axis=0)
+    share = float((enter < leave).mean())
+    return pi * share, pi * sqrt(share * (1 - share) / rays)
+
+
+def test_a_square_right_below_has_its_closed_form():
+    """4 a / w atan(a / w) with w = sqrt(1 + a^2) for the half-width a at distance 1 (Howell, B-3, four times
+    a quarter)."""
+    for a in (1e-4, 0.3, 2.0):
+        points = np.array([[i * a, j * a, k] for i in (-1, 1) for j in (-1, 1) for k in (-1e-9, 0.0)])
+        wide = sqrt(1 + a * a)
+        assert projected_solid_angle(points, np.zeros(1), np.zeros(1), 1.0)[0] == pytest.approx(
+            4 * a / wide * atan(a / wide), rel=1e-6
+        )
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-20, 20), st.floats(-20, 20), st.floats(5.5, 30))
+def test_a_body_is_seen_as_by_random_directions(x, y, z):
+    rng = np.random.default_rng(7)
+    points = np.concatenate([BOX, rng.uniform(-3, 4, (10, 3))])
+    expected, error = looked_at(points, np.array([x, y, z]), 40_000, rng)
+    found = projected_solid_angle(points, np.array([x]), np.array([y]), z)[0]
+    assert abs(found - expected) <= 5 * error + 1e-3
+
+
+def over_sampled(system, points=None):
+    """Return how many times the etendue by dense sampling the bound is, of pixels all over the target."""
+    bound, (rows, columns) = pixel_etendue(system), system.target.screen().shape
+    pixels = [(0, 0), (0, columns // 2), (rows // 2, columns // 4), (rows // 2, columns // 2)]
+    return np.array([bound[at] for at in pixels]) / sampled_etendue(system, pixels, points)
+
+
+@st.composite
+def any_faces(draw):
+    """A face with a rectangular rim that reaches 0.9 of the way to the conic's end at most."""
+    wide = draw(st.floats(2, 6))
+    half_width = wide, wide * draw(st.floats(0.5, 1.0))
+    radius = draw(st.sampled_from([-1, 1])) * np.hypot(*half_width) * draw(st.floats(1.4, 10))
+    return {"half_width": half_width, "radius": radius, "conic": draw(st.floats(-2, 0.5))}
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    any_faces(),
+    any_faces(),
+    st.floats(1e-3, 2.0),
+    st.one_of(st.floats(10.0, 1000.0), st.just(np.inf)),
+    st.tuples(st.floats(0.01, 0.5), st.floats(0.01, 0.5)),
+)
+def test_pixels_get_no_more_than_their_bound_and_not_much_less(front, rear, freedom, distance, pitch):
+    """Any lens and target, pixels up to half as wide as their distance or 29 degrees, by dense sampling."""
+    system = OpticalSystem(
+        Problem(
+            title="any",
+            source=Source(kind="lambertian", half_width=(0.1, 0.1), distance=20.0),
+            lens=LensSpec(
+                index=1.5,
+                thickness=15.0,
+                front=Front(**front),
+                rear=Rear(**rear, freeform=Freeform(spans=(2, 2), z_freedom=freedom)),
+            ),
+            target=Target(
+                kind="tophat",
+                distance=distance,
+                half_width=tuple(3 * p * distance if distance < np.inf else 3 * np.degrees(p) for p in pitch),
+                pixels=(6, 6),
+            ),
+        )
+    )
+    times = over_sampled(system, sampled_lenses(system, 48))
+    assert times.min() >= 1
+    assert times.max() < 1.5
+
+
+@pytest.mark.parametrize("name", ["extended", "extended_two", "street", "flower"])
+def test_bounds_of_the_examples_are_within_three_per_cent(name):
+    times = over_sampled(OpticalSystem(load_problem(ROOT / "examples" / f"{name}.toml")))
+    assert (times >= 1).all()
+    assert times.max() < 1.03
+
+
+@pytest.mark.parametrize("pixels", [4, 256])
+def test_bounds_of_wide_pixels_are_within_one_and_a_half_times(problem_file, pixels):
+    """Pixels of 10 mm, 20 mm away, which see the lens at very different depths."""
+    near = {"target.distance": 20.0, "target.half_width": [5.0 * pixels] * 2, "target.pixels": [pixels] * 2}
+    system = OpticalSystem(load_problem(problem_file(GLOWING | near)))
+    times = over_sampled(system, sampled_lenses(system, 64))
+    assert (times >= 1).all()
+    assert times.max() < 1.5
+    assert greatest_slack(system, pixel_etendue(system)) == pytest.approx(times.max(), abs=0.05)
+
+
+@pytest.mark.parametrize("z", [5.0, 5.0 + 1e-9])
+def test_a_target_that_touches_the_envelope_may_see_all_directions(z):
+    assert (_seen(Screen((2.0, 2.0), (3, 2)), BOX, z) == np.pi).all()
+
+
+def test_the_envelope_holds_lenses_of_all_shapes(problem_file):
+    """Points of front, rear and the edges between their rims, at both ends of z_freedom."""
+    free = {"lens.rear.freeform.z_freedom": 3.0}
+    system = OpticalSystem(load_problem(problem_file(GLOWING | free)))
+    inside = Delaunay(envelope(system))
+    lens = hollow_lens()
+    t = np.linspace(-1, 1, 23)
+    front, rear = (
+        np.stack([*np.meshgrid(h[0] * t, h[1] * t, indexing="ij"), z], axis=-1)
+        for h, z in (
+            ((5.0, 5.0), lens.front.conic(*np.meshgrid(5 * t, 5 * t, indexing="ij"))),
+            ((8.0, 8.0), 5 + lens.rear.conic(*np.meshgrid(8 * t, 8 * t, indexing="ij"))),
+        )
+    )
+    for shift in (-3.0, 0.0, 3.0):
+        moved = rear + np.array([0, 0, shift])
+        for share in (0.0, 0.5, 1.0):  # the lines between equal relative positions, the edges among them
+            points = (front + share * (moved - front)).reshape(-1, 3) * (1 - 1e-9)
+            assert (inside.find_simplex(points, tol=1e-9) >= 0).all()
+    assert (inside.find_simplex([[0, 0, 8.1], [8.1, 0, 0]]) < 0).all()
+
+
+def test_the_envelope_of_an_example_is_its_two_surfaces_with_their_freedom():
+    system = OpticalSystem(load_problem(ROOT / "examples" / "extended_two.toml"))
+    points = envelope(system)
+    # the front reaches -5 mm at its corners and is free by 1 mm, the rear 5 mm and 1.5 mm
+    np.testing.assert_allclose(points.min(axis=0), [-8, -8, -6])
+    np.testing.assert_allclose(points.max(axis=0), [8, 8, 6.5])

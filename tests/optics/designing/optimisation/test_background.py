@@ -1,0 +1,92 @@
+"""Light that other ways than front and rear bring, as a background of the finish."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optics.designing.optimisation import design, loop, stages, transmitted_flux
+from optics.designing.optimisation.level_objective import background, stage_objective
+from optics.light.analysis import measure
+from optics.light.engines import ExactEngine
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import DOME, write_problem
+
+FINISHED = DOME | {  # 4 % of the light comes by other ways
+    "target.lit": [0.7, 0.7],
+    "target.half_width": [2000.0, 2000.0],
+    "target.pixels": [24, 24],
+    "optimizer.window": "bspline",
+    "optimizer.iterations": [30],
+    "optimizer.finish": 40,
+    "lens.rear.freeform.max_level": 1,
+}
+
+
+def system_of(folder, changes=None):
+    return OpticalSystem(load_problem(write_problem(folder, FINISHED | (changes or {}))))
+
+
+def test_the_objective_counts_the_background_as_light(tmp_path, backend):
+    """Its fit is that of the sum of both lights, and its gradient that of a target with less light."""
+    system = system_of(tmp_path, {"optimizer.lost_flux_weight": 0.0, "optimizer.roughness_weight": 0.0})
+    stage = replace(stages(system, False)[0], rays=(64, 64))
+    light, engine = np.random.default_rng(1).uniform(size=(2, *stage.screen.shape)), ExactEngine(backend)
+    at = [sag.coefficients for sag in system.lens.sags]
+
+    def found(target, around):
+        objective = stage_objective(system, system.lens, stage, target, engine, background=around)
+        return objective(at), np.linalg.norm(objective.target)
+
+    target, around = light
+    (with_it, norm), (without, other) = found(target, 0.3 * around), found(target - 0.3 * around, None)
+    assert with_it.fit * norm == pytest.approx(without.fit * other, rel=1e-12)
+    np.testing.assert_allclose(
+        with_it.gradients[0] * norm**2, without.gradients[0] * other**2, rtol=1e-9, atol=1e-20
+    )
+
+
+@pytest.mark.slow
+def test_it_is_its_own_mirror_image_and_only_the_finish_has_one(tmp_path, backend, monkeypatch):
+    monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (64, 64))
+    system = system_of(tmp_path)
+    *levels, last = stages(system, False)
+    assert all(background(system, backend, system.lens, level, (0, 1)) is None for level in levels)
+    image = background(system, backend, system.lens, last, (0, 1))
+    assert image.shape == last.screen.shape
+    assert np.array_equal(image, image[::-1])
+    assert np.array_equal(image, image[:, ::-1])
+    flux = image.sum() * last.screen.pixel_area
+    metrics = measure(system, system.lens, backend).metrics["nonsequential"]
+    assert flux == pytest.approx(metrics["by_other_ways"] * metrics["target_w"], rel=0.01)
+
+
+@pytest.mark.parametrize("changes", [{"source.half_angle": 20.0}, {"source.kind": "collimated"}])
+def test_where_it_is_negligible_there_is_none(tmp_path, backend, changes):
+    system = system_of(tmp_path, changes)
+    assert background(system, backend, system.lens, stages(system, False)[-1], ()) is None
+
+
+def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeypatch):
+    """The flux asked for grows by the background's, and the objective sees the background."""
+    system = system_of(tmp_path, {"optimizer.iterations": [2], "optimizer.finish": 2})
+    seen, real, objectives = [], loop.stage_objective, []
+
+    def known(system, backend, lens, stage, axes):
+        return np.full(stage.screen.shape, 1e-8) if stage.finish else None
+
+    def watched(*arguments, **named):
+        objectives.append(named["background"])
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(loop, "background", known)
+    monkeypatch.setattr(loop, "stage_objective", watched)
+    design(system, backend, ExactEngine(backend), seen=lambda *each: seen.append(each))
+    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, target in seen)
+    assert last == pytest.approx(first, rel=1e-12)
+    passed = transmitted_flux(system, backend, seen[1][1])
+    assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)
+    assert [around is None for around in objectives] == [True] * 4 + [False] * 2

@@ -1,0 +1,122 @@
+"""Designs whose surfaces would cross: the level is taken back and the design goes on."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from optics.designing.optimisation.loop import design, nearest_lens
+from optics.designing.optimisation.recorder import Interrupted, Recorder
+from optics.designing.optimisation.state import State
+from optics.interface.commands import main
+from optics.light.engines import ExactEngine
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem, solvable_system
+from tests.optics.cases import small_lens, write_problem
+from thbcad.surfaces import THBSurface
+
+
+def constant(lens, height):
+    """Return the sags of a lens as constants, mm."""
+    return [THBSurface(sag.space, np.full(sag.space.dim, height)) for sag in lens.sags]
+
+
+def test_a_lens_that_can_exist_is_kept_bit_for_bit():
+    lens = small_lens()
+    wanted = constant(lens, -5.9)
+    found, wrong = nearest_lens(lens, wanted)
+    assert wrong == ""
+    assert found.sags[0] is wanted[0]
+
+
+@pytest.mark.parametrize(("height", "share"), [(-7.0, 0.5), (-13.0, 0.25), (-6.0, 0.5), (-1000.0, 1 / 256)])
+def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(height, share):
+    """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
+    lens = small_lens()
+    found, wrong = nearest_lens(lens, constant(lens, height))
+    np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
+    assert "cross" in wrong or "touch" in wrong
+    assert f"of the level's changes {share:.2g} are kept" in wrong
+
+
+def test_a_change_far_beyond_reason_is_dropped():
+    lens = small_lens()
+    found, wrong = nearest_lens(lens, constant(lens, -1e9))
+    assert found is lens
+    assert wrong.endswith("none of the level's changes are kept")
+
+
+def crossing(system, monkeypatch):
+    """Let the optimiser drive the rear through the front at the first level only."""
+    genuine, calls = Recorder.minimized, []
+
+    def minimized(recorder):
+        sags = genuine(recorder)
+        calls.append(sags)
+        return constant(system.lens, -7.0) if len(calls) == 1 else sags
+
+    monkeypatch.setattr(Recorder, "minimized", minimized)
+
+
+def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 1,
+        "target.pixels": [24, 24],
+    }
+    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
+    crossing(system, monkeypatch)
+    notes = []
+    lens, state = design(system, backend, ExactEngine(backend), note=notes.append)
+    assert lens.least_thickness().lower > 0
+    assert state.stage == 2
+    assert len(notes) == 2
+    assert notes[0].startswith("level 0: the optimised lens cannot exist (the surfaces cross: ")
+    assert notes[0].endswith("of the level's changes 0.5 are kept")
+    thickness = float(re.search(r": --set lens\.thickness=(\S+)$", notes[1])[1])
+    assert constant(system.lens, -7.0)[0].coefficients.min() + thickness > 0  # above the plane front
+
+
+@pytest.mark.slow
+def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypatch):
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 0,
+        "lens.rear.freeform.z_freedom": 7.0,
+        "target.pixels": [24, 24],
+        "verify.rel_l2": 1.0,
+    }
+    path = write_problem(tmp_path, changes)
+    crossing(OpticalSystem(load_problem(path)), monkeypatch)
+    assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "FAILED" not in capsys.readouterr().out
+    assert main(["verify", str(tmp_path / "out"), "--no-optiland"]) == 0
+    capsys.readouterr()
+
+
+def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, backend, monkeypatch):
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 0,
+        "target.pixels": [24, 24],
+    }
+    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
+
+    def stopped(recorder):
+        recorder(recorder._variables.zeros())
+        raise Interrupted(State(False, 0, tuple(constant(system.lens, -7.0)), recorder.history))
+
+    monkeypatch.setattr(Recorder, "minimized", stopped)
+    with pytest.raises(Interrupted) as caught:
+        design(system, backend, ExactEngine(backend))
+    monkeypatch.undo()
+    state = caught.value.state
+    np.testing.assert_array_equal(state.sags[0].coefficients, -3.5)
+    lens, state = design(system, backend, ExactEngine(backend), state)
+    assert lens.least_thickness().lower > 0
+    assert state.stage == 1

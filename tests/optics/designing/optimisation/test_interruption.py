@@ -1,0 +1,172 @@
+"""The design loop repeated, interrupted and taken up again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from optics.designing.optimisation.loop import design
+from optics.designing.optimisation.recorder import Interrupted
+from optics.designing.optimisation.stage_plan import stages
+from optics.light.engines import ExactEngine
+from tests.cases import ROOT
+from tests.optics.cases import write_problem
+from tests.optics.designing.optimisation.cases import FLAT, check_counts, loaded, rows_of
+
+ON_ONE_THREAD = """
+import sys
+from hashlib import sha256
+from optics.light.engines import ExactEngine
+from optics.base.runtime import load_backend
+from optics.designing.optimisation import design
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+for path in sys.argv[1:]:
+    system, backend, checkpoints = OpticalSystem(load_problem(path)), load_backend("double", 1), []
+    whole, _ = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
+    resumed, _ = design(system, backend, ExactEngine(backend), checkpoints[0])
+    print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
+"""
+
+
+@pytest.fixture(scope="module")
+def repeated(tmp_path_factory):
+    """Two processes that each design on one thread; per process and start the hashes of a whole and of a
+    resumed run.
+
+    Processes of their own also show that nothing depends on what ran before, or on where memory lies.
+    """
+    folder = tmp_path_factory.mktemp("repeated")
+    paths = [
+        str(write_problem(folder, {"optimizer.start": start}, name=f"{start}.toml"))
+        for start in ("flat", "transport")
+    ]
+    program = [sys.executable, "-c", ON_ONE_THREAD, *paths]
+    runs = [
+        subprocess.Popen(program, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    results = [run.communicate() for run in runs]
+    assert [run.returncode for run in runs] == [0, 0], results
+    return [
+        dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out, _ in results
+    ]
+
+
+@pytest.mark.parametrize("start", ["flat", "transport"])
+def test_the_same_problem_on_one_thread_gives_the_same_bytes(repeated, start):
+    assert repeated[0][start] == repeated[1][start]
+    assert repeated[0]["flat"] != repeated[0]["transport"]
+
+
+@pytest.mark.parametrize("start", ["flat", "transport"])
+def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(repeated, start):
+    """Checkpoints hold everything: on one thread, going on from the first one gives the same bytes."""
+    whole, resumed = repeated[0][start]
+    assert whole == resumed
+
+
+def interrupted_at(done, backend, evaluation):
+    """Return the State that a run leaves when Ctrl-C comes right after an evaluation."""
+
+    def stop(plan, stage, dof, row):
+        if row and row.evaluation == evaluation:
+            raise KeyboardInterrupt
+
+    with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
+        design(done.system, backend, ExactEngine(backend), None, stop)
+    assert caught.type is Interrupted, "Ctrl-C left no state"
+    return caught.value.state
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_an_interrupted_run_goes_on_to_the_end(small, backend, level):
+    evaluation = rows_of(small.state.history, level)[3].evaluation
+    state = interrupted_at(small, backend, evaluation)
+    assert state.stage == level
+    assert state.evaluations == evaluation
+    assert state.sags[0].space.dim == state.history[-1].dof
+    check_going_on(small, backend, state)
+
+
+def test_an_interrupted_run_goes_on_after_a_transport_start(moved, backend):
+    evaluation = rows_of(moved.state.history, 2)[3].evaluation
+    check_going_on(moved, backend, interrupted_at(moved, backend, evaluation))
+
+
+def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backend):
+    """Ctrl-C right after a step that made things worse, as line searches take them now and then."""
+    system = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
+    best = {}
+
+    def stop(plan, stage, dof, row):
+        if row is None:
+            return
+        if row.loss > best.setdefault(row.level, row.loss):
+            raise KeyboardInterrupt
+        best[row.level] = row.loss
+
+    with pytest.raises(Interrupted) as caught:
+        design(system, backend, ExactEngine(backend), None, stop)
+    state = caught.value.state
+    before = len(state.history)
+    assert state.history[-1].loss > best[state.stage]  # of a flat start, whose stages are the levels
+    _, final = design(system, backend, ExactEngine(backend), state)
+    assert final.history[before].loss == pytest.approx(best[state.stage], rel=1e-11)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
+    """Also while a level is only marked, not optimised."""
+    evaluation = either.state.history[row].evaluation
+    state = interrupted_at(either, backend, evaluation)
+    assert len(state.history) == row + 1
+    lens, _ = design(either.system, backend, ExactEngine(backend), state)
+    assert lens.rear.sag.space.levels == 3
+
+
+def check_going_on(done, backend, state):
+    """Go on from an interrupted state and compare with what an interrupted run promises."""
+    before = state.history
+    best = min(row.loss for row in rows_of(before, done.plan[state.stage].level))
+    lens, final = design(done.system, backend, ExactEngine(backend), state)
+    assert check_counts(final.history) > check_counts(before)
+    assert final.history[: len(before)] == before
+    assert final.history[len(before)].loss == pytest.approx(
+        best, rel=1e-11
+    )  # it goes on from the best surface so far
+    assert final.stage == done.state.stage
+    assert lens.rear.sag.space.levels == 3
+    assert final.history[-1].seconds >= before[-1].seconds
+    assert min(row.loss for row in rows_of(final.history, 2)) < 2 * min(
+        row.loss for row in rows_of(done.state.history, 2)
+    )
+
+
+def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, backend):
+    """Ctrl-C while the result is measured or drawn: the checkpoint says that every level is done."""
+    last = either.checkpoints[-1]
+    evaluations = len(last.history)
+    lens, state = design(either.system, backend, ExactEngine(backend), last)
+    x = np.linspace(-10, 10, 31)
+    np.testing.assert_allclose(lens.rear.grid(x, x), either.lens.rear.grid(x, x), rtol=0, atol=1e-12)
+    assert len(state.history) == evaluations
+
+
+@pytest.mark.parametrize("start", ["flat", "transport"])
+def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, backend, start):
+    """A threshold that nothing passes: the mesh stays, the surface improves all the same, and the last
+    checkpoint holds it."""
+    system = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
+    checkpoints = []
+    lens, state = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
+    evaluations = len(state.history)
+    assert lens.rear.sag.space.levels == 1 + stages(system, start == "transport")[0].level
+    assert min(row.loss for row in state.history) < state.history[0].loss
+    resumed, after = design(system, backend, ExactEngine(backend), checkpoints[-1])
+    assert len(after.history) == evaluations
+    x = np.linspace(-10, 10, 31)
+    np.testing.assert_allclose(resumed.rear.grid(x, x), lens.rear.grid(x, x), rtol=0, atol=1e-12)

@@ -1,0 +1,65 @@
+"""The design loop where it fails: each cause is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.base.runtime import NumericalError, UserError
+from optics.designing.optimisation.loop import design, transmitted_flux
+from optics.designing.optimisation.state import State
+from optics.light.engines import ExactEngine
+from tests.optics.designing.optimisation.cases import FLAT, loaded
+from thbcad.surfaces import THBSurface
+
+
+def test_a_loss_that_is_not_finite_is_named(tmp_path, backend):
+    system = loaded(tmp_path, FLAT)
+    system.target.light[3, 4] = np.nan  # which no picture file can bring in
+    with pytest.raises(NumericalError, match=r"the loss is not finite at level 0"):
+        design(system, backend, ExactEngine(backend))
+
+
+def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
+    sag = small.system.lens.rear.sag
+    deep = THBSurface(sag.space, np.full(sag.space.dim, -7.0))
+    with pytest.raises(
+        NumericalError,
+        match=r"cannot exist: the surfaces cross: at x = .* mm before the front.*lower z_freedom of the "
+        r"free surfaces",
+    ):
+        design(small.system, backend, ExactEngine(backend), State(False, 0, (deep,)))
+
+
+def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
+    system = loaded(tmp_path, {"lens.rear.radius": 0.3})
+    with pytest.raises(
+        UserError,
+        match=r"only .* W of 1 W pass the unoptimised lens \(totally reflected 0\.9.*change the lens "
+        r"prescription",
+    ):
+        design(system, backend, ExactEngine(backend))
+
+
+def test_a_lens_that_absorbs_all_light_is_refused(tmp_path, backend):
+    system = loaded(tmp_path, {"lens.absorption": 10.0})
+    with pytest.raises(UserError, match=r"past the rear surface 0, absorbed 0\.96"):
+        design(system, backend, ExactEngine(backend))
+
+
+@pytest.mark.parametrize(("front", "rear"), [((10.0, 10.0), (8.0, 8.0)), ((8.0, 8.0), (10.0, 10.0))])
+@pytest.mark.parametrize("radius", [np.inf, 60.0])
+def test_fronts_and_rears_of_different_size_design_too(tmp_path, backend, front, rear, radius):
+    changes = FLAT | {
+        "lens.front.half_width": list(front),
+        "lens.rear.half_width": list(rear),
+        "lens.front.radius": radius,
+        "lens.rear.freeform.max_level": 0,
+    }
+    _, state = design(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    assert min(r.loss for r in state.history) < state.history[0].loss
+
+
+def test_transmitted_flux_of_a_plate(tmp_path, backend):
+    system = loaded(tmp_path, {"lens.rear.radius": np.inf, "source.flux": 2.0})
+    assert transmitted_flux(system, backend) == pytest.approx(2 * 0.96**2, rel=1e-12)

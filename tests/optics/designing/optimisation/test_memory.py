@@ -1,0 +1,26 @@
+"""No kernel reads past the end of an array."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.cases import ROOT
+
+
+@pytest.mark.slow
+def test_kernels_read_no_further_than_their_arrays():
+    """Dr.Jit maps numpy's memory and reads whole packets of it: arrays must be copied or padded before they
+    are handed over."""
+    result = subprocess.run(
+        [sys.executable, "-m", "tests.optics.designing.optimisation.guarded"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, (
+        f"ended by signal {-result.returncode}" if result.returncode < 0 else result.stderr
+    )
+    assert int(result.stdout.split()[1]) > 10  # arrays did come from the guarded allocator

@@ -1,0 +1,114 @@
+"""What `check` expects of a lens, against stored designs, traces and closed forms."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optics.designing.optimisation import TransportStart, stages
+from optics.designing.prediction import expectation_lines, expected
+from optics.designing.prediction.cost import memory_mb, seconds
+from optics.designing.prediction.picture_error import predicted_rel_l2
+from optics.designing.prediction.sensitivity import sensitivity
+from optics.light.analysis import measure
+from optics.scene.problem import load_problem
+from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem
+from tests.cases import EXAMPLES, ROOT
+from tests.optics.cases import landing_points, tracer_to
+from tests.optics.designing.optimisation.cases import loaded, run
+
+WIDE = {"lens.rear.freeform.z_freedom": 5.0}
+POINT = WIDE | {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 15.0}
+
+
+def stored(name):
+    rows = json.loads((ROOT / "docs" / "data" / "overview.json").read_text("utf-8"))["rows"]
+    return {row["name"]: row["value"] for row in rows if row["name"].startswith(f"{name}: ")}
+
+
+@pytest.mark.parametrize("name", ["pearl", "pearl_fine", "tophat_square", "tophat_circle"])
+def test_stored_designs_took_the_time_and_memory_that_is_predicted(name):
+    """Within 1.3 and 2 times."""
+    system = OpticalSystem(load_problem(EXAMPLES / f"{name}.toml"))
+    plan, rows = stages(system, moved=True), stored(name)
+    assert 1 / 1.3 < seconds(system, plan) / rows[f"{name}: process start to verified result"] < 1.3
+    assert 0.5 < memory_mb(system, plan) / rows[f"{name}: peak memory"] < 2
+
+
+def started(folder, backend, changes):
+    """Return the system with the lens of its transport start, and what `sensitivity` says of it."""
+    system = loaded(folder, changes)
+    start = TransportStart(system, backend)
+    space = system.lens.sags[-1].space
+    lens = system.lens.with_sags([start.fit(space.refine({0: space.cells[:, 1:]})).sag])
+    return system, lens, sensitivity(system, *start.rear_slopes())
+
+
+def landed(backend, lens, rays, system):
+    return landing_points(
+        tracer_to(backend, lens, rays, system.target.z).trace([lens.rear.sag.coefficients])[1]
+    )
+
+
+def test_the_shift_by_index_is_that_of_traced_rays(tmp_path, backend):
+    """The slopes of the start are those of the map to a few per cent, and so is its light."""
+    system, lens, shifts = started(tmp_path, backend, WIDE)
+    rays = system.source.rays((61, 59))
+    moved = [landed(backend, replace(lens, index=n), rays, system) for n in (lens.index, lens.index + 1e-3)]
+    shift = np.hypot(*(moved[1] - moved[0]).T)
+    assert shifts.index == pytest.approx(shift.mean(), rel=0.1)
+    assert shifts.index_most == pytest.approx(shift.max(), rel=0.2)
+
+
+def test_the_shift_by_decentre_is_that_of_traced_rays(tmp_path, backend):
+    """To first order in angles, of which the greatest is 20 degrees: within a fifth."""
+    system, lens, shifts = started(tmp_path, backend, POINT)
+    rays = single_rays(system.source.rays((41, 41)), lens)
+    aside = replace(rays, origin=rays.origin + np.array([[0.1], [0.0], [0.0]]))
+    apart = lens.thickness / lens.index + 20.0
+    # rays from beside that meet the rear where those from the axis do
+    turned = rays.direction - np.array([[0.1 / apart], [0.0], [0.0]]) * rays.direction[2]
+    aside = replace(aside, direction=turned / np.linalg.norm(turned, axis=0))
+    shift = landed(backend, lens, aside, system) - landed(backend, lens, rays, system)
+    assert -np.median(shift[:, 0]) == pytest.approx(shifts.decentre, rel=0.2)
+
+
+def test_a_ripple_turns_light_like_a_prism_of_its_slope(tmp_path, backend):
+    _, lens, shifts = started(tmp_path, backend, WIDE)
+    slope = np.arctan(2 * np.pi * 1e-3 / 3.0)
+    assert shifts.ripple == pytest.approx(
+        60 * np.tan(np.arcsin(lens.index * np.sin(slope)) - slope), rel=1e-4
+    )
+
+
+def test_the_predicted_error_is_none_for_uniform_light_and_never_above_that_of_the_start():
+    rng = np.random.default_rng(3)
+    busy = rng.uniform(0, 1, (40, 50))
+    assert predicted_rel_l2(np.ones((40, 50)), 0.3) == 0
+    assert 0 < predicted_rel_l2(busy, 0.2) == pytest.approx(predicted_rel_l2(7 * busy, 0.2))
+    assert predicted_rel_l2(busy, 1e-6) == 1e-6
+
+
+def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
+    moved = run(tmp_path, backend, {})
+    found, plan = expected(moved.system, backend)
+    metrics = measure(moved.system, moved.lens, backend).metrics
+    assert found.efficiency == pytest.approx(metrics["efficiency"], rel=0.02)
+    assert [s.level for s in plan] == [s.level for s in moved.plan]
+    assert found.volume == pytest.approx(moved.lens.volume(), rel=1e-2)
+    assert found.size[:2] == (20.0, 20.0)
+    assert bool(found.note) == bool(moved.notes)
+
+
+def test_a_trap_is_told_before_the_design(tmp_path, backend):
+    """A diverging base, a converging target, and too little z_freedom for it."""
+    system = loaded(tmp_path, {"target.half_width": [5.0, 5.0], "lens.rear.freeform.z_freedom": 0.3})
+    found, _ = expected(system, backend)
+    assert found.efficiency < 0.5
+    assert found.rel_l2 is None
+    assert "--set lens.rear.freeform.z_freedom=" in found.note
+    assert any("not predicted" in line for line in expectation_lines(system, found))

@@ -1,0 +1,79 @@
+"""Limits that a design will miss are said before it, and no prediction is made where nothing tells it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import optics
+from optics.designing.prediction import blur_limits, expectation_lines, expected, foreseen_misses
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.cases import EXAMPLES
+from tests.optics.designing.optimisation.cases import loaded
+
+BRIGHT = {"target.half_width": [60.0, 60.0], "target.distance": 400.0}  # asks for more sag than z_freedom
+SUN = {"source.divergence_profile": "sun", "lens.rear.freeform.z_freedom": 3.0}
+
+
+def bright_top_hat(**changes):
+    return load_problem(EXAMPLES / "tophat_square.toml").with_(**BRIGHT, **changes)
+
+
+def foreseen(system, backend):
+    found, _ = expected(system, backend)
+    limits = blur_limits(system, system.lens, backend) if system.blurred else None
+    return foreseen_misses(system, found, limits, backend)
+
+
+@pytest.mark.parametrize("pixels", [96, 160])
+def test_nothing_is_predicted_where_the_bound_of_the_sag_cuts_the_map_off(backend, pixels):
+    """With 1.2 % of the coefficients cut off the map had started the design, and 0.01 was promised."""
+    system = OpticalSystem(bright_top_hat(**{"target.pixels": (pixels, pixels)}))
+    found, _ = expected(system, backend)
+    assert found.rel_l2 is None
+    assert found.sag > found.freedom
+    (line,) = [line for line in expectation_lines(system, found) if line.startswith("rel_l2")]
+    assert line.startswith("rel_l2: not predicted, since the design does not start from the whole")
+
+
+def test_bad_light_on_a_square_is_not_called_good():
+    """A bound that cuts the map off leaves dark corners, of which the lens was said to make the light."""
+    made = optics.design(bright_top_hat(**{"target.pixels": (48, 48), "run.threads": 1}))
+    assert made.measurement.metrics["uniformity"]["min_over_mean"] < 0.4
+    assert made.verdict.grade == "light misses"
+    assert "uniformity U0" in made.verdict.sentence
+
+
+def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
+    """The blur alone keeps rel_l2 above the limit, whatever the lens."""
+    image = np.zeros((48, 48), np.uint8)
+    image[8:40:6] = 255
+    system = loaded(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, image=image)
+    limits = blur_limits(system, system.lens, backend)
+    assert limits.least > 0.3
+    sentences = foreseen(system, backend)
+    words = f"this design will miss its limit: the blur allows a rel_l2 of {limits.least:.2g} at least"
+    assert any(said.startswith(words) and said.endswith("asks for 0.1") for said in sentences)
+
+
+def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
+    changes = SUN | {
+        "target.kind": "tophat",
+        "target.lit": [0.1, 0.1],
+        "target.distance": 400.0,
+        "verify.lit_efficiency": 0.0,
+    }
+    (said,) = foreseen(loaded(tmp_path, changes), backend)
+    assert said.startswith("the uniformity may stay undecided: of the base lens a margin of ")
+
+
+def test_light_that_does_not_reach_the_target_is_said(backend, tmp_path):
+    narrow = {"source.kind": "point", "source.distance": 5.0, "source.half_angle": 80.0}
+    found = foreseen(loaded(tmp_path, narrow | {"lens.rear.freeform.z_freedom": 5.0}), backend)
+    assert any("verify.lit_efficiency asks for 50% on the lit region" in said for said in found)
+
+
+def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
+    system = OpticalSystem(load_problem(EXAMPLES / "tophat_square.toml"))
+    assert foreseen(system, backend) == []

@@ -1,0 +1,59 @@
+"""Lenses with mounts in files of all formats, read back by programs that did not write them."""
+
+import numpy as np
+import pytest
+
+from optics.base.runtime import UserError
+from optics.exchange.assemblies import export_mounted, mount_from, part_checks
+from optics.exchange.export import MESHES, SOLIDS, Labels
+from tests.thbcad.mounts.cases import FLAT, PLAIN, ROUND, SQUARE, changed
+from thbcad.mounts import mount_of
+
+MOUNT = mount_of(SQUARE)
+
+
+@pytest.mark.parametrize("name", [*SOLIDS, *MESHES])
+def test_every_format_reads_back(name, tmp_path):
+    files, checks = export_mounted(FLAT, MOUNT, name, str(tmp_path / f"part.{name}"), 0.05, Labels())
+    assert [check for check in checks if not check.ok] == []
+    assert files == [tmp_path / f"part.{name}"]
+    assert files[0].stat().st_size > 10_000
+    differing = [check.value for check in checks if "numbers that differ" in check.name]
+    assert differing == ([0, 0] if name in SOLIDS else [])
+
+
+@pytest.mark.parametrize("name", ["step", "stl"])
+def test_the_same_mount_gives_the_same_bytes(name, tmp_path):
+    for word in ("a", "b"):
+        export_mounted(FLAT, mount_of(SQUARE), name, str(tmp_path / f"{word}.{name}"), 0.05, Labels())
+    assert (tmp_path / f"a.{name}").read_bytes() == (tmp_path / f"b.{name}").read_bytes()
+
+
+@pytest.mark.parametrize("table", [ROUND, changed(ROUND, flange__seat=1.0), PLAIN])
+def test_mounted_lenses_are_proven(table, tmp_path):
+    export_mounted(FLAT, mount_of(table), "step", str(tmp_path / "part.step"), 0.05, Labels())
+    checks, _ = part_checks(tmp_path / "part.step", FLAT, False)
+    assert [check for check in checks if not check.ok] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "chord", "table", "sentence"),
+    [
+        ("dat", 0.01, SQUARE, r"--mount needs step, iges, brep, stl, 3mf, obj, ply.* got dat"),
+        ("step", 0.01, changed(SQUARE, holes__0__at=[[0, 0]]), "hole 1 at .* into the clear aperture"),
+        ("stl", np.nan, SQUARE, "chord must be"),
+        ("stl", 1e-9, SQUARE, "chord must be"),
+    ],
+)
+def test_what_cannot_be_written_is_one_sentence(name, chord, table, sentence, tmp_path):
+    with pytest.raises(UserError, match=sentence):
+        export_mounted(FLAT, mount_of(table), name, str(tmp_path / f"part.{name}"), chord, Labels())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mount_files_that_are_none_are_one_sentence(tmp_path):
+    with pytest.raises(UserError, match=r"cannot read .*give a mount.toml"):
+        mount_from(str(tmp_path / "none.toml"))
+    (tmp_path / "mount.toml").write_text("[flange]\nthicknes = 1\n")
+    with pytest.raises(UserError, match=r"unknown key thicknes .did you mean thickness"):
+        mount_from(str(tmp_path / "mount.toml"))

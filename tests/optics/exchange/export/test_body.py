@@ -1,0 +1,380 @@
+"""`thbcad export` of every body of a lens: files pass and repeat, are sound by themselves, and refusals leave
+nothing behind."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from optics.exchange.export.body import Body
+from optics.exchange.export.drawing_checks import drawing_checks
+from optics.exchange.export.formats import MESHES, SOLIDS, export
+from optics.exchange.export.read_back import mesh_checks
+from optics.interface.commands import main
+from tests.cases import slow_unless
+from tests.optics.cases import hollow_lens, rough, small_lens, small_space
+from thbcad import write_lens
+from thbcad.cad.exchange import read_faces
+from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
+from thbcad.io import ply_bytes
+from thbcad.lens import Flange, placed_surfaces
+
+EQUAL = small_lens(sag=rough(small_space()))
+HOLLOW = hollow_lens(rough, rough)
+LENSES = {"equal sizes": EQUAL, "Table 6.3, both free": HOLLOW}
+OFTEN = ("flange and aperture", "polygon")  # bodies of the tests that are not slow
+WALLED = ("aperture", "circle", "flange", *OFTEN)
+FLANGE, APERTURE = ["--flange", 2.0, 0.5, 1.0], ["--aperture", 4.5, 4.0]
+BODIES = {
+    "solid": [],
+    "aperture": APERTURE,
+    "circle": ["--aperture", 4.0, 4.0],
+    "polygon": ["--polygon", -4.0, -3.0, 0.5, -1.0, 4.0, -3.5, 0.0, 4.0],
+    "flange": FLANGE,
+    "flange and aperture": [*FLANGE, *APERTURE],
+    "patches": ["--patches"],
+}
+# the front's rim of Table 6.3 reaches up to z = -2.5 mm, its rear's rim down to 5 - 6.4 = -1.4 mm; both give
+# or take the sags
+HOLLOW_FLANGE = ["--flange", 2.0, -2.2, -1.6]
+
+
+def run(capsys, *arguments):
+    code = main([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+
+def names(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+@pytest.fixture(params=slow_unless(lambda name: LENSES[name] is not HOLLOW, LENSES))
+def given(request, tmp_path):
+    """Return the native file of a lens and the options of its bodies."""
+    write_lens(LENSES[request.param], tmp_path / "lens.json")
+    hollow = LENSES[request.param] is HOLLOW
+    return SimpleNamespace(
+        file=tmp_path / "lens.json", options=BODIES | ({"flange": HOLLOW_FLANGE} if hollow else {})
+    )
+
+
+CASES = [(word, name) for word, name in product(BODIES, SOLIDS) if word != "patches" or name == "step"]
+
+
+@pytest.mark.parametrize(("word", "name"), CASES)
+def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_path, word, name):
+    out, options = tmp_path / f"body.{name}", given.options[word]
+    done = run(capsys, "export", given.file, "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    assert "FAILED" not in done.out
+    stored = json.loads((tmp_path / f"body.{name}.json").read_text())
+    assert stored["ok"]
+    assert all(
+        "read back" in check["name"] or "text of the file" in check["name"] for check in stored["checks"]
+    )
+    assert any(check["name"].startswith("volume against the closed form") for check in stored["checks"])
+    first = out.read_bytes()
+    assert run(capsys, "export", given.file, "--out", out, *options).code == 0
+    assert out.read_bytes() == first
+    assert names(tmp_path) == sorted([out.name, f"{out.name}.json", "lens.json"])
+
+
+@pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
+def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / f"body.{name}"
+    options = [*BODIES[word], "--chord", 0.02]
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    assert "mesh not watertight" in done.out
+    first = out.read_bytes()
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *options).code == 0
+    assert out.read_bytes() == first
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
+def test_drawings_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / f"body.{name}"
+    options = [*BODIES[word], "--chord", 0.01]
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    assert "rear beyond its outline" in done.out
+    first = out.read_bytes()
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *options).code == 0
+    assert out.read_bytes() == first
+
+
+@pytest.mark.parametrize("word", ["FROM -y", "SECTION x"])
+def test_a_curve_of_a_drawn_body_that_moved_shows(tmp_path, word):
+    body = Body(polygon=[(-4, -3), (4, -3), (0, 3)])
+    sheet = lens_sheet(EQUAL, chord=0.01, polygon=body.polygon)
+    path = tmp_path / "body.svg"
+    path.write_bytes(drawing_bytes(sheet, "svg"))
+    assert all(check.ok for check in drawing_checks(EQUAL, sheet, path, "svg", body))
+    views = [replace(one, view=moved(one.view)) if word in one.view.title else one for one in sheet.views]
+    path.write_bytes(drawing_bytes(replace(sheet, views=tuple(views)), "svg"))
+    failed = [check.name for check in drawing_checks(EQUAL, sheet, path, "svg", body) if not check.ok]
+    assert any(
+        name.startswith("rear " + ("in sections" if "SECTION" in word else "beyond")) for name in failed
+    )
+
+
+def moved(view):
+    """A view whose rear lies 0.02 mm lower in z."""
+    shift = -0.02 * np.array([{"z": 1, "-z": -1}.get(axis, 0) for axis in view.axes])
+    curves = [replace(c, points=c.points + shift) if c.name == "rear" else c for c in view.curves]
+    return replace(view, curves=tuple(curves))
+
+
+@pytest.mark.parametrize("name", ["flange front +x", "flange side -y", "edge +y rear"])
+def test_a_wall_that_moved_shows(tmp_path, name):
+    body = Body((4.5, 4.0), Flange(2.0, 0.5, 1.0))
+    mesh = body.mesh(EQUAL, 0.02, single=False)
+    vertices = mesh.vertices.copy()
+    moved = np.unique(mesh.triangles[mesh.faces == mesh.names.index(name)])
+    vertices[moved] *= [1.02, 1.02, 1.1]
+    path = tmp_path / "body.ply"
+    path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
+    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    assert "edges against the exact surfaces, PLY read back by trimesh" in failed
+
+
+def test_a_wall_of_a_polygon_that_moved_shows(tmp_path):
+    body = Body(polygon=[(-4, -3), (4, -3), (0, 3)])
+    mesh = body.mesh(EQUAL, 0.02, single=False)
+    path = tmp_path / "body.ply"
+    vertices = mesh.vertices * [1, 1.02, 1]
+    path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
+    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    assert "edges against the exact surfaces, PLY read back by trimesh" in failed
+
+
+def test_a_mesh_of_a_flange_on_slanted_edges_is_refused(capsys, tmp_path):
+    write_lens(HOLLOW, tmp_path / "lens.json")
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / "body.stl", *HOLLOW_FLANGE)
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert "the edges of a flange are meshed where front and rear have one size" in done.err
+
+
+@pytest.mark.parametrize("word", BODIES)
+def test_the_bare_step_file_of_every_body_is_sound(capsys, given, tmp_path, word):
+    out = tmp_path / "body.step"
+    assert run(capsys, "export", given.file, "--out", out, *given.options[word]).code == 0
+    done = run(capsys, "verify", out)
+    assert (done.code, done.err) == (0, "")
+    assert "text of the file: unit of length that is not mm: 0" in done.out
+
+
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, BODIES))
+def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word):
+    """Without a lens at hand a unit shows in the text only: OCCT would scale the whole solid."""
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / "body.step"
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *BODIES[word]).code == 0
+    text = out.read_text()
+    out.write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.CENTI.,.METRE.)"))
+    done = run(capsys, "verify", out)
+    assert done.code == 4
+    assert "FAILED text of the file: unit of length that is not mm" in done.out
+    out.write_text(text[: len(text) // 2])
+    done = run(capsys, "verify", out)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+
+
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, [w for w in BODIES if w != "patches"]))
+def test_a_face_missing_from_a_bare_file_is_caught(capsys, tmp_path, word):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / "body.step"
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *BODIES[word]).code == 0
+    text = out.read_text()
+    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
+    out.write_text(text.replace(shell, ",".join(shell.split(",")[:-1])))
+    done = run(capsys, "verify", out)
+    assert done.code == 4
+    assert "FAILED text of the file: edges that do not border two faces" in done.out
+
+
+def test_bodies_have_different_volumes():
+    """pi a b / 4 h k of the rectangle is cut away; the flange adds its ring between the planes, by both our
+    own closed forms."""
+    flange = Flange(2.0, 0.5, 1.0)
+    assert Body().volume(EQUAL) == EQUAL.volume()
+    # round the rectangle of half-width 10 mm
+    assert Body(flange=flange).volume(EQUAL) == pytest.approx(
+        EQUAL.volume() + 0.5 * (24**2 - 20**2), rel=1e-12
+    )
+    cut = Body(aperture=(4.5, 4.0))
+    ring = np.pi * (6.5 * 6.0 - 4.5 * 4.0) * 0.5
+    assert Body((4.5, 4.0), flange).volume(EQUAL) == pytest.approx(cut.volume(EQUAL) + ring, rel=1e-12)
+    assert Body(patches=True).volume(EQUAL) == EQUAL.volume()
+
+
+# Separate faces
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+@pytest.mark.parametrize("name", SOLIDS)
+def test_separate_faces_read_back_bit_for_bit(tmp_path, name, lens):
+    files, checks = export(lens, name, str(tmp_path / f"lens.{name}"), body=Body(separate=True))
+    assert [file.name for file in files] == [f"lens_front.{name}", f"lens_rear.{name}"]
+    assert names(tmp_path) == [file.name for file in files]
+    assert all(c.ok for c in checks)
+    for file, own in zip(files, placed_surfaces(lens)):
+        (read,) = read_faces(file)
+        for a, b in (
+            (read.coefficients, own.coefficients),
+            (read.kv_u.knots, own.kv_u.knots),
+            (read.kv_v.knots, own.kv_v.knots),
+        ):
+            np.testing.assert_array_equal(a, b)
+    first = [file.read_bytes() for file in files]
+    assert [
+        file.read_bytes()
+        for file in export(lens, name, str(tmp_path / f"lens.{name}"), body=Body(separate=True))[0]
+    ] == first
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--aperture", 10.1, 5.0], "semi_axes must be at most the front's half-widths"),
+        (["--aperture", 5.0, 10.1], "semi_axes must be at most the front's half-widths"),
+        (["--aperture", "nan", 5.0], "semi_axes must be two positive numbers"),
+        (["--aperture", "inf", 5.0], "semi_axes must be"),
+        (["--aperture", -5.0, 5.0], "semi_axes must be two positive numbers"),
+        (["--aperture", 0.0, 5.0], "semi_axes must be two positive numbers"),
+        (["--flange", "nan", 1.0, 2.0], "--flange: flange width must be"),
+        (["--flange", -1.0, 1.0, 2.0], "--flange: flange width must be"),
+        (["--flange", 1.0, 2.0, 1.0], "--flange: flange high must be at least 1e-06 mm above flange low"),
+        (["--flange", 1.0, 1.0, "inf"], "--flange: flange high must be"),
+        (
+            ["--flange", 1.0, 0.0, 2.0],
+            "flange low must lie above the front's rim, which reaches up to z = 0 mm, got 0 mm",
+        ),
+        (
+            ["--flange", 1.0, 1.0, 9.0],
+            "flange high must lie below the rear's rim, which reaches down to z = 7",
+        ),
+        (
+            ["--flange", 1.0, 1.0, 7.0, "--aperture", 5.0, 5.0],
+            "flange high must lie below the rear's rim, which reaches down to z = 6",
+        ),
+        (["--patches", "--aperture", 5.0, 5.0], "exclude each other"),
+        (["--patches", "--flange", 1.0, 1.0, 2.0], "exclude each other"),
+        (["--patches", "--separate"], "exclude each other"),
+        (["--separate", "--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], "exclude each other"),
+        (["--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, "--flange", 1.0, 1.0, 2.0], "an outline by itself"),
+        (["--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, "--aperture", 1.0, 1.0], "an outline by itself"),
+        (["--polygon", 0.0, 0.0, 1.0, 0.0, 0.0], "X and Y of every corner, got 5 numbers"),
+        (["--polygon", 0.0, 0.0, 2.0, 2.0, 2.0, 0.0, 0.0, 2.0], "must not touch or cross itself"),
+        (["--polygon", 0.0, 0.0, 1e200, 0.0, 0.0, 1e200], "finite numbers up to 1e+06 mm"),
+        (["--mount", "mount.toml", "--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], "leave out --aperture"),
+        (["--aperture", 1e-7, 5.0], "semi_axes must be at least 1e-06 mm"),
+        (["--polygon", 0.0, 0.0, 99.0, 0.0, 0.0, 1.0], "must lie within the front's half-widths"),
+        (["--separate", "--aperture", 5.0, 5.0], "exclude each other"),
+        (["--separate", "--flange", 1.0, 1.0, 2.0], "exclude each other"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("name", ["step", "brep"])
+def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, name, options, words):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert words in done.err
+    assert names(tmp_path) == ["lens.json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "allowed"),
+    [
+        (["--patches"], ("step",)),
+        (["--separate"], SOLIDS),
+        (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
+        (["--polygon", 0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
+    ],
+)
+@pytest.mark.parametrize(
+    "name", ["iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz", "svg", "dxf"]
+)
+def test_formats_without_the_body_are_refused(capsys, tmp_path, name, options, allowed):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", *options)
+    if name in allowed:
+        assert done.code == 0
+        return
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert f"{', '.join(allowed)}, got {name}" in done.err
+    assert names(tmp_path) == ["lens.json"]
+
+
+# Paths
+
+
+@pytest.mark.parametrize(("options", "name"), [(["--separate"], "step"), ([], "dat")])
+def test_of_two_files_none_is_left_where_one_cannot_be_written(capsys, tmp_path, options, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    (tmp_path / f"body_rear.{name}").mkdir()
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert f"body_rear.{name}: it is a folder" in done.err
+    assert names(tmp_path) == [f"body_rear.{name}", "lens.json"]
+
+
+@pytest.mark.parametrize(
+    "options", [["--format", "dat"], ["--format", "step", "--separate"], ["--format", "npz"]], ids=str
+)
+def test_a_full_disk_is_one_sentence_with_the_path_and_leaves_nothing(capsys, tmp_path, monkeypatch, options):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    genuine, written = os.fsync, []
+
+    def full(handle):
+        if written or "npz" in options:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written.append(handle)
+        genuine(handle)
+
+    monkeypatch.setattr(os, "fsync", full)
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / "body", *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert f"cannot write {tmp_path / 'body'}: No space left on device" in done.err
+    assert names(tmp_path) == ["lens.json"]
+
+
+@pytest.mark.parametrize("text", ["{}", "[]", "3", "nothing", None])
+def test_a_report_replaces_nothing_but_a_report(capsys, tmp_path, text):
+    """`--out RESULT/lens` would put its report where the lens of the result folder lies."""
+    write_lens(EQUAL, tmp_path / "lens.json")
+    if text is not None:
+        (tmp_path / "lens.json").rename(tmp_path / "given.json")
+        (tmp_path / "lens.json").write_text(text)
+    before = (tmp_path / "lens.json").read_bytes()
+    source = tmp_path / ("lens.json" if text is None else "given.json")
+    done = run(capsys, "export", source, "--out", tmp_path / "lens", "--format", "npz")
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert "lens.json would be replaced, but was not written by this program" in done.err
+    assert (tmp_path / "lens.json").read_bytes() == before
+    assert not (tmp_path / "lens").exists()
+
+
+def test_a_folder_with_the_name_of_the_report_is_refused(capsys, tmp_path):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    (tmp_path / "body.npz.json").mkdir()
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / "body.npz")
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert names(tmp_path) == ["body.npz.json", "lens.json"]

@@ -1,0 +1,175 @@
+"""Problems as Mitsuba scenes: the sources' flux and density, the camera's irradiance, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("mitsuba")
+
+from optics.base.runtime import UserError
+from optics.exchange.mitsuba.loading import load_mitsuba
+from optics.exchange.mitsuba.mesh import LensMesh
+from optics.exchange.mitsuba.scene import camera_irradiance, mitsuba_scene
+from optics.light.measuring import Splat
+from optics.light.tracing import TargetArea, trace_nonsequential
+from optics.scene.problem import load_problem
+from optics.scene.receivers import PixelWindow, receiver_at
+from optics.scene.sources import Rays, single_rays
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import coefficients, picture, rough, tracer_to
+from thbcad.surfaces import THBSurface
+
+SAMPLES = 1 << 17
+STRETCHED = {"source.half_width": [6.0, 9.0], "source.flux": 0.7, "source.image": "source.png"}
+POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 30.0, "source.flux": 0.7}
+
+
+@pytest.fixture(autouse=True)
+def mi(backend):
+    """Mitsuba on one thread."""
+    threads = backend.dr.thread_count()
+    yield load_mitsuba(threads=1)
+    backend.dr.set_thread_count(threads)
+
+
+@pytest.fixture
+def make(problem_file, tmp_path):
+    """A function that returns (problem, lens) of the small problem with changes; the rear has a sag without
+    symmetry."""
+
+    def build(changes):
+        Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
+        problem = load_problem(problem_file(changes))
+        lens = OpticalSystem(problem).lens
+        return problem, lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.3)) for sag in lens.sags])
+
+    return build
+
+
+def emitted(mi, scene):
+    """Return origins and directions, (3, n), and fluxes, (n,), whose mean is the source's, of rays that the
+    emitter sends out."""
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(1, SAMPLES)
+    emitter = next(e for e in scene.emitters())
+    ray, weight = emitter.sample_ray(mi.Float(0), sampler.next_1d(), sampler.next_2d(), sampler.next_2d())
+    return np.array(ray.o), np.array(ray.d), np.broadcast_to(np.array(weight).ravel(), SAMPLES).astype(float)
+
+
+@pytest.mark.parametrize("profile", ["uniform", "round", "gaussian", "image"])
+@pytest.mark.parametrize("kind", ["collimated", "lambertian"])
+def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, profile):
+    """In each of 8 x 8 cells a share q of n samples errs by sqrt(q / n), four times which is allowed; the
+    picture has no symmetry."""
+    problem, lens = make({"source.kind": kind, "source.profile": profile, **STRETCHED})
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+    origin, direction, flux = emitted(mi, scene)
+    spread = flux.std() / np.sqrt(SAMPLES)
+    assert flux.mean() == pytest.approx(0.7, abs=4 * spread + 1e-6)
+    assert (origin[2] < 0).all()
+    if kind == "collimated":
+        assert (direction[2] == 1).all()
+    else:
+        assert direction[2].mean() == pytest.approx(2 / 3, abs=4 * 0.24 / np.sqrt(SAMPLES))  # Lambert's law
+    share, _, _ = np.histogram2d(
+        origin[0] / 6, origin[1] / 9, bins=8, range=[[-1, 1]] * 2, weights=flux / flux.sum()
+    )
+    middles = (2 * np.arange(960) + 1) / 960 - 1
+    wanted = np.broadcast_to(
+        OpticalSystem(problem).source.profile(middles[:, None], middles[None, :]), (960, 960)
+    )
+    wanted = wanted.reshape(8, 120, 8, 120).sum((1, 3)) / wanted.sum()
+    unequal = np.max(flux) / np.mean(flux)  # of the samples' weights
+    assert (np.abs(share - wanted) < 4.5 * np.sqrt(wanted * unequal / SAMPLES) + 1e-4).all()
+
+
+@pytest.mark.parametrize(("half_angle", "share"), [(90.0, 0.5), (25.0, 1.0)])
+def test_point_sources_light_their_cone_uniformly(mi, make, half_angle, share):
+    """A wide one sends as much backwards, where nothing is; heights on the sphere are uniform
+    (Archimedes)."""
+    problem, lens = make({"source.half_angle": half_angle, **POINT})
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+    origin, direction, flux = emitted(mi, scene)
+    forward = direction[2] > 0
+    assert flux[0] * share == pytest.approx(0.7, rel=1e-6)
+    assert np.ptp(flux) == 0
+    np.testing.assert_allclose(origin[:, 0], [0, 0, -30], atol=1e-5)
+    low = np.cos(np.radians(half_angle))
+    heights = (direction[2, forward] - low) / (1 - low)
+    assert heights.min() > -1e-5
+    assert heights.mean() == pytest.approx(0.5, abs=4 * 0.29 / np.sqrt(forward.sum()))
+
+
+def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
+    """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in
+    the lens adds as much."""
+    problem, lens = make({})
+    image = camera_irradiance(
+        mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65))), spp=256
+    )
+    screen = OpticalSystem(problem).target.screen()
+    _, landing = tracer_to(
+        backend, lens, OpticalSystem(problem).source.rays((301, 301)), problem.target_z
+    ).trace(coefficients(lens))
+    exact = (
+        Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
+        .numpy()
+        .reshape(screen.shape, order="F")
+    )
+    blocks = [a.reshape(6, 8, 6, 8).mean((1, 3)) for a in (image, exact)]
+    assert image.shape == exact.shape
+    assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])
+    for turned in (blocks[0][:, ::-1], blocks[0][::-1], blocks[0][::-1, ::-1]):
+        assert np.linalg.norm(turned - blocks[1]) > 0.1 * np.linalg.norm(blocks[1])
+
+
+@pytest.mark.slow
+def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
+    """Eight pictures give the mean and its standard error; the other tracer follows every reflection too."""
+    problem, lens = make({"source.half_width": [8.0, 9.0]})
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65)))
+    fluxes = [
+        camera_irradiance(scene, spp=128, seed=k).sum() * OpticalSystem(problem).target.screen().pixel_area
+        for k in range(8)
+    ]
+    rays = single_rays(OpticalSystem(problem).source.rays((101, 101)), lens)
+    rays = Rays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.flux))
+    fates = trace_nonsequential(
+        backend, lens, rays, TargetArea(receiver_at(problem.target_z), problem.target.half_width)
+    ).fates
+    wanted = fates.on_target + fates.edges_on_target + fates.front_on_target
+    error = np.std(fluxes, ddof=1) / np.sqrt(8)
+    assert error < 1e-3
+    assert abs(np.mean(fluxes) - wanted) < 4.5 * error  # p < 0.003 for eight
+
+
+def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
+    problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (9, 9)))
+    place = np.array(scene.sensors()[0].world_transform().matrix).reshape(4, 4)[:3, 3]
+    assert lens.thickness + lens.rear(10, 10)[0] < place[2] < problem.target_z
+    assert camera_irradiance(scene, spp=4).shape == (32, 48)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"target.distance": np.inf}, "target.distance"),
+        ({"source.kind": "lambertian", "source.half_angle": 40.0}, "source.half_angle"),
+        ({**POINT, "source.exponent": 2.0}, "source.exponent"),
+        ({"target.pixels": [48, 40]}, "target.pixels"),
+    ],
+)
+def test_what_mitsuba_cannot_express_is_refused_by_its_key(make, changes, key):
+    problem, lens = make(changes)
+    with pytest.raises(UserError, match=key):
+        mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+
+
+def test_the_camera_refuses_spectra(make):
+    load_mitsuba("llvm_ad_rgb", threads=1)
+    problem, lens = make({})
+    with pytest.raises(UserError, match="llvm_ad_mono only, got llvm_ad_rgb"):
+        camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5))), spp=1)

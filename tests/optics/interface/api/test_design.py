@@ -1,0 +1,142 @@
+"""A whole design from a script: shaped, measured, saved, read back, verified, shown."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import optics
+from optics.base.runtime import Moment
+from optics.interface.api.design_result import Design
+from optics.scene.problem import load_problem
+from tests.optics.cases import write_problem
+
+QUICK = {"target.kind": "tophat", "optimizer.iterations": [4], "lens.rear.freeform.max_level": 1}
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """(Design, the moments of its progress, the folder that it was saved to)."""
+    folder = tmp_path_factory.mktemp("design")
+    moments = []
+    design = optics.design(load_problem(write_problem(folder, QUICK)), progress=moments.append)
+    return design, moments, design.save(folder / "result")
+
+
+def test_progress_tells_every_phase_and_ends_with_the_whole(done):
+    _, moments, _ = done
+    assert all(isinstance(moment, Moment) for moment in moments)
+    assert {"setup", "start surface", "level 1"} <= {moment.phase for moment in moments}
+    assert moments[-1].fraction == 1.0
+
+
+def test_the_lens_makes_the_light_that_the_design_tells(done):
+    design, _, _ = done
+    measured = optics.System(design.problem).measure(design.lens)
+    assert design.metrics["rel_l2"] == measured.metrics["rel_l2"]
+    assert design.irradiance.tobytes() == measured.irradiance.tobytes()
+    assert design.metrics["evaluations"] == design.history[-1].evaluation
+    assert design.metrics["dof"] == design.lens.rear.sag.space.dim
+
+
+def test_a_saved_design_is_read_back_as_it_was(done):
+    design, _, folder = done
+    loaded = optics.Design.load(folder)
+    image = {"target.image": loaded.problem.target.image}  # the folder holds it
+    assert loaded.problem == design.problem.with_(**image)
+    assert loaded.irradiance.tobytes() == design.irradiance.tobytes()
+    assert loaded.target.tobytes() == design.target.tobytes()
+    assert np.array_equal(loaded.lens.rear.sag.coefficients, design.lens.rear.sag.coefficients)
+    assert [(r.level, r.evaluation, r.loss) for r in loaded.history] == [
+        (r.level, r.evaluation, r.loss) for r in design.history
+    ]
+    assert {k: loaded.metrics[k] for k in design.metrics} == design.metrics
+    assert list(loaded.notes) == list(design.notes)
+    assert loaded.moved == design.moved
+
+
+def test_a_tool_is_tried_on_the_lens(done):
+    design, _, _ = done
+    (surface,) = design.tool(optics.ToolOrder(ball=5.0, step=0.1)).surfaces
+    assert (surface.name, surface.pitch) == ("rear", 0.1)
+
+
+def test_the_saved_folder_is_a_whole_result(done):
+    _, _, folder = done
+    record = json.loads((folder / "result.json").read_text())
+    assert record["ok"]
+    assert {"lens.step", "report.html", "verify.json", "metrics.json"} <= set(record["sha256"])
+
+
+def test_another_problem_in_the_folder_is_not_replaced_unasked(done):
+    _, _, folder = done
+    other = optics.Design.load(folder)
+    varied = other.problem.with_(title="another")
+    with pytest.raises(optics.UserError, match="another problem"):
+        Design(varied, optics.System(varied).optical, other.lens).save(folder)
+
+
+def test_verify_checks_file_and_light(done):
+    design, _, _ = done
+    checked = design.verify()
+    assert checked["ok"]
+    names = " ".join(check["name"] for check in checked["checks"])
+    assert "rear face" in names
+    assert "uniformity U0 = E_min / E_mean" in names
+    assert checked["grade"] == design.verdict.grade == "made"
+
+
+def test_it_shows_itself_without_touching_the_scripts_plots(done):
+    design, _, _ = done
+    html = design._repr_html_()
+    assert "data:image/png;base64," in html
+    assert "rel_l2" in html
+    assert len(html) < 200_000
+    assert design.plot()._repr_png_().startswith(b"\x89PNG")
+    view = design.view()
+    assert "srcdoc=" in view._repr_html_()
+    assert "<html" in view.page.lower()
+    assert repr(design).startswith("Design('small'")
+
+
+def test_a_design_is_a_scene_that_mitsuba_loads(done):
+    mi = pytest.importorskip("mitsuba")
+    design, _, _ = done
+    scene = optics.mitsuba_scene(design)
+    loaded = mi.load_dict(scene)
+    assert {"front", "rear", "edges", "screen"} <= {shape.id() for shape in loaded.shapes()}
+    with pytest.raises(optics.UserError, match="mitsuba_scene takes a Design"):
+        optics.mitsuba_scene(design.problem)
+
+
+def test_an_interrupt_gives_back_the_best_lens_so_far(tmp_path):
+    seen = []
+
+    def stop(moment):
+        seen.append("evaluations" in moment.detail)
+        if sum(seen) == 5:
+            raise KeyboardInterrupt
+
+    problem = load_problem(write_problem(tmp_path, QUICK | {"optimizer.iterations": [40]}))
+    design = optics.design(problem, progress=stop)
+    assert design.interrupted
+    assert "stopped by Ctrl-C: this is the best lens so far" in design.notes
+    best = min(row.loss for row in design.history)
+    assert np.isfinite(best)
+    assert design.metrics["rel_l2"] < 0.5
+
+
+def test_an_interrupt_before_any_level_goes_on(tmp_path):
+    def stop(moment):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        optics.design(load_problem(write_problem(tmp_path, QUICK)), progress=stop)
+
+
+def test_import_optics_loads_nothing_heavy():
+    program = "import sys, optics; print([m for m in ('numpy', 'scipy', 'drjit') if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

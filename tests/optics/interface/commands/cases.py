@@ -1,0 +1,84 @@
+"""A quick problem, the command line as a process, and what a refusal must look like."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+from optics.exchange.results import ResultFolder, sha256_of
+from optics.interface.commands import main
+from tests.cases import ROOT
+
+QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
+FIGURES = {
+    "photo",
+    "target",
+    "irradiance",
+    "error",
+    "irradiance_02",
+    "sag",
+    "mesh",
+    "loss",
+    "solid",
+    "solid_before",
+    "scene",
+}
+
+
+def strict_json(text):
+    """Return parsed JSON; NaN and Infinity, which JSON does not know, are errors."""
+
+    def refuse(word):
+        raise ValueError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def command(*arguments, **options):
+    """Start the command line as a process of its own."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "optics", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        # as in a terminal, also where the tests themselves run with Ctrl-C ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **options,
+    )
+
+
+def refused(capsys, *arguments):
+    """Run a command that must end with exit code 2 and one line on stderr, and return the line."""
+    code = main([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    assert code == 2
+    assert captured.out == ""
+    lines = captured.err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("thbcad: ")
+    assert "Traceback" not in captured.err
+    return lines[0]
+
+
+def assert_no_false_claim(folder):
+    """What speaks of a solid speaks of the one that lies there; a whole result is whole."""
+    step = folder / "lens.step"
+    for name in ("metrics.json", "verify.json", "manufacture.json"):
+        if (folder / name).exists():
+            assert strict_json((folder / name).read_text())["step_sha256"] == sha256_of(step)
+    if (folder / "report.html").exists():
+        assert sha256_of(step) in (folder / "report.html").read_text("utf-8")
+    if (folder / "result.json").exists():
+        record = ResultFolder(folder).read().record
+        assert {name: sha256_of(folder / name) for name in record["sha256"]} == record["sha256"]
+
+
+def assert_whole(folder):
+    assert ResultFolder(folder).read().record["ok"]
+    assert not [p.name for p in folder.rglob(".*")]
+    assert not (folder / "checkpoint.json").exists()

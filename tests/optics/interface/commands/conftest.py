@@ -1,0 +1,36 @@
+"""A whole run that several files of tests look at."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from types import SimpleNamespace
+
+import pytest
+
+from tests.cases import shared_folder
+from tests.optics.cases import write_problem
+from tests.optics.interface.commands.cases import QUICK, command
+
+
+def design_as_a_process(folder):
+    """Design the quick problem on two threads; keep exit code and output beside the result."""
+    problem = write_problem(folder, QUICK | {"run.threads": 2})
+    process = command("design", problem, "--out", folder / "result", "--json", cwd=folder)
+    stdout, stderr = process.communicate()
+    ended = {"code": process.returncode, "stdout": stdout, "stderr": stderr}
+    (folder / "ended.json").write_text(json.dumps(ended))
+
+
+@pytest.fixture(scope="session")
+def golden(tmp_path_factory):
+    """A whole run as a process, on two threads: its folder, exit code, output, and the problem file."""
+    folder = shared_folder(tmp_path_factory, "golden", design_as_a_process)
+    ended = json.loads((folder / "ended.json").read_text())
+    return SimpleNamespace(path=folder / "result", problem=folder / "problem.toml", **ended)
+
+
+@pytest.fixture
+def copy(golden, tmp_path):
+    """A copy of the golden result that a test may spoil."""
+    return shutil.copytree(golden.path, tmp_path / "copy")

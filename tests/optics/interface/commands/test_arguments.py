@@ -1,0 +1,279 @@
+"""The command line before any work: help, proposals, changes of keys, completion, what is loaded."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from optics.base.runtime import UserError, note
+from optics.interface.commands import main
+from optics.interface.commands.arguments import parsed, parsers
+from optics.interface.commands.command_examples import EXAMPLES as SHOWN
+from optics.interface.commands.problem_options import changes_of
+from optics.scene.problem import ENGINES, STARTS, load_problem
+from tests.cases import EXAMPLES, ROOT
+from tests.optics.cases import write_problem
+from tests.optics.interface.commands.cases import QUICK, refused
+
+NAMES = sorted(parsers()[1])
+PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
+SECTIONS = {text.partition("\n")[0]: text for text in PAGE.split("\n## ")[1:]}
+
+
+def options_of(command):
+    return {name for name in parsers()[1][command]._option_string_actions if name not in ("-h", "--help")}
+
+
+# ---- help ----
+
+
+def test_the_bare_command_prints_its_help(capsys):
+    assert main([]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith("usage: thbcad")
+    assert captured.err == ""
+    assert all(re.search(rf"^ +{name}\b", captured.out, re.MULTILINE) for name in NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_help_of_every_command_shows_examples_that_can_be_given(name, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([name, "--help"])
+    page = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert 2 <= len(SHOWN[name]) <= 3
+    for line in SHOWN[name]:
+        assert f"  {line}\n" in page
+        program, *words = shlex.split(line.partition(" > ")[0])
+        assert program == "thbcad"
+        options = parsed(words)
+        assert options.command == name
+        if "--set" in words:  # keys of the problem, or amounts of tolerances
+            assert options.set if name == "tolerance" else changes_of(options)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_option_of_a_command_stands_on_the_page_of_commands(name):
+    described = SECTIONS[name] + SECTIONS["Options of every command"]
+    assert {o for o in options_of(name) if not re.search(rf"`{o}[` ]", described)} == set()
+    told = set(re.findall(r"^\| `(--[\w-]+)", SECTIONS[name], re.MULTILINE))
+    assert told <= options_of(name)
+
+
+def test_the_page_of_commands_has_no_other_command():
+    assert [s for s in SECTIONS if " " not in s] == [*parsers()[1]]
+    assert all(f"`{kind}`" in SECTIONS["new"] for kind in STARTS)
+
+
+# ---- refusals ----
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("desing my.toml", "there is no command 'desing' (did you mean design?); thbcad --help lists them"),
+        ("paint", "there is no command 'paint'; thbcad --help lists them"),
+        ("design a --forse", "there is no option --forse (did you mean --force?); thbcad design --help"),
+        ("export a --uot=b.stl", "there is no option --uot (did you mean --out?); thbcad export --help"),
+        ("check a --sett x=1", "there is no option --sett (did you mean --set?); thbcad check --help"),
+        ("--verison", "there is no option --verison (did you mean --version?); thbcad --help"),
+        ("design", "the following arguments are required: PROBLEM.toml; thbcad design --help says more"),
+        ("check a b", "unrecognized arguments: b"),
+        ("check a -x", "unrecognized arguments: -x"),
+        ("trace a --rays many", "argument --rays: invalid int value: 'many'; thbcad trace --help"),
+        ("design a --engine exakt", "mitsuba-exact"),
+        ("new --kind far", "far_field"),
+        ("check ''", "PROBLEM.toml must be a path, got ''; thbcad check --help"),
+        ("design a --out ''", "--out must be a path, got ''"),
+        ("design a --from=", "--from must be a path, got ''"),
+        ("sweep a --vary b=[1] --out ''", "--out must be a path, got ''"),
+        ("verify ''", "RESULT must be a path, got ''"),
+        ("verify a --lens ''", "--lens must be a path, got ''"),
+        ("export a --out a.step --mount ''", "--mount must be a path, got ''"),
+        ("etendue a --out ''", "--out must be a path, got ''"),
+        ("tolerance a --tolerances ''", "--tolerances must be a path, got ''"),
+        ("completion fish", "bash"),
+        ("check a -v -q", "not allowed with"),
+    ],
+)
+def test_what_is_no_command_or_option_is_refused_in_one_sentence(words, sentence, capsys):
+    assert sentence in refused(capsys, *shlex.split(words))
+
+
+def test_options_may_be_shortened(tmp_path):
+    assert parsed(["design", "my.toml", "--iter", "3", "--res"]).iterations == 3
+
+
+PROGRAM = """
+import json, sys
+from optics.interface.commands import main
+
+heavy = {"drjit", "mitsuba", "OCP", "matplotlib", "skimage", "trimesh", "optiland", "lib3mf"}
+for line in json.loads(sys.argv[1]):
+    print(line, main(line.split()), *sorted(heavy & set(sys.modules)), sep=": ", file=sys.stderr)
+"""
+LIGHT = {  # command: exit code
+    "export none --out lens.foo": 2,
+    "export none --out lens.stl --format step": 2,
+    "trace none --rays 3": 2,
+    "etendue examples/pearl.toml --out bound.jpg": 2,
+    "etendue examples/pearl.toml --efficiency 2": 2,
+    "design examples/pearl.toml --iterations 3": 2,
+    "design examples/pearl.toml --set target.distanse=3": 2,
+    "design examples/pearl.toml --set lens.index=0.5": 2,
+    "check examples/pearl.toml --set optimizer.engine=exakt": 2,
+    "desing examples/pearl.toml": 2,
+    "new --kind point": 0,
+    "completion zsh": 0,
+}
+
+
+def test_nothing_heavy_is_loaded_for_what_needs_no_work():
+    arguments = [sys.executable, "-c", PROGRAM, json.dumps([*LIGHT])]
+    done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, check=True)
+    said = [line for line in done.stderr.splitlines() if not line.startswith("thbcad: ")]
+    assert said == [f"{line}: {code}" for line, code in LIGHT.items()]
+
+
+# ---- a key from the command line ----
+
+
+def test_keys_are_changed_in_order_and_the_engine_has_an_option_of_its_own():
+    words = "design a --set target.distance=1 --set title=far --set target.distance=2.5 --engine mitsuba-mesh"
+    assert changes_of(parsed(words.split())) == {
+        "target.distance": 2.5,
+        "title": "far",
+        "optimizer.engine": "mitsuba-mesh",
+    }
+    assert changes_of(parsed(["check", "a"])) == {}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_engine_can_be_asked_for(engine, tmp_path):
+    changes = changes_of(parsed(["design", "a", "--engine", engine]))
+    assert load_problem(write_problem(tmp_path), changes).optimizer.engine == engine
+
+
+def test_a_key_that_cannot_be_set_is_refused_by_name(tmp_path, capsys):
+    path = write_problem(tmp_path)
+    for command in ("design", "check", "etendue"):
+        line = refused(capsys, command, path, "--set", "target.distanse=3")
+        assert line == "thbcad: --set: unknown key target.distanse (did you mean target.distance?)"
+        line = refused(capsys, command, path, "--set", "target.distance=-3")
+        assert line == f"thbcad: {path}: target.distance must be at least 1e-06, got -3"
+
+
+def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
+    path = write_problem(tmp_path)
+    assert main(["check", str(path), "--set", "title=other title", "--set", "lens.thickness=7"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("other title: the problem is valid")
+    assert "least thickness 7 mm" in out
+
+
+@pytest.mark.slow
+def test_the_result_keeps_the_problem_with_its_changes_and_quiet_runs_say_nothing(tmp_path, capfd):
+    path = write_problem(tmp_path, QUICK)
+    words = ["design", str(path), "--out", str(tmp_path / "out"), "--set", "target.distance=70", "--quiet"]
+    assert main(words) == 0
+    assert capfd.readouterr().err == ""
+    assert load_problem(tmp_path / "out" / "problem.toml").target.distance == 70.0
+
+
+# ---- how much is said ----
+
+
+def test_quiet_keeps_errors(tmp_path, capsys):
+    assert "cannot read" in refused(capsys, "check", tmp_path / "none.toml", "--quiet")
+
+
+def test_quiet_keeps_notes_from_stderr(tmp_path, capsys, monkeypatch):
+    def noting(options):
+        note("a note")
+        raise UserError("an error")
+
+    monkeypatch.setattr("optics.interface.commands.check_command.check", noting)
+    assert main(["check", "a", "--quiet"]) == 2
+    assert capsys.readouterr().err == "thbcad: an error\n"
+    assert main(["check", "a"]) == 2
+    assert "a note" in capsys.readouterr().err
+
+
+def test_verbose_says_what_is_skipped_as_explain_does(tmp_path, capsys):
+    path = str(write_problem(tmp_path))
+    assert main(["check", path, "--verbose", "--explain"]) == 0
+    captured = capsys.readouterr()
+    told = [line.removeprefix("thbcad: ") for line in captured.err.splitlines()]
+    assert len(told) > 3
+    assert set(told) <= set(captured.out.splitlines())
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), RuntimeError("jit_malloc(): out of memory! Could not allocate 1024 bytes.")]
+)
+def test_a_lack_of_memory_is_no_internal_error(error, capsys, monkeypatch):
+    def failing(options):
+        raise error
+
+    monkeypatch.setattr("optics.interface.commands.check_command.check", failing)
+    assert main(["check", "a"]) == 3
+    assert capsys.readouterr().err == "thbcad: out of memory; use fewer pixels, rays or levels\n"
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("nothing"), UserError("bad input")])
+def test_verbose_shows_the_traceback_of_what_the_input_did_not_cause(error, capsys, monkeypatch):
+    def failing(options):
+        raise error
+
+    monkeypatch.setattr("optics.interface.commands.check_command.check", failing)
+    monkeypatch.delenv("THBCAD_DEBUG", raising=False)
+    main(["check", "a", "-v"])
+    assert ("Traceback" in capsys.readouterr().err) == isinstance(error, ZeroDivisionError)
+
+
+# ---- completion ----
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion_knows_every_command(shell, capsys):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(re.search(rf"\b{name}\b", script) for name in NAMES)
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["thbcad", "de"], {"design"}),
+        (["thbcad", "design", "--eng"], {"--engine"}),
+        (["thbcad", "new", "--kind", ""], set(STARTS)),
+        (["thbcad", "check", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "tolerance", "lens", "--tolerances", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "verify", "part.step", "--lens", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "asbuilt", "lens", "--out", "pearl.t"], {"pearl.toml"}),
+    ],
+)
+def test_bash_completes_commands_options_choices_and_paths(words, wanted, tmp_path, capsys):
+    main(["completion", "bash"])
+    (tmp_path / "thbcad.bash").write_text(capsys.readouterr().out)
+    program = (
+        f"source {tmp_path / 'thbcad.bash'}; COMP_WORDS=({shlex.join(words)}); COMP_CWORD={len(words) - 1}; "
+        "_shtab_thbcad; echo ${COMPREPLY[@]}"
+    )
+    done = subprocess.run(["bash", "-c", program], cwd=EXAMPLES, capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == wanted
+
+
+def test_a_choice_that_the_program_cannot_make_says_why(capsys):
+    told = refused(capsys, "new", "--kind", "mirror")
+    assert "invalid choice: 'mirror'" in told
+    assert told.endswith(
+        "; thbcad cannot do that: there is one lens and nothing else that light meets "
+        "(its README lists what it cannot do)"
+    )
+    assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

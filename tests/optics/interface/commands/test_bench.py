@@ -1,0 +1,207 @@
+"""`thbcad bench`: stored rows, the page of all of them, and what is refused."""
+
+import json
+import sys
+
+import pytest
+
+from optics.base.runtime import machine_facts
+from optics.interface.commands import bench_command, benchmark_tables, main
+
+BENCHMARK = '''"""Two
+lines | of one sentence.
+
+More.
+"""
+
+from optics.base.runtime import Row
+
+
+def rows():
+    first = [Row("time", 12.3456, "s", "peer 3 s", 15), Row("   of this", 2489)]
+    light = {"quantity": "light", "estimator": "rays", "error": 0.0123, "extrapolated": True}
+    return [*first, Row("worst", float("inf"), "", "", 1), Row("ratio", 3.0, "", "by a law", **light)]
+'''
+
+PARTS = '''"""Can be run in part, and has own pages."""
+
+from pathlib import Path
+
+from optics.base.runtime import Row
+
+PAGES = Path(__file__).parents[1] / "docs" / "own"
+
+
+def rows(quick=False, only=None, resume=False):
+    return [Row("quick", quick), Row("only", only or 0), Row("resume", resume)]
+
+
+def publish():
+    PAGES.mkdir()
+    (PAGES / "numbers.txt").write_text("42")
+
+
+def pages():
+    return {PAGES / "page.md": "The number is " + (PAGES / "numbers.txt").read_text()}
+'''
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """Yield a checkout with one benchmark, and make the command work there."""
+    for folder in ("benchmarks", "docs"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "benchmarks" / "__init__.py").touch()
+    (tmp_path / "benchmarks" / "tiny.py").write_text(BENCHMARK)
+    (tmp_path / "benchmarks" / "no_rows.py").write_text("ROWS = 1\n")
+    (tmp_path / "README.md").write_text("It took 9.9 s<!-- tiny: time -->.\n")
+    (tmp_path / "docs" / "page.md").write_text("Of 1 000<!-- tiny: time > of this --> rows 3 are old.\n")
+    monkeypatch.setattr(bench_command, "checkout", lambda: tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    others = {name: m for name, m in sys.modules.items() if name.split(".")[0] == "benchmarks"}
+    for name in others:
+        del sys.modules[name]
+    yield tmp_path
+    for name in ("benchmarks", "benchmarks.tiny", "benchmarks.parts"):
+        sys.modules.pop(name, None)
+    sys.modules.update(others)
+
+
+@pytest.fixture
+def parts(checkout):
+    """A checkout with a second benchmark, which can be run in part and writes its own pages."""
+    (checkout / "benchmarks" / "parts.py").write_text(PARTS)
+    return checkout
+
+
+def test_rows_are_stored_as_they_are_printed(checkout, capsys):
+    assert main(["bench", "tiny", "--store", "--json"]) == 1  # a limit is missed
+    printed = json.loads(capsys.readouterr().out)
+    stored = json.loads((checkout / "docs" / "data" / "tiny.json").read_text())
+    assert stored["rows"] == printed
+    assert stored["rows"][0] == {
+        "name": "time",
+        "value": 12.3456,
+        "unit": "s",
+        "reference": "peer 3 s",
+        "limit": "<= 15",
+        "ok": True,
+        "basis": "measured",
+    }
+    light = {"basis": "extrapolated", "quantity": "light", "estimator": "rays", "error": 0.0123}
+    assert stored["rows"][-1].items() >= light.items()
+    assert stored["machine"] == machine_facts()
+    assert len(stored["date"]) == len("2026-11-20")
+
+
+def test_nothing_is_stored_unasked(checkout):
+    main(["bench", "tiny"])
+    assert not (checkout / "docs" / "data").exists()
+
+
+def test_the_table_of_a_benchmark_says_what_was_extrapolated(checkout, capsys):
+    main(["bench", "tiny"])
+    first, *_, last = capsys.readouterr().out.splitlines()[2:]
+    assert first.split()[-4:] == ["measured", "peer", "3", "s"]
+    assert last.endswith("extrapolated light; rays; error 1.2e-02; by a law")
+
+
+def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, capsys):
+    main(["bench", "tiny", "--store"])
+    assert main(["bench", "--markdown"]) == 0
+    assert "wrote docs/benchmarks.md" in capsys.readouterr().out
+    page = (checkout / "docs" / "benchmarks.md").read_text().splitlines()
+    assert "## tiny" in page
+    assert "Two lines | of one sentence." in page
+    assert "| row | value | unit | limit | ok | reference |" in page
+    assert "| time | 12.35 | s | &lt;= 15 | yes | peer 3 s |" in page
+    assert "| time > of this | 2 489 |  |  |  |  |" in page
+    assert "| worst | - |  | &lt;= 1 | **no** |  |" in page
+    table = benchmark_tables(checkout)["tiny"].splitlines()
+    assert "| row | value | unit | limit | ok | basis | quantity | estimator | error | reference |" in table
+    assert "| time | 12.35 | s | &lt;= 15 | yes | measured |  |  |  | peer 3 s |" in table
+    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  | measured |  |  |  |  |" in table
+    assert "| worst | - |  | &lt;= 1 | **no** | measured |  |  |  |  |" in table
+    assert "| ratio | 3 |  |  |  | extrapolated | light | rays | 1.2e-02 | by a law |" in table
+    assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
+    quoted = (checkout / "docs" / "page.md").read_text()
+    assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
+    assert main(["bench", "--markdown"]) == 0
+    assert "every page is up to date" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ([], "bench needs a name; this installation has: tiny"),
+        (["no_rows"], "there is no benchmark 'no_rows'; this installation has: tiny"),
+        (["--store"], "bench needs a name"),
+        (["tiny", "--markdown"], "--markdown runs no benchmark"),
+        (["--store", "--markdown"], "--markdown runs no benchmark"),
+        (["--markdown"], "there are no stored rows"),
+    ],
+)
+def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
+    assert main(["bench", *arguments]) == 2
+    message = capsys.readouterr().err
+    assert reason in message
+    assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["tiny", "--quick"], "bench tiny has no parts: leave out --quick"),
+        (["tiny", "--only", "4", "--resume"], "bench tiny has no parts: leave out --only, --resume"),
+        (["parts", "--quick", "--store"], "--store keeps a whole run: leave out --quick and --only"),
+        (["tiny", "--only", "0"], "bench tiny has no parts: leave out --only"),
+        (["parts", "--only", "4", "--store"], "--store keeps a whole run: leave out --quick and --only"),
+    ],
+)
+def test_parts_are_for_benchmarks_that_have_them_and_never_stored(parts, capsys, arguments, reason):
+    assert main(["bench", *arguments]) == 2
+    assert capsys.readouterr().err == f"thbcad: {reason}\n"
+    assert not (parts / "docs" / "data").exists()
+
+
+def test_a_benchmark_gets_the_parts_that_are_asked_for(parts, capsys):
+    assert main(["bench", "parts", "--quick", "--only", "4", "--resume", "--json"]) == 0
+    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [True, 4, True]
+    assert main(["bench", "parts", "--json"]) == 0
+    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [False, 0, False]
+
+
+def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_published(parts, capsys):
+    assert main(["bench", "parts", "--resume"]) == 0
+    assert not (parts / "docs" / "own").exists()
+    assert main(["bench", "parts", "--store", "--resume"]) == 0
+    assert (parts / "docs" / "own" / "numbers.txt").exists()
+    main(["bench", "tiny", "--store"])  # the pages of the checkout quote it
+    capsys.readouterr()
+    assert main(["bench", "--markdown"]) == 0
+    assert "wrote docs/own/page.md" in capsys.readouterr().out
+    assert (parts / "docs" / "own" / "page.md").read_text() == "The number is 42"
+
+
+@pytest.mark.parametrize("text", ["[]", "no json", '{"date": "", "machine": {}, "rows": [{"name": "a"}]}'])
+def test_a_file_that_holds_no_rows_is_refused(checkout, capsys, text):
+    (checkout / "docs" / "data").mkdir()
+    (checkout / "docs" / "data" / "tiny.json").write_text(text)
+    assert main(["bench", "--markdown"]) == 2
+    assert "holds no rows of a benchmark" in capsys.readouterr().err
+
+
+def test_rows_of_a_benchmark_that_is_gone_are_refused(checkout, capsys):
+    main(["bench", "tiny", "--store"])
+    (checkout / "benchmarks" / "tiny.py").unlink()
+    capsys.readouterr()
+    assert main(["bench", "--markdown"]) == 2
+    assert "docs/data/tiny.json belongs to no benchmark" in capsys.readouterr().err
+
+
+def test_no_page_changes_where_a_mark_leads_nowhere(checkout):
+    main(["bench", "tiny", "--store"])
+    (checkout / "docs" / "page.md").write_text("Of 1 000<!-- tiny: gone --> rows.\n")
+    assert main(["bench", "--markdown"]) == 2
+    assert (checkout / "README.md").read_text().startswith("It took 9.9 s")
+    assert not (checkout / "docs" / "benchmarks.md").exists()

@@ -1,0 +1,61 @@
+"""What `thbcad check` prints."""
+
+import json
+
+import pytest
+
+from optics.interface.commands.cli import main
+from tests.optics.cases import write_problem
+
+
+def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {"lens.density": 1.2}))
+    assert main(["check", path]) == 0
+    brief = capsys.readouterr().out
+    assert main(["check", path, "--explain"]) == 0
+    full = capsys.readouterr().out
+    assert "skips the search" in full
+    assert "skip" not in brief
+    for word in (" g; rear with", "z_freedom allows", "rel_l2: ", "of index", "of ripple", "of decentre"):
+        assert word in brief
+
+
+def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):
+    """0.001 of index moves the light by some mm, so that the accuracy and the dispersion of PC move it by
+    multiples of that."""
+    changes = {"lens.material": "PC", "source.spectrum": [[450, 1], [650, 1]]}
+    path = str(write_problem(tmp_path, changes, drop=("lens.index",)))
+    assert main(["check", path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (plain,) = (x for x in lines if x.startswith("0.001 of index shifts"))
+    (grade,) = (x for x in lines if x.startswith("PC: another grade or melt may differ by 0.006"))
+    (colours,) = (x for x in lines if x.startswith("from 450 to 650 nm the index falls by 0.0287"))
+    shifts = [float(x.partition(" the light by ")[2].split()[0]) for x in (plain, grade, colours)]
+    assert [s / shifts[0] for s in shifts] == pytest.approx([1, 6, 28.7], rel=0.05)  # two digits are printed
+
+
+def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {"lens.material": "PMMA"}, drop=("lens.index",)))
+    assert main(["check", path, "--set", "source.spectrum=LED-B1"]) == 0
+    assert "the index falls by" in capsys.readouterr().out
+    assert main(["check", path, "--set", "source.spectrum=F11"]) == 2
+    assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err
+
+
+def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {}))
+    assert main(["check", path]) == 0
+    calm = capsys.readouterr().out
+    assert "greatest concentration of light: " in calm
+    assert "at the start of the design" in calm
+    assert "fire" not in calm
+    focus = ["lens.rear.radius=-40", "lens.rear.conic=-2.25", "target.half_width=[1, 1]"]
+    focus = [word for change in (*focus, "target.distance=80") for word in ("--set", change)]
+    assert main(["check", path, *focus, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    found = data["expected"]["concentration"]
+    assert found["times"] == found["sunlight"] > 50
+    assert 0 < found["behind"] <= found["searched"] == 80
+    assert data["fire"].startswith("light that may start a fire: ")
+    assert main(["check", path, *focus]) == 0
+    assert f"note: {data['fire']}" in capsys.readouterr().out

@@ -1,0 +1,299 @@
+"""What a design's files say and keep: metadata, limits and titles arrive, damage to the solid is caught, from
+outside."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from optics.exchange.results import ResultFolder
+from optics.interface.commands.cli import main
+from optics.scene.problem import load_problem
+from optics.scene.system import lens_product
+from tests.optics.cases import moved_point, write_problem
+from tests.optics.interface.commands.cases import refused, strict_json
+from thbcad.cad.exchange import read_step
+from thbcad.lens import placed_surfaces
+
+BRIEF = {
+    "optimizer.iterations": [2],
+    "lens.rear.freeform.max_level": 0,
+    "target.pixels": [16, 16],
+    "verify.rays": 17,
+}
+NAMED = BRIEF | {
+    "lens.material": "PMMA (Plexiglas® 7N)",
+    "lens.density": 1.19,
+    "export.schema": "AP214",
+    "export.product": "Linse 'ä' (透镜)",
+    "export.author": "Jürgen O'Neill; #1",
+    "export.organization": "Optik \\ 光学 GmbH",
+}
+
+
+def designed(folder, changes):
+    """Design a lens; return its folder and the exit code."""
+    code = main(["design", str(write_problem(folder, changes)), "--out", str(folder / "result")])
+    return SimpleNamespace(path=folder / "result", code=code)
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """A design with every word that goes into its files."""
+    return designed(tmp_path_factory.mktemp("named"), NAMED)
+
+
+@pytest.fixture
+def copy(named, tmp_path):
+    """A copy of the named design that a test may spoil."""
+    return shutil.copytree(named.path, tmp_path / "copy")
+
+
+# Metadata
+
+
+def test_the_names_of_a_design_arrive_in_its_step_file(named):
+    assert named.code == 0
+    step = read_step(named.path / "lens.step")
+    assert (step.schema, step.author, step.organization) == (
+        "AP214",
+        NAMED["export.author"],
+        NAMED["export.organization"],
+    )
+    assert (step.product, step.material) == (NAMED["export.product"], NAMED["lens.material"])
+    assert step.face_names == ("front", "rear", "edge -y", "edge +x", "edge +y", "edge -x")
+    text = (named.path / "lens.step").read_text("ascii")
+    assert "refractive index 1.5" in text
+    assert re.search(r"MEASURE\(\s*1\.19\)", text)
+
+
+def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
+    assert main(["verify", str(copy), "--no-optiland"]) == 0
+    assert main(["export", str(copy), "--out", str(tmp_path / "again.step")]) == 0
+    assert (tmp_path / "again.step").read_bytes() == (copy / "lens.step").read_bytes()
+    assert main(["export", str(copy), "--out", str(tmp_path / "cut.step"), "--aperture", "5", "5"]) == 0
+    step = read_step(tmp_path / "cut.step")
+    assert (step.product, step.material, step.author) == (
+        NAMED["export.product"],
+        NAMED["lens.material"],
+        NAMED["export.author"],
+    )
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "word"),
+    [("author", "someone else", "author"), ("schema", "AP203", "schema"), ("product", "other", "name")],
+)
+def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value, word):
+    """The names are part of what a fresh export gives."""
+    path = copy / "problem.toml"
+    path.write_text(re.sub(rf"(?m)^{key} = .*$", f'{key} = "{value}"', path.read_text("utf-8")), "utf-8")
+    assert main(["verify", str(copy), "--no-optiland"]) == 4
+    failures = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")]
+    assert len(failures) == 1
+    assert failures[0].startswith(f"FAILED text of the file: words that are not those of the problem ({word}")
+
+
+def test_a_problem_that_is_not_that_of_the_lens_is_refused(copy, capsys):
+    path = copy / "problem.toml"
+    path.write_text(re.sub(r"(?m)^thickness = .*$", "thickness = 7.0", path.read_text("utf-8")), "utf-8")
+    assert "problem.toml changed since the run" in refused(capsys, "verify", copy, "--no-optiland")
+
+
+def test_a_file_with_other_line_ends_passes_with_a_note(copy, capsys):
+    path = copy / "lens.step"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert main(["verify", str(copy), "--no-optiland"]) == 0
+    assert "note: the text of the STEP file differs from a fresh export" in capsys.readouterr().out
+
+
+TITLES = [
+    "\"quoted\" and 'single'",
+    "Größe für Übung",
+    "珍珠耳环的少女",
+    "two\nlines\r\nand\ttabs",
+    " blanks ",
+    "\u2028",
+    "bell\x07\x00",
+    "a" * 5000,
+]
+
+
+@pytest.mark.parametrize("title", TITLES, ids=ascii)
+def test_a_title_becomes_one_line_in_the_step_file(tmp_path, title):
+    problem = load_problem(write_problem(tmp_path, {"title": title}))
+    assert lens_product(problem).name == (" ".join(re.sub("[\x00\x07]", " ", title).split())[:500] or "lens")
+
+
+@pytest.mark.slow
+def test_a_design_of_any_title_ends_well(tmp_path, capsys):
+    title = "\"Größe\"\n'透镜' \\ */ ; bell\x07"
+    done = designed(tmp_path, BRIEF | {"title": title})
+    assert done.code == 0
+    assert load_problem(done.path / "problem.toml").title == title
+    assert read_step(done.path / "lens.step").product == " ".join(title.replace("\x07", " ").split())
+    assert main(["verify", str(done.path), "--no-optiland"]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize("key", ["export.author", "export.organization", "export.product", "lens.material"])
+@pytest.mark.parametrize("text", ["two\nlines", " blank"], ids=ascii)
+def test_names_of_two_lines_are_refused(tmp_path, capsys, key, text):
+    message = refused(capsys, "check", write_problem(tmp_path, {key: text}))
+    assert key.rpartition(".")[2] in message
+
+
+def test_the_longest_names_arrive_in_iges_and_longer_ones_are_refused(copy, tmp_path, capsys):
+    """From 2000 characters on OCCT's IGES writer ends the process."""
+    path = copy / "problem.toml"
+    for count, code in ((500, 0), (501, 2), (5000, 2)):
+        text = re.sub(
+            r"(?m)^(product|author|organization) = .*$", rf'\1 = "{"a" * count}"', path.read_text("utf-8")
+        )
+        path.write_text(text, "utf-8")
+        assert main(["export", str(copy), "--out", str(tmp_path / "named.iges")]) == code
+    assert "must have at most 500 characters" in capsys.readouterr().err
+
+
+# Limits
+
+
+LIMITS = {"limits.edge_thickness": 50.0, "limits.slope": 1.0, "limits.mass": 0.1, "lens.density": 1.19}
+
+
+@pytest.mark.slow
+def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsys):
+    """The lens is 6 mm thick on the axis and bends by up to 19.5 degrees."""
+    done = designed(tmp_path, BRIEF | LIMITS)
+    assert done.code == 4
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")]
+    assert [re.sub(r"(, at|: ).*", "", line) for line in lines] == [
+        "FAILED edge thickness short of limits.edge_thickness",
+        "FAILED slope of the rear beyond limits.slope",
+        "FAILED mass beyond limits.mass",
+    ]
+    assert all(re.search(r", at x = -?[\d.]+, y = -?[\d.]+ mm: ", line) for line in lines[:2])
+    stored = strict_json((done.path / "verify.json").read_text())
+    assert [c["name"] in (done.path / "report.html").read_text("utf-8") for c in stored["checks"]]
+    assert sum(not c["ok"] for c in stored["checks"]) == 3
+    # the solid itself is sound, and verify fails for the same reasons
+    assert main(["verify", str(done.path), "--no-optiland"]) == 4
+    assert [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")] == lines
+
+
+def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
+    assert main(["check", str(write_problem(tmp_path, LIMITS))]) == 0
+    notes = [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("note: before optimisation")
+    ]
+    assert len(notes) == 3
+    assert all(
+        word in line for word, line in zip(("limits.edge_thickness", "limits.slope", "limits.mass"), notes)
+    )
+
+
+@pytest.mark.parametrize("command", ["check", "design"])
+def test_a_limit_of_mass_without_density_is_refused_before_any_work(tmp_path, capsys, command):
+    options = ["--out", tmp_path / "out"] if command == "design" else []
+    message = refused(capsys, command, write_problem(tmp_path, {"limits.mass": 1.0}), *options)
+    assert "needs lens.density" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_workshops_figures_are_strict_json(named):
+    data = strict_json((named.path / "manufacture.json").read_text())
+    lens = ResultFolder(named.path).read_lens()
+    assert data["mass_g"] == pytest.approx(lens.volume() * 1.19e-3, rel=1e-15 * 4)
+    assert data["volume_mm3"] == lens.volume()
+    assert data["front"]["concave_radius_mm"]["value"] is None  # a plane
+    assert data["thickness_mm"]["lower"] <= data["thickness_mm"]["value"] <= data["thickness_mm"]["upper"]
+
+
+# Damage
+
+
+def failures(capsys, folder):
+    """Return the names of the checks of `verify` that fail; it ends without a message then."""
+    code = main(["verify", str(folder), "--no-optiland", "--json"])
+    captured = capsys.readouterr()
+    assert (code, captured.err) == (4, "")
+    return {c["name"] for c in strict_json(captured.out)["checks"] if not c["ok"]}
+
+
+@pytest.mark.parametrize(("face", "word"), [(0, "front"), (1, "rear")])
+def test_a_point_moved_by_a_nanometre_is_caught(copy, capsys, face, word):
+    """A pole of the rear, the point of the plane that the front is."""
+    path = copy / "lens.step"
+    if face:
+        pole = placed_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
+        text = moved_point(path.read_text(), pole, np.array([0.0, 0.0, 1e-6]))
+    else:
+        plane = r"(=PLANE\('',.*\n.*\n.*POINT\('',\(0\.,0\.,)0\."
+        text, found = re.subn(plane, r"\g<1>1.E-6", path.read_text(), count=1)
+        assert found
+    path.write_text(text)
+    names = failures(capsys, copy)
+    assert f"{word} poles and knots that differ from the lens in memory" in names
+    assert f"text of the file: {word} numbers that differ from the lens in memory" in names
+
+
+def test_another_unit_is_caught(copy, capsys):
+    path = copy / "lens.step"
+    path.write_text(path.read_text().replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.CENTI.,.METRE.)"))
+    assert "text of the file: unit of length that is not mm" in failures(capsys, copy)
+
+
+@pytest.mark.parametrize("which", [2, 3, 4, 5])
+def test_a_missing_edge_is_caught(copy, capsys, which):
+    path = copy / "lens.step"
+    text = path.read_text()
+    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
+    path.write_text(
+        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
+    )
+    assert {"free edges", "text of the file: edges that do not border two faces"} <= failures(capsys, copy)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_missing_optical_face_is_refused(copy, capsys, which):
+    path = copy / "lens.step"
+    text = path.read_text()
+    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
+    path.write_text(
+        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
+    )
+    assert "optical faces where a lens has 2" in refused(capsys, "verify", copy)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.999])
+def test_a_truncated_file_is_refused(copy, capsys, share):
+    path = copy / "lens.step"
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    assert "lens.step" in refused(capsys, "verify", copy)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_bytes_of_another_file_are_refused_or_caught(copy, capsys, share):
+    path = copy / "lens.step"
+    data = bytearray(path.read_bytes())
+    at = int(share * len(data))
+    data[at : at + 64] = bytes(range(64))
+    path.write_bytes(data)
+    code = main(["verify", str(copy), "--no-optiland"])
+    captured = capsys.readouterr()
+    assert code in (1, 2)
+    assert len(captured.err.splitlines()) == code - 1
+
+
+def test_results_of_verify_are_strict_json_with_every_check_named_once(named, capsys):
+    assert main(["verify", str(named.path), "--no-optiland", "--json"]) == 0
+    names = [c["name"] for c in strict_json(capsys.readouterr().out)["checks"]]
+    assert len(set(names)) == len(names) > 25
+    assert json.loads((named.path / "verify.json").read_text())["ok"]

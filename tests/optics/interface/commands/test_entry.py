@@ -1,0 +1,225 @@
+"""The command as a process: how it ends."""
+
+import gc
+import io
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from runpy import run_module
+
+import pytest
+
+from optics.base.runtime import Phase, Progress, note
+from optics.designing.progress import drawing
+from optics.interface.commands import main
+from optics.interface.commands.outcome import Outcome
+from tests.cases import ROOT
+from tests.optics.cases import write_problem
+
+FULL = Path("/dev/full")
+needs_full = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
+
+
+def ended(*arguments, closed="", **streams):
+    """Run the command line with buffers, as most do, and return what it says and how it ends.
+
+    closed : what a shell closes for it.  streams : its stdout or stderr.
+    """
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    environment.pop("PYTHONUNBUFFERED", None)
+    words = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-m", "optics", *map(str, arguments)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.run(words, env=environment, text=True, check=False, **(pipes | streams))
+
+
+def test_a_command_searches_for_garbage_rarely_and_not_at_its_end(monkeypatch):
+    before, seen = gc.get_threshold(), []
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+
+    def ran():
+        seen.append(gc.get_threshold())
+        return 3
+
+    monkeypatch.setattr("optics.interface.commands.main", ran)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            run_module("optics", run_name="__main__")
+        assert ended.value.code == 3
+        assert seen[0][0] > 10 * before[0]
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), handlers):
+            signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("debug", [False, True])
+def test_an_error_of_the_program_itself_is_one_sentence_and_has_a_code_of_its_own(
+    tmp_path, capsys, monkeypatch, debug
+):
+    """1 would say that a check failed.  The traceback is shown to those who ask for it."""
+
+    def failing(options):
+        raise ZeroDivisionError("nothing\x1b to divide by")
+
+    monkeypatch.setattr("optics.interface.commands.check_command.system_of", failing)
+    monkeypatch.delenv("THBCAD_DEBUG", raising=False)
+    if debug:
+        monkeypatch.setenv("THBCAD_DEBUG", "1")
+    assert main(["check", str(write_problem(tmp_path))]) == 70
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    *above, line = captured.err.splitlines()
+    assert line.startswith(
+        "thbcad: internal error: ZeroDivisionError: nothing\\x1b to divide by; please report"
+    )
+    assert any("Traceback" in row for row in above) == debug
+    assert bool(above) == debug
+
+
+def test_control_characters_of_a_title_do_not_reach_the_terminal(tmp_path, capsys):
+    """They could recolour or overwrite lines, or type commands."""
+    title = "a\x1b[31m\0\x9b2Jb\nc\u202ed"
+    assert main(["check", str(write_problem(tmp_path, {"title": title}))]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[0].startswith("a\\x1b[31m\\x00\\x9b2Jb")
+    assert all(c.isprintable() or c == "\n" for c in captured.out + captured.err)
+
+
+# ---- streams that cannot be written ----
+
+
+def working(options):
+    """Do a command's work: with progress, and with a note."""
+    bar = drawing(sys.stderr)
+    progress = Progress([Phase("one", 1.0), Phase("two", 1.0)], bar)
+    progress.begin("two")
+    progress.finish()
+    note("a note")
+    bar.close()
+    return Outcome({}, ["the result"])
+
+
+@needs_full
+@pytest.mark.parametrize("terminal", [False, True], ids=["lines", "bar"])
+def test_work_goes_on_where_its_progress_cannot_be_written(capsys, monkeypatch, terminal):
+    monkeypatch.setattr("optics.interface.commands.check_command.check", working)
+    with FULL.open("w") as full:
+        monkeypatch.setattr(full, "isatty", lambda: terminal, raising=False)
+        monkeypatch.setattr(sys, "stderr", full)
+        assert main(["check", "a"]) == 0
+        assert sys.stderr is full
+    assert capsys.readouterr().out == "the result\n"
+
+
+def test_a_stream_of_messages_is_otherwise_what_it_was(monkeypatch):
+    class Terminal(io.StringIO):
+        encoding = "latin-1"
+
+        def isatty(self):
+            return True
+
+    seen = []
+
+    def looking(options):
+        seen.extend([sys.stderr.isatty(), sys.stderr.encoding, sys.stderr.write("abc")])
+        return Outcome({}, [])
+
+    monkeypatch.setattr("optics.interface.commands.check_command.check", looking)
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert main(["check", "a"]) == 0
+    assert seen == [True, "latin-1", 3]
+    assert sys.stderr.getvalue() == "abc"
+
+
+@needs_full
+def test_an_error_that_cannot_be_told_keeps_its_exit_code(tmp_path):
+    with FULL.open("w") as full:
+        done = ended("check", tmp_path / "none.toml", stderr=full)
+    assert (done.returncode, done.stdout) == (2, "")
+
+
+def test_messages_that_nobody_reads_take_no_result_away(tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = ended("check", write_problem(tmp_path), "-v", stderr=writer)
+    os.close(writer)
+    assert done.returncode == 0
+    assert "the problem is valid" in done.stdout
+
+
+@pytest.mark.parametrize("file", ["problem.toml", "none.toml"])
+def test_with_stderr_closed_nothing_of_it_goes_to_stdout(tmp_path, file):
+    write_problem(tmp_path)
+    done = ended("check", tmp_path / file, "-v", closed="2>&-")
+    assert done.returncode == (0 if file == "problem.toml" else 2)
+    assert "thbcad: " not in done.stdout
+    assert ("the problem is valid" in done.stdout) == (file == "problem.toml")
+
+
+@needs_full
+@pytest.mark.parametrize("words", [[], ["--help"], ["design", "--help"], ["--version"], ["new"]], ids=str)
+def test_what_cannot_be_printed_is_one_sentence(words):
+    with FULL.open("w") as full:
+        done = ended(*words, stdout=full)
+    assert (done.returncode, done.stderr) == (2, "thbcad: cannot write or read: No space left on device\n")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["new"]], ids=str)
+def test_a_reader_that_has_gone_is_no_error(words):
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = ended(*words, stdout=writer)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+STOPPED = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == MODULE:
+            os.kill(os.getpid(), NUMBER)
+sys.meta_path.insert(0, Stop())
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
+sys.argv[1:] = ["check", "none.toml"]
+from optics.__main__ import entry
+entry()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "module", ["gc", "argparse", "optics.interface.commands.cli", "optics.interface.commands.check_command"]
+)
+def test_a_signal_ends_the_command_with_one_line_and_its_code_also_among_its_imports(module, number):
+    program = STOPPED.replace("MODULE", repr(module)).replace("NUMBER", str(int(number)))
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    word = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", f"thbcad: {word}\n")
+
+
+@pytest.mark.parametrize("moment", ["sys.exit", "again"])
+def test_a_signal_ends_the_command_with_one_line_also_while_it_ends(moment):
+    """And a second one, while the first is answered."""
+    program = f"""
+import atexit, os, signal, sys
+from optics import commands
+signal.signal(signal.SIGINT, signal.default_int_handler)
+stop = lambda *_: os.kill(os.getpid(), signal.SIGINT)
+if {moment!r} == "again":
+    commands.main = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
+else:
+    commands.main = lambda: atexit.register(stop) and 0
+from optics.__main__ import entry
+entry()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "thbcad: interrupted\n")

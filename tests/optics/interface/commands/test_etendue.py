@@ -1,0 +1,194 @@
+"""`thbcad etendue`: figures, sentences, errors."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optics.base.runtime import UserError, read_rows
+from optics.designing.etendue import (
+    FIXED_QUICK,
+    SEARCH,
+    etendue_notes,
+    one_blur,
+    reached_sentences,
+    rear_area,
+    rounded_down,
+    universal_bound,
+)
+from optics.interface.commands import etendue_command
+from optics.interface.commands.etendue_command import NO_LIMIT, etendue
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.cases import ROOT
+from tests.optics.cases import HOLLOW, hollow_lens
+from thbcad.io import write_lens
+
+GLOWING = HOLLOW | {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "target.kind": "tophat",
+    "target.shape": "ellipse",
+    "target.half_width": [600.0, 600.0],
+}
+
+
+SMALL = {"target.pixels": [48, 48]}
+
+
+def run(file, efficiency=None, measure=None, out=None):
+    options = {"efficiency": efficiency, "measure": measure, "out": out, "force": False}
+    options |= {"set": [], "verbose": False}
+    return etendue(Namespace(problem=str(file), **options))
+
+
+@pytest.fixture(autouse=True)
+def few_solutions(monkeypatch):
+    """A search over proportions that ends early is a weaker bound, and quick."""
+    monkeypatch.setattr(etendue_command, "SEARCH", replace(SEARCH, finest=1e-3, most=8))
+
+
+@pytest.fixture
+def hollow(problem_file):
+    """A function that writes the problem of a glowing square in the hollow of a lens, with changes."""
+    return lambda changes=None: problem_file(GLOWING | (changes or {}))
+
+
+def test_figures_of_an_extended_source(hollow, tmp_path):
+    data, lines, code = run(hollow(SMALL), out=str(tmp_path / "bound.png"))
+    assert code == 0
+    assert data["etendue_mm2_sr"]["source"] == pytest.approx(np.pi)
+    assert data["etendue_mm2_sr"]["front"] == pytest.approx(np.pi)  # the rim lies behind the source
+    assert data["efficiency"] == pytest.approx(0.96**2)
+    universal, blurs = data["universal"], data["one_blur"]
+    assert (universal["rel_l2"], universal["on_target_w"], universal["exact_efficiency"]) == (0, 1, 1)
+    assert universal["curve"] == [[k / 10, 0] for k in range(1, 11)]
+    free, alike = blurs["any_proportions"], blurs["source_proportions"]
+    assert 0 <= free["lower_bound"] <= alike["attained"] < 1.05 * alike["lower_bound"]
+    assert alike["kkt"] <= 1e-5
+    said = "\n".join(lines)
+    assert 1 < universal["cap_over_sampled"] < 1.03
+    assert f"by dense sampling {universal['cap_over_sampled']:.4f} times its etendue at most" in said
+    assert "to solids within the envelope (six faces, z_freedom rear 1 mm included)" in said
+    assert "no bound for lenses" in said
+    assert "304.4 mm^2 as the base lens has it (z_freedom = 1 mm may make it larger" in said
+    assert (tmp_path / "bound.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_less_light_allows_smaller_images(hollow):
+    most, less = (run(hollow(SMALL), share)[0]["one_blur"]["source_proportions"] for share in (None, 0.4))
+    # and a little larger, since they come nearer to the target
+    assert less["square_pixels"] == pytest.approx(most["square_pixels"] * 0.4 / 0.96**2, rel=0.04)
+    assert less["lower_bound"] < most["lower_bound"]
+
+
+@pytest.mark.slow
+def test_images_of_a_designed_lens(hollow, tmp_path):
+    write_lens(hollow_lens(), tmp_path / "lens.json")
+    data, lines, _ = run(hollow({"target.pixels": [24, 24]}), measure=str(tmp_path))
+    assert data["measured"]["square_pixels"] > data["one_blur"]["any_proportions"]["square_pixels"]
+    assert sum("of any proportions" in line for line in lines) == 2
+
+
+def test_a_picture_under_another_suffix_is_refused(hollow, tmp_path):
+    with pytest.raises(UserError, match=r"--out must end in \.png, .* got .*bound\.gif"):
+        run(hollow(), out=str(tmp_path / "bound.gif"))
+    assert not (tmp_path / "bound.gif").exists()
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"source.kind": "point", "source.distance": 20.0, "source.half_width": [0.0, 0.0]}]
+)
+def test_sources_without_extent_have_no_limit(problem_file, changes):
+    file = problem_file(changes)
+    data, lines, code = run(file)
+    assert (code, lines[-1], "bound" in data) == (0, NO_LIMIT, False)
+    system = OpticalSystem(load_problem(file))
+    assert etendue_notes(system) == ([], [])
+    assert reached_sentences(system, system.lens, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
+
+
+@pytest.mark.parametrize("option", ["out", "measure"])
+def test_what_needs_a_limit_is_refused_where_there_is_none(problem_file, tmp_path, option):
+    with pytest.raises(UserError, match=f"{NO_LIMIT}; leave out --{option}"):
+        run(problem_file(), **{option: str(tmp_path / "bound.png")})
+    assert not (tmp_path / "bound.png").exists()
+
+
+def test_images_narrower_than_two_pixels_set_no_limit(hollow):
+    data, lines, _ = run(hollow({"source.half_width": [0.05, 0.05]}))
+    assert data["one_blur"]["source_proportions"]["lower_bound"] == 0
+    assert data["one_blur"]["any_proportions"]["lower_bound"] == 0
+    assert any("narrower than two pixels" in line for line in lines)
+
+
+def test_other_sources_and_the_far_field(hollow):
+    far = {"target.distance": float("inf"), "target.half_width": [35.0, 35.0], "target.pixels": [32, 32]}
+    data, lines, _ = run(hollow(far | {"source.profile": "round"}))
+    assert list(data["one_blur"]) == ["source_proportions"]
+    alike = data["one_blur"]["source_proportions"]
+    assert 0 < alike["lower_bound"] <= alike["attained"]
+    assert any(" W/sr" in line for line in lines)
+    assert any("no uniform rectangle" in line for line in lines)
+
+
+def test_the_notes_of_a_problem_name_both_classes(hollow):
+    system = OpticalSystem(load_problem(hollow(SMALL)))
+    found = etendue_notes(system)
+    every, _, _, alike = found.background
+    assert found.limits == []
+    assert every.startswith(
+        "etendue forbids no rel_l2 to solids within the envelope (six faces, z_freedom rear 1 mm included)"
+    )
+    assert every.endswith("of the source's light to the target, by any path")
+    assert "no bound for lenses" in alike
+    assert "304.4 mm^2 as the base lens has it (z_freedom = 1 mm may make it larger" in alike
+
+
+def test_a_report_judges_by_the_lens_of_the_design(hollow):
+    """The rear's area is its own, and no bound is the value that was reached."""
+    system, lens = OpticalSystem(load_problem(hollow(SMALL))), hollow_lens()
+    found = reached_sentences(system, lens, {"rel_l2_debiased": 0.01, "efficiency": 0.9})
+    (every, curve, free), (alike,) = found.background, found.limits
+    assert every.startswith("rel_l2 reached 0.0100; etendue forbids no rel_l2 to solids within the envelope")
+    assert "that bring 0.9 of the source's light to the target, by any path" in every
+    assert curve.endswith("0.0000 up to 1")
+    assert f"{rear_area(lens):.4g} mm^2 as this lens has it" in free
+    assert "of any proportions" in free
+    bound = one_blur(system, lens, 0.9, FIXED_QUICK, any_form=False).bound.lower_bound
+    assert bound > 0.02
+    assert f"leave a rel_l2 of {rounded_down(bound)} at least" in alike
+    assert alike.endswith("left the class: its images of the source are not all alike")
+    assert "left" not in every + curve
+    assert reached_sentences(system, lens, {"rel_l2_debiased": 1.0, "efficiency": 0.0}) == ([], [])
+
+
+def test_a_design_below_the_universal_rung_is_doubted(hollow):
+    near = {"target.half_width": [20.0, 20.0], "target.distance": 50.0, "target.pixels": [16, 16]}
+    wide = {"source.half_width": [4.0, 4.0], "source.distance": 7.0}
+    system = OpticalSystem(load_problem(hollow(near | wide)))
+    metrics = {"rel_l2_debiased": 0.01, "efficiency": 0.6}
+    every, curve, *_ = reached_sentences(system, system.lens, metrics).limits
+    assert "not within the envelope or was not measured well enough" in every
+    assert "no light beyond 0." in curve
+    lines = etendue_notes(system).limits
+    assert "forbids the picture itself from an efficiency of 0." in lines[2]
+
+
+@pytest.mark.parametrize("efficiency", [0.0, -1.0, 1.5, float("nan")])
+def test_an_efficiency_out_of_range_is_refused(hollow, efficiency):
+    with pytest.raises(UserError, match="--efficiency must be greater than 0 and at most 1"):
+        run(hollow(), efficiency)
+
+
+@pytest.mark.parametrize("name", ["extended", "extended_two"])
+def test_etendue_forbids_none_of_the_designs_at_hand(name):
+    system = OpticalSystem(load_problem(ROOT / "examples" / f"{name}.toml"))
+    rows = read_rows(ROOT / "docs" / "data")["extended"].rows
+    stored = {row["name"].removeprefix(f"{name}: "): row["value"] for row in rows}
+    efficiency = stored["flux on the target, non-sequential"] / system.problem.source.flux
+    assert universal_bound(system).least_rel_l2(efficiency) == 0 < stored["rel_l2, all paths"]

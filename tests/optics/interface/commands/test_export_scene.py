@@ -1,0 +1,44 @@
+"""`thbcad export DIR --out scene.xml`: a scene that Mitsuba reads by itself; refusals in one sentence."""
+
+from __future__ import annotations
+
+import pytest
+
+from optics.interface.commands.cli import main
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import store_result, write_problem
+from tests.optics.interface.commands.cases import refused, strict_json
+
+
+@pytest.fixture
+def result(tmp_path):
+    """A result folder of an unshaped lens."""
+    problem = load_problem(write_problem(tmp_path))
+    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+
+
+@pytest.mark.slow
+def test_the_scene_is_written_read_back_and_recorded(capsys, result, tmp_path):
+    pytest.importorskip("mitsuba")
+    out = tmp_path / "scene.xml"
+    assert main(["export", str(result), "--out", str(out), "--json"]) == 0
+    data = strict_json(capsys.readouterr().out)
+    assert data["ok"]
+    names = {out.parent.joinpath(file).name for file in data["files"]}
+    assert {"scene.xml", "scene_front.ply", "scene_rear.ply", "scene_edges.ply"} <= names
+    assert set(data["sha256"]) == names
+    assert main(["export", str(result), "--out", str(out)]) == 0  # over its own files
+    capsys.readouterr()
+    out.write_text("mine", "utf-8")
+    message = refused(capsys, "export", result, "--out", out)
+    assert "scene.xml" in message
+    assert out.read_text("utf-8") == "mine"
+
+
+def test_what_a_scene_cannot_hold_is_refused(capsys, result, tmp_path):
+    message = refused(capsys, "export", result, "--out", tmp_path / "scene.xml", "--aperture", "5", "5")
+    assert "a scene holds the whole lens" in message
+    message = refused(capsys, "export", result / "lens.json", "--out", tmp_path / "scene.xml")
+    assert "a scene needs the problem of a result folder" in message
+    assert not list(tmp_path.glob("scene*"))

@@ -1,0 +1,63 @@
+"""`thbcad sweep`: what is printed of a sweep, and what is refused before anything runs."""
+
+import json
+from functools import partial
+
+import pytest
+
+from optics import sweeps
+from optics.interface.commands import main
+from optics.interface.sweeps import run_sweep
+from tests.cases import EXAMPLES
+from tests.optics.interface.sweeps.cases import picky, quick, thread_pool
+
+PROBLEM = str(EXAMPLES / "tophat_circle.toml")
+VARY = ["--vary", "target.distance=200:300:2"]
+
+
+@pytest.fixture
+def by(monkeypatch):
+    """Return a function that sets what stands in for the design, on a thread and without plots."""
+    monkeypatch.setattr("optics.interface.sweeps.running.worker_pool", thread_pool)
+    monkeypatch.setattr("optics.interface.sweeps.sweep_folder.metric_plots", lambda sweep: {})
+    return lambda function: monkeypatch.setattr(sweeps, "run_sweep", partial(run_sweep, function=function))
+
+
+def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path, capsys):
+    by(quick)
+    assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["2 variants: 2 done; 1 made, 1 light misses", "best: target.distance = 200: fine"]
+    assert lines[2] == f"table {tmp_path / 'sweep.csv'}   page {tmp_path / 'sweep.html'}"
+
+
+def test_failing_variants_are_told_and_the_rows_are_data(by, tmp_path, capsys):
+    by(picky)
+    assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["counts"] == {"done": 1, "failed": 1, "killed": 0, "invalid": 0}
+    assert data["rows"][1]["sentence"] == "300 mm is too far; come nearer"
+    only = ["--vary", "target.distance=300", "--out", str(tmp_path)]
+    assert main(["sweep", PROBLEM, *only, "--quiet"]) == 1
+    assert "failed: 300 mm is too far; come nearer" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--vary", "target.distence=[1]"], "--vary: unknown key target.distence"),
+        (["--vary", "target.distance=-200:400:3"], "target.distance must be at least 1e-06, got -200"),
+        ([*VARY, "--vary", "target.distance=5"], "--vary: target.distance is varied twice"),
+        ([*VARY, "--workers", "0"], "the number of workers must be a whole number from 1 to 1024, got 0"),
+        ([*VARY, "--workers", "2", "--scheduler", "tcp://x:1"], "give a number of workers or a scheduler"),
+        ([*VARY, "--resume"], "nothing to resume"),
+        ([], "the following arguments are required: --vary"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused_in_one_sentence(words, sentence, tmp_path, capsys):
+    assert main(["sweep", PROBLEM, *words, "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert sentence in errors
+    assert errors.count("\n") == 1
+    assert not (tmp_path / "out").exists()

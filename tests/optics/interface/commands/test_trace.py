@@ -1,0 +1,100 @@
+"""`thbcad trace`: fates by flux and by number, other ways of light, files, refusals."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from optics.exchange.results import ResultFolder
+from optics.interface.commands.cli import main
+from optics.light.analysis import sequential
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import store_result, write_problem
+
+EXTENDED = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 2.0,
+    "optimizer.window": "bspline",
+}
+
+
+@pytest.fixture
+def result(tmp_path):
+    def made(changes=None):
+        problem = load_problem(write_problem(tmp_path, changes))
+        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+
+    return made
+
+
+def run(capsys, *arguments):
+    code = main(["trace", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+
+def test_every_ray_and_every_watt_has_a_fate(capsys, result):
+    folder = result(EXTENDED)
+    done = run(capsys, folder, "--rays", 64, "--json")
+    data = json.loads(done.out)
+    assert done.code == 0
+    assert sum(data["counts"].values()) == data["rays"] == 64 * 64
+    assert sum(data["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert sum(data["nonsequential"]["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert data["counts"]["unresolved"] == 0
+    assert data["counts"]["missed_rear"] > 0
+    assert data["efficiency"] == data["fates_w"]["on_target"]
+    assert data["efficiency"] < data["normal_incidence_transmittance"] == pytest.approx(0.96**2)
+    assert 0 < data["nonsequential"]["by_other_ways"] < 1
+    light = {"irradiance.npz", "irradiance_16bit.png"}
+    files = {"fresnel.png", "irradiance.png", "phase_space.png", "trace.json"} | light
+    assert {p.name for p in (folder / "trace").iterdir()} == files
+    with np.load(folder / "trace" / "irradiance.npz", allow_pickle=False) as arrays:
+        pixel = np.diff(arrays["x"])[0] * -np.diff(arrays["y"])[0]
+        assert arrays["irradiance"].sum() * pixel == pytest.approx(data["fates_w"]["on_target"], rel=1e-12)
+
+
+def test_rays_are_counted_as_the_flux_is(backend, result):
+    """Without Fresnel's losses flux and number agree: every ray carries the same."""
+    problem, lens, _ = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
+    _, budget, counts = sequential(OpticalSystem(problem), lens, backend, 64)
+    for name, count in counts.items():
+        assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
+
+
+@pytest.mark.slow
+def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
+    done = run(capsys, result(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single")
+    assert done.code == 0
+    assert "the sequential tracer suffices" in done.out
+    assert "etendue is conserved" in done.out
+    assert (tmp_path / "deep" / "there" / "trace.json").exists()
+
+
+@pytest.mark.slow
+def test_a_far_field_is_traced_in_sequence(capsys, result):
+    done = run(
+        capsys,
+        result({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}),
+        "--rays",
+        33,
+        "--json",
+    )
+    assert (done.code, "nonsequential" in json.loads(done.out)) == (0, False)
+
+
+@pytest.mark.parametrize("rays", ["7", "100000"])
+def test_a_number_of_rays_out_of_range_is_refused(capsys, result, rays):
+    done = run(capsys, result(), "--rays", rays)
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "--rays must lie between 8 and 32768" in done.err
+
+
+def test_a_folder_without_a_result_is_refused(capsys, tmp_path):
+    done = run(capsys, tmp_path)
+    assert (done.code, done.err.count("\n"), done.out) == (2, 1, "")

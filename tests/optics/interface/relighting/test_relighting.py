@@ -1,0 +1,172 @@
+"""Other light in words, and what a lens makes of it: the sun against the angles of its rays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import optics
+from optics import UserError
+from optics.base.runtime import load_backend
+from optics.interface.relighting import other_source, relit
+from optics.light.analysis import measure
+from optics.scene.luminaires import Opening, write_ies
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import write_problem
+from tests.optics.scene.luminaires.cases import asymmetric
+
+POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 40.0, "source.flux": 3.0}
+
+
+def problem_of(folder, changes=None):
+    return load_problem(write_problem(folder, changes))
+
+
+def test_the_sun_is_the_own_beam_with_its_divergence(tmp_path):
+    problem = problem_of(tmp_path)
+    sun = other_source("SUN", problem)
+    assert (sun.kind, sun.half_width, sun.divergence_profile) == (
+        "collimated",
+        problem.source.half_width,
+        "sun",
+    )
+    assert sun.half_divergence == 0.2665
+
+
+def test_the_sun_fills_the_front_of_a_lens_for_a_point(tmp_path):
+    problem = problem_of(tmp_path, POINT)
+    sun = other_source("sun", problem)
+    assert (sun.half_width, sun.flux) == (problem.lens.front.half_width, 3.0)
+
+
+def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
+    problem = problem_of(tmp_path, POINT)
+    for words, distance in (("led:1.5mm", 40.0), ("led:1.5mm@12mm", 12.0)):
+        led = other_source(words, problem)
+        assert (led.kind, led.half_width, led.distance, led.flux) == (
+            "lambertian",
+            (0.75, 0.75),
+            distance,
+            3.0,
+        )
+
+
+@pytest.mark.parametrize("words", ["sun", "led:1mm", "lamp.ies"])
+def test_other_light_has_unit_and_wavelength_of_the_own(tmp_path, words):
+    own = POINT | {"source.unit": "lm", "source.wavelength": 633.0}
+    other = other_source(words, problem_of(tmp_path, own))
+    assert (other.flux, other.unit, other.wavelength) == (3.0, "lm", 633.0)
+
+
+@pytest.mark.slow
+def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
+    hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
+    problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
+    sun = other_source("sun", problem)
+    fates = relit(problem, optics.System(problem).optical.lens, sun, backend).metrics["fates_w"]
+    assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
+
+
+def test_the_source_of_another_file_is_taken(tmp_path):
+    (tmp_path / "other").mkdir()
+    path = write_problem(tmp_path / "other", {"source.half_width": [3.0, 2.0]})
+    assert other_source(str(path), problem_of(tmp_path)).half_width == (3.0, 2.0)
+
+
+def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(tmp_path):
+    write_ies(asymmetric(Opening((3.0, 2.0), round=True)), tmp_path / "lamp.ies")
+    problem = problem_of(tmp_path, POINT | {"target.pixels": [12, 12]})
+    lamp, same = (other_source(f"{tmp_path}/lamp.ies{at}", problem) for at in ("", "@40mm"))
+    assert lamp == same
+    assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
+    lens = optics.System(problem).optical.lens
+    fates = relit(problem, lens, lamp, load_backend("double")).metrics["fates_w"]
+    assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("moon", "--source must be"),
+        ("led:1mm", "no place: say where the light is, led:1mm@30mm"),
+        ("led:1e400mm@1mm", "half_width"),
+        ("led:--mm@1mm", "--source must be"),
+        ("led:0mm@1mm", "source.half_width must be at least"),
+        ("led:1mm@-3mm", "source.distance"),
+        ("none.toml", "none.toml"),
+        ("lamp.ies", "no place: say where the light is, lamp.ies@30mm"),
+        ("none.ldt@30mm", "none.ldt"),
+        ("lamp.ies@--mm", "--source must be"),
+    ],
+)
+def test_other_words_are_one_sentence(tmp_path, words, sentence):
+    problem = problem_of(tmp_path)
+    lens = optics.System(problem).optical.lens
+    with pytest.raises(UserError, match=sentence):
+        relit(problem, lens, other_source(words, problem), load_backend("double"))
+
+
+@pytest.mark.parametrize("kind", ["sun", "uniform", "gaussian", "theta_uniform"])
+def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path, kind):
+    """Plane surfaces send every ray on in its own direction: variances of landing points add up.
+
+    Between the plates of a parallel plate the path is shorter by n, so that the variance is (L sigma)^2 with
+    L = distance before + thickness / n + distance behind, to the second order in the angle.
+    """
+    angle = {"sun": 0.8, "uniform": 0.8, "gaussian": 0.4, "theta_uniform": 0.8}[kind]
+    problem = problem_of(
+        tmp_path,
+        {
+            "source.divergence": angle,
+            "source.divergence_profile": kind,
+            "source.distance": 5.0,
+            "lens.rear.radius": np.inf,
+            "lens.rear.conic": 0.0,
+            "target.half_width": [20.0, 20.0],
+        },
+    )
+    light = optics.System(problem)
+    measured = light.measure(light.optical.lens)
+    x = (2 * np.arange(48) + 1) / 48 * 20 - 20
+    row = measured.irradiance.sum(axis=0)
+    variance = (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / 48) ** 2 / 12
+    beam = problem.source.half_width[0] ** 2 / 3
+    lens = problem.lens
+    behind = problem.target_z - lens.thickness
+    length = problem.source.distance + lens.thickness / lens.index + behind
+    limb = (0.30 / 4 + 0.93 * (1 / 3 - 1 / 5) - 0.23 * (1 / 4 - 1 / 6)) / (0.30 / 2 + 0.93 / 3 - 0.23 / 4)
+    sigma2 = {"sun": limb / 2, "uniform": 1 / 4, "gaussian": 1.0, "theta_uniform": 1 / 6}[kind]
+    wanted = beam + (length * np.radians(angle)) ** 2 * sigma2
+    assert variance == pytest.approx(wanted, rel=2e-3)
+    assert measured.metrics["estimator"] == "beams"
+    fates = measured.metrics["fates_w"]
+    assert measured.metrics["rel_l2_floor"] < 0.03
+    assert sum(fates.values()) == pytest.approx(problem.source.flux, rel=1e-12)
+
+
+def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
+    """A design in glass at 550 nm, in light of 650 nm and in white light: it is measured as if made so."""
+    backend = load_backend("double", 1)
+    glass = {"lens.material": "N-BK7", "lens.absorption": "auto"}
+    problem = load_problem(write_problem(tmp_path, glass, drop=("lens.index",)))
+    lens = OpticalSystem(problem).lens
+    resolved = OpticalSystem(problem).problem  # as a result folder holds it
+    red = replace(problem.source, wavelength=650.0)
+    made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
+    wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
+    assert relit(resolved, lens, red, backend).irradiance == pytest.approx(wanted.irradiance, rel=1e-4)
+    white = relit(resolved, lens, replace(problem.source, spectrum="LED-B1"), backend)
+    assert white.colour.shape == (3, *wanted.irradiance.shape)
+    assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
+    assert white.metrics["fates_w"]["absorbed"] > 0
+
+
+def test_an_index_without_a_known_material_stays(tmp_path):
+    backend = load_backend("double", 1)
+    problem = problem_of(tmp_path)
+    lens = OpticalSystem(problem).lens
+    red = relit(problem, lens, replace(problem.source, wavelength=650.0), backend)
+    assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
+    with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
+        relit(problem, lens, replace(problem.source, spectrum="LED-B1"), backend)

@@ -1,0 +1,153 @@
+"""Light by other ways than front and rear, against the trace that splits every ray at every face."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from optics.light.analysis.closed_lens_light import (
+    NEGLIGIBLE,
+    PILOT,
+    THROUGH,
+    _replicate,
+    light_by_other_ways,
+)
+from optics.light.analysis.metrics import measure
+from optics.light.tracing import TargetArea, trace_nonsequential
+from optics.scene.problem import load_problem
+from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import DOME, rough, write_problem
+from thbcad.surfaces import THBSurface
+
+STRONG = DOME | {"source.flux": 3.0, "target.pixels": [10, 8]}
+POINT = {"source.kind": "point", "source.half_angle": 85.0, "source.exponent": 1.0}
+NARROW = {"source.half_angle": 20.0}
+
+
+def system_of(folder, changes):
+    return OpticalSystem(load_problem(write_problem(folder, STRONG | changes)))
+
+
+def lens_of(system):
+    space = system.lens.rear.sag.space
+    return system.lens.with_sags([THBSurface(space, rough(space, 0.5))])
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param({}, id="lambertian", marks=pytest.mark.slow), pytest.param(POINT, id="point")],
+)
+def found(request, tmp_path_factory, backend):
+    """Return (system, lens, OtherWays)."""
+    system = system_of(tmp_path_factory.mktemp("ways"), request.param)
+    lens = lens_of(system)
+    return system, lens, light_by_other_ways(system, lens, system.target.screen(), backend)
+
+
+def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
+    """Every branch followed to 1e-4 of its ray's flux; both are samples, so that their errors add up."""
+    system, lens, other = found
+    screen = system.target.screen()
+    rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), lens)
+    every = trace_nonsequential(backend, lens, rays, TargetArea(system.target.receiver, screen.half_width))
+    points, flux = every.landings.points[~every.direct], every.landings.flux[~every.direct]
+    through = np.isin(every.fate[~every.direct], THROUGH)
+    image, square = (screen.binned(points[through], flux[through] ** k) for k in (1, 2))
+    error = np.hypot(other.light.error * screen.pixel_area, np.sqrt(square))
+    away = other.light.irradiance * screen.pixel_area - image
+    assert np.linalg.norm(away) < 1.5 * np.linalg.norm(error) < 0.15 * np.linalg.norm(image)
+    assert other.light.on_target == pytest.approx(image.sum(), rel=0.02)
+    assert other.share > NEGLIGIBLE
+
+
+def test_roulette_loses_no_flux_on_average(found, backend):
+    """The fates of all light sum to the source's, to the spread of the replicates' sums."""
+    _, _, other = found
+    assert sum(asdict(other.fates).values()) == pytest.approx(3.0, rel=2e-3)
+    assert other.fates.trapped < 1e-6
+    assert other.fates.failed == 0
+
+
+def test_metrics_are_those_of_all_light(found, backend):
+    system, lens, _ = found
+    metrics = measure(system, lens, backend).metrics
+    count = metrics["nonsequential"]
+    assert metrics["paths"] == "all"
+    assert metrics["rel_l2"] != pytest.approx(metrics["rel_l2_sequential"], rel=1e-3)
+    assert metrics["efficiency"] == pytest.approx(
+        metrics["fates_w"]["on_target"] / 3 + count["by_other_ways"] * count["target_w"] / 3, rel=1e-12
+    )
+    assert metrics["lit_efficiency"] == pytest.approx(count["lit_w"] / 3, rel=1e-12)
+    assert 0 < count["lit_direct_w"] < count["lit_w"] < count["target_w"]
+    assert metrics["rel_l2_error"] < 0.05 * metrics["rel_l2"]
+
+
+def test_where_next_to_nothing_comes_by_other_ways_a_few_rays_say_so(tmp_path, backend, monkeypatch):
+    system, replicates, real = system_of(tmp_path, NARROW), [], _replicate
+
+    def watched(*arguments):
+        replicates.append(real(*arguments))
+        return replicates[-1]
+
+    monkeypatch.setattr("optics.light.analysis.closed_lens_light._replicate", watched)
+    metrics = measure(system, system.lens, backend).metrics
+    assert len(replicates) == PILOT
+    assert metrics["paths"] == "sequential"
+    assert metrics["nonsequential"]["by_other_ways"] < NEGLIGIBLE
+    assert metrics["rel_l2_debiased"] == metrics["rel_l2_sequential"]
+    assert metrics["rel_l2_error"] == metrics["rel_l2_sequential_error"]
+
+
+def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
+    """A cone three times as wide as the lens: what passes beside it would meet the target too."""
+    wide = {"source.distance": 20.0, "target.half_width": [3000.0, 3000.0], "target.distance": 300.0}
+    system = system_of(tmp_path, POINT | wide)
+    other = light_by_other_ways(system, system.lens, system.target.screen(), backend)
+    assert other.fates.beside_lens > 1.0
+    on_pixels = other.light.irradiance.sum() * system.target.screen().pixel_area
+    assert on_pixels == pytest.approx(other.light.on_target, rel=1e-9)  # which the fates tell
+
+
+def test_the_seed_is_the_problems(tmp_path, backend):
+    """The same bytes again; another seed other rays."""
+    system, again, other = (system_of(tmp_path, NARROW | {"run.seed": seed}) for seed in (0, 0, 1))
+    one, same, different = (
+        light_by_other_ways(s, s.lens, s.target.screen(), backend).light.irradiance
+        for s in (system, again, other)
+    )
+    assert one.tobytes() == same.tobytes()
+    assert not np.array_equal(one, different)
+
+
+@pytest.mark.parametrize(
+    ("changes", "follows"),
+    [
+        ({}, True),
+        (POINT, True),
+        ({"source.kind": "collimated", "lens.front.radius": np.inf, "lens.thickness": 8.0}, False),
+        ({"source.kind": "collimated"}, True),
+        ({"target.distance": np.inf, "target.half_width": [60.0, 60.0]}, False),
+    ],
+    ids=["lambertian", "point", "collimated", "collimated before a curved front", "far field"],
+)
+def test_light_that_may_meet_edges_before_a_plane_is_followed(tmp_path, changes, follows):
+    assert system_of(tmp_path, changes).by_edges is follows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("half", "paths"), [(4.5, "all"), (1.0, "sequential")])
+def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, backend, half, paths):
+    """A wide beam meets the hollow front where that sends much of it into the edges, a narrow one nowhere."""
+    beam = {
+        "source.kind": "collimated",
+        "source.half_width": [half, half],
+        "lens.rear.half_width": [5.0, 5.0],
+    }
+    system = system_of(tmp_path, beam)
+    metrics = measure(system, system.lens, backend).metrics
+    assert metrics["paths"] == paths
+    assert (metrics["fates_w"]["missed_rear"] > 0.05) is (paths == "all")
+    assert ("nonsequential" in metrics) is (paths == "all")

@@ -1,0 +1,186 @@
+"""What a lens delivers, measured with cells; with fresh rays where the source is extended."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from optics.light.analysis import light_of_rays, metrics
+from optics.light.analysis.metrics import compare, measure
+from optics.scene.problem import load_problem
+from optics.scene.sources import LambertianArea
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import picture, write_problem
+
+GLOWING = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 8.0,
+    "source.half_angle": 40.0,
+    "target.pixels": [48, 48],
+}
+PLATE = {"lens.rear.radius": np.inf, "target.half_width": [9.5, 9.5]}
+
+
+def measured(folder, backend, changes=None, image=None):
+    problem = load_problem(write_problem(folder, changes, image))
+    return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend)
+
+
+def test_equal_pictures_have_no_error():
+    light = picture().astype(float)
+    metrics = compare(3 * light, light)
+    assert metrics["rel_l2"] == pytest.approx(0, abs=1e-15)
+    assert metrics["psnr_db"] > 300
+    assert metrics["ssim"] == pytest.approx(1, abs=1e-12)
+
+
+def test_metrics_follow_their_formulas():
+    rng = np.random.default_rng(1)
+    e, t = rng.uniform(0.5, 1, (2, 20, 30))
+    metrics = compare(7 * e, 0.1 * t)
+    e, t = e / e.mean(), t / t.mean()
+    assert metrics["rel_l2"] == pytest.approx(np.sqrt(((e - t) ** 2).sum() / (t**2).sum()), rel=1e-12)
+    assert metrics["psnr_db"] == pytest.approx(10 * np.log10(t.max() ** 2 / ((e - t) ** 2).mean()), rel=1e-12)
+    assert -1 <= metrics["ssim"] <= 1
+
+
+def test_a_dark_screen_is_an_error_of_one():
+    assert compare(np.zeros((8, 8)), np.ones((8, 8)))["rel_l2"] == 1.0
+
+
+def test_a_plate_makes_a_uniform_square(tmp_path, backend):
+    """A source as large as the target behind a plane plate: E = T everywhere but for the grid of rays against
+    the pixels."""
+    result = measured(tmp_path, backend, PLATE, np.full((48, 48), 255, dtype=np.uint8))
+    metrics = result.metrics
+    assert metrics["efficiency"] == pytest.approx(0.96**2, rel=1e-12)
+    assert metrics["stray"] == pytest.approx(0, abs=1e-12)
+    # a pixel holds 11 +- 1 rays in each direction
+    assert metrics["rel_l2"] < 1 / 11
+    assert 0 < metrics["rel_l2_floor"] < 1 / 11
+    assert result.irradiance.sum() * (19 / 48) ** 2 == pytest.approx(
+        0.96**2, rel=1e-3
+    )  # light at the rim is shared with pixels beyond
+
+
+def test_half_the_light_beside_the_target_is_stray(tmp_path, backend):
+    """Target 4.75 mm high under a source of 9.5 mm: half of the light misses, to the half ray at the edge."""
+    changes = PLATE | {"target.half_width": [9.5, 4.75]}
+    metrics = measured(tmp_path, backend, changes, np.full((24, 48), 255, dtype=np.uint8)).metrics
+    assert metrics["efficiency"] == pytest.approx(0.96**2 / 2, abs=1 / 500)
+    assert metrics["efficiency"] + metrics["stray"] == pytest.approx(0.96**2, rel=1e-12)
+
+
+def test_fluxes_by_fate_sum_to_the_source(tmp_path, backend):
+    metrics = measured(tmp_path, backend, {"source.half_width": [14.0, 11.0], "source.flux": 3.0}).metrics
+    fates = metrics["fates_w"]
+    assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
+    assert fates["on_target"] == pytest.approx(metrics["efficiency"] * 3.0, rel=1e-15)
+    assert fates["beside_lens"] == pytest.approx(3.0 * (1 - 100 / 154), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypatch):
+    """Against 16 times as many rays of another seed; the floor is right within 20 %.
+
+    No two replicates, nor the optimiser's set, share rays.
+    """
+    parts, seeds = LambertianArea.parts, []
+
+    def watched(source, *arguments):
+        made = list(parts(source, *arguments))
+        seeds.append(made[0].origin[:, 0])
+        return iter(made)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(LambertianArea, "parts", watched)
+        result = measured(tmp_path, backend, GLOWING)
+        OpticalSystem(load_problem(write_problem(tmp_path, GLOWING))).source.rays((48, 48))
+    for one, other in combinations(seeds, 2):
+        assert not np.allclose(one, other)
+    monkeypatch.setattr(light_of_rays, "RAYS_PER_PIXEL", 16 * light_of_rays.RAYS_PER_PIXEL)
+    exact = measured(tmp_path, backend, GLOWING | {"run.seed": 77})
+    light, truth, target = (i / i.mean() for i in (result.irradiance, exact.irradiance, result.target))
+    error = np.linalg.norm(light - truth) / np.linalg.norm(target)
+    assert result.metrics["rel_l2_floor"] == pytest.approx(error, rel=0.2)
+    assert result.metrics["rel_l2_debiased"] == pytest.approx(
+        exact.metrics["rel_l2_debiased"], abs=4 * result.metrics["rel_l2_error"]
+    )
+    assert result.metrics["estimator"] == "rays"
+
+
+def test_two_grids_of_cells_give_the_image_and_its_error(tmp_path, backend, monkeypatch):
+    """The finer one is the image; neither has lines in common with the other, nor with the optimiser's."""
+    first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
+    given, real, grids = iter([first, second]), metrics.cell_irradiance, []
+
+    def watched(path, screen, cells, backend):
+        grids.append(cells.emitted.shape)
+        return next(given), real(path, screen, cells, backend)[1]
+
+    monkeypatch.setattr(metrics, "cell_irradiance", watched)
+    result = measured(tmp_path, backend)
+    np.testing.assert_array_equal(result.irradiance, first)
+    fine, coarse = grids
+    numbers = [*fine, *coarse]
+    assert all(n >= 8 * 48 for n in fine)
+    assert all(n % k for n in numbers for k in range(2, n))
+    ratio = (fine[0] * fine[1] / (coarse[0] * coarse[1])) ** metrics.ORDER
+    apart = np.linalg.norm(first - second) / first.mean()
+    between = apart / np.linalg.norm(result.target / result.target.mean()) / result.metrics["rel_l2_floor"]
+    assert ratio - 1 < between < np.sqrt(ratio**2 + 1)
+    assert between == pytest.approx(ratio, rel=0.15)
+    assert result.metrics["estimator"] == "cells"
+
+
+@pytest.mark.slow
+def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
+    whole = measured(tmp_path, backend, GLOWING)
+    monkeypatch.setattr(light_of_rays, "RAYS_AT_ONCE", 1 << 12)
+    sliced = measured(tmp_path, backend, GLOWING)
+    np.testing.assert_allclose(
+        sliced.irradiance, whole.irradiance, rtol=0, atol=1e-12 * whole.irradiance.max()
+    )
+    assert sliced.metrics["fates_w"] == pytest.approx(whole.metrics["fates_w"], abs=1e-12)
+
+
+def seeded(folder, backend, changes, seed):
+    problem = load_problem(write_problem(folder, changes))
+    problem = replace(problem, run=replace(problem.run, seed=seed))
+    return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend).irradiance
+
+
+@pytest.mark.slow
+def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
+    first, again, other = (seeded(tmp_path, backend, GLOWING, seed) for seed in (0, 0, 1))
+    np.testing.assert_allclose(again, first, rtol=0, atol=1e-12 * first.max())
+    assert not np.allclose(other, first, rtol=1e-6)
+
+
+def test_cells_know_no_seed(tmp_path, backend):
+    first, other = (seeded(tmp_path, backend, {}, seed) for seed in (0, 1))
+    np.testing.assert_allclose(other, first, rtol=0, atol=1e-13 * first.max())
+
+
+def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkeypatch):
+    """Against 4 times as many cells in each direction, within a small factor: this lens maps the beam almost
+    linearly, so that next to nothing is left, and that of higher order."""
+    usual = measured(tmp_path, backend)
+    for name in ("CELLS_PER_PIXEL", "CELLS_PER_SPAN"):
+        monkeypatch.setattr(metrics, name, 4 * getattr(metrics, name))
+    exact = measured(tmp_path, backend)
+    error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
+    assert 0.3 < usual.metrics["rel_l2_floor"] / error < 3
+    assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4
+
+
+@pytest.mark.parametrize("pixels", [[2, 2], [3, 2], [3, 3], [5, 40]])
+def test_metrics_of_coarse_targets_are_numbers(tmp_path, backend, pixels):
+    """metrics.json must be JSON: it knows no NaN and no Infinity."""
+    metrics = measured(tmp_path, backend, {"target.pixels": pixels}).metrics
+    assert json.loads(json.dumps(metrics, allow_nan=False)) == metrics

@@ -1,0 +1,59 @@
+"""Rough surfaces: the variance of landing points against the closed form, by cells and by rays."""
+
+import numpy as np
+import pytest
+
+import optics
+from optics.scene.problem import load_problem
+from tests.optics.cases import write_problem
+
+PIXELS = 96
+PLATE = {
+    "lens.rear.radius": np.inf,
+    "lens.rear.conic": 0.0,
+    "target.half_width": [20.0, 20.0],
+    "target.pixels": [PIXELS, PIXELS],
+}
+LAMP = {"source.kind": "lambertian", "source.half_width": [9.5, 9.5], "source.half_angle": 1e-3}
+BEAM = 9.5**2 / 3  # variance of both, mm^2
+
+
+def variance(folder, changes):
+    """The variance of x over the target's light, mm^2, without that within a pixel; and the measurement."""
+    system = optics.System(load_problem(write_problem(folder, PLATE | changes)))
+    measured = system.measure(system.optical.lens)
+    x = (2 * np.arange(PIXELS) + 1) / PIXELS * 20 - 20
+    row = measured.irradiance.sum(axis=0)
+    return (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / PIXELS) ** 2 / 12, measured, system
+
+
+@pytest.mark.parametrize("source", [{}, LAMP], ids=["beam", "lamp"])
+@pytest.mark.parametrize("rms", [0.01, 0.02])
+@pytest.mark.parametrize("surface", ["front", "rear"])
+def test_a_rough_plate_spreads_light_by_its_slopes(tmp_path, surface, rms, source):
+    """Small errors d of the slope turn light by (n - 1) d behind the rear, by (n - 1) d / n behind the front.
+
+    The latter is n times as large again behind a plane rear.
+    """
+    after, measured, system = variance(tmp_path, source | {f"lens.{surface}.slope_rms": rms})
+    lens = system.problem.lens
+    length = system.problem.target.distance
+    if surface == "front":  # through the plate the light goes at 1 / n of the angle
+        length += lens.thickness / lens.index
+    assert after - BEAM == pytest.approx((length * (lens.index - 1) * rms) ** 2, rel=0.05)
+    assert measured.metrics["estimator"] == ("rays" if source else "beams")
+    assert sum(measured.metrics["fates_w"].values()) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_roughness_and_divergence_add_up(tmp_path):
+    sun = {"source.divergence_profile": "sun", "source.divergence": 0.6, "source.distance": 3.0}
+    rough = {"lens.rear.slope_rms": 0.01, "lens.front.slope_rms": 0.008}
+    _, plain, _ = variance(tmp_path, {})
+    each = [variance(tmp_path, changes)[0] - BEAM for changes in (sun, rough)]
+    both, measured, _ = variance(tmp_path, sun | rough)
+    assert both - BEAM == pytest.approx(sum(each), rel=0.03)
+    np.testing.assert_allclose(measured.sharp, plain.irradiance, rtol=0, atol=1e-12 * plain.irradiance.max())
+    assert measured.metrics["rel_l2_sharp"] == pytest.approx(plain.metrics["rel_l2"], abs=1e-9)
+    assert plain.sharp is None
+    assert measured.metrics["estimator"] == "beams"

@@ -1,0 +1,149 @@
+"""The greatest concentration of light behind a lens, where it is known in closed form or by counting rays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, radians, tan
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.spatial import cKDTree
+
+from optics.base.runtime import UserError, load_backend
+from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import rough, tracer_to, write_problem
+
+FOCUS = 400.0  # mm, of the rear -R / (n - 1), K = -n^2, which images parallel light to a point
+BURNING = {"lens.rear.radius": -200.0, "lens.rear.conic": -2.25, "target.distance": 480.0}
+BEAM = 19.0**2  # mm^2
+WINDOW = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
+
+
+@pytest.fixture
+def concentrated(problem_file, backend):
+    """A function that returns the system of the small problem with changes, and its base lens's light."""
+
+    def found(changes):
+        system = OpticalSystem(load_problem(problem_file(changes)))
+        return system, greatest_concentration(system, system.lens, backend)
+
+    return found
+
+
+def test_a_perfect_focus_puts_all_light_on_the_disk(concentrated):
+    system, found = concentrated(BURNING)
+    assert found.disk == 1.0
+    assert found.behind == pytest.approx(FOCUS, abs=20)  # where the beam is narrower than the disk
+    assert found.times == pytest.approx(BEAM / (pi / 4), rel=1e-3)
+    assert found.irradiance == pytest.approx(system.problem.source.flux / (pi / 4), rel=1e-3)
+    assert found.sunlight == found.times
+    assert found.searched == 480
+
+
+def test_the_sun_s_own_disk_limits_a_focus(concentrated):
+    """A square beam that shrinks towards the focus, in a disk that grows as the sun's image does."""
+    system, found = concentrated(BURNING | {"source.divergence_profile": "sun"})
+    angle = np.arcsin(np.sqrt(1 / (pi * system.source.spread.brightest)))
+    assert 0.8 * radians(0.2666) < angle < radians(0.2666)  # the limb is darker
+    at = np.linspace(-1, 1, 801)
+    radius = np.hypot(at, at[:, None])
+    best = max(
+        (radius * 9.5 * abs(1 - s / FOCUS) <= s * tan(angle)).mean() / (pi * (s * tan(angle)) ** 2)
+        for s in np.linspace(360, 440, 201)
+    )
+    assert found.times == pytest.approx(BEAM * best, rel=0.02)
+    assert found.disk == pytest.approx(2 * found.behind * tan(angle), rel=0.02)
+
+
+def test_before_the_focus_light_is_as_dense_as_the_beam_is_narrow(concentrated):
+    _, found = concentrated(BURNING | {"target.distance": FOCUS / 2})
+    assert found.behind == pytest.approx(FOCUS / 2)
+    assert found.times == pytest.approx(4, rel=0.02)  # tan u is not quite r / f
+
+
+def test_a_window_concentrates_nothing(concentrated):
+    _, found = concentrated(WINDOW)
+    assert found.times == pytest.approx(1, abs=0.02)
+
+
+def test_light_that_spreads_is_densest_at_the_rear(concentrated):
+    _, found = concentrated({"lens.rear.radius": 200.0, "target.half_width": [40.0, 40.0]})
+    assert found.behind < 1
+    assert found.times == pytest.approx(1, abs=0.02)
+
+
+def test_a_glowing_area_behind_a_window_gives_its_radiance_times_its_solid_angle(concentrated):
+    """P = pi sin^2 of a disk, seen through 6 mm of n = 1.5: near the axis as from 4 mm less t - t / n."""
+    glow = {
+        "source.kind": "lambertian",
+        "source.profile": "round",
+        "source.half_width": [2.0, 2.0],
+        "source.distance": 20.0,
+    }
+    system, found = concentrated(WINDOW | glow)
+    radiance = system.problem.source.flux / (pi * pi * 2.0**2)
+    expected = radiance * pi * 2**2 / (2**2 + (20 + 6 / 1.5) ** 2)
+    assert found.irradiance == pytest.approx(expected, rel=0.15)  # the brightest disk of random rays
+    assert found.irradiance > 0.97 * expected
+    assert found.sunlight is None
+
+
+def test_the_far_field_is_followed_ten_metres(concentrated):
+    _, found = concentrated(BURNING | {"target.distance": np.inf, "target.half_width": [20.0, 20.0]})
+    assert found.searched == 10_000
+    assert found.times == pytest.approx(BEAM / (pi / 4), rel=1e-3)
+
+
+@settings(max_examples=3, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.4))
+def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
+    """Rays of another grid through a rough lens: disks around every 40th ray on planes at random."""
+    rng, backend = np.random.default_rng(seed), load_backend("double", 1)
+    system = OpticalSystem(load_problem(write_problem(tmp_path_factory.mktemp("rough"), {})))
+    sag = system.lens.sags[-1]
+    lens = system.lens.with_sags([replace(sag, coefficients=rough(sag.space, height, seed % 1000))])
+    found = greatest_concentration(system, lens, backend)
+    rays = system.source.rays((701, 701))
+    each = rays.total / rays.flux.size
+    best = 0.0
+    for behind in (found.behind, *rng.uniform(1.5, found.searched, 2)):
+        tracer = tracer_to(backend, lens, rays, lens.thickness + behind, fresnel=False)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([lens.sags[-1].coefficients])
+        points = np.stack([landing.x.numpy(), landing.y.numpy()], axis=1)[landing.flux.numpy() > 0]
+        counts = cKDTree(points).query_ball_point(points[::40], found.disk / 2, return_length=True)
+        counted = counts.max() * each / (pi / 4 * found.disk**2)
+        best = max(best, counted)
+        assert counted <= 1.05 * found.irradiance
+    assert best >= 0.93 * found.irradiance  # the best disk is not about a ray
+
+
+def test_light_that_may_start_a_fire_is_warned_of(concentrated):
+    system, found = concentrated(BURNING)
+    assert fire_warning(system, found).startswith(
+        "light that may start a fire: "
+        "1.27e+03 kW/m^2 with the source and 460 kW/m^2 with sunlight of 1 kW/m^2, "
+    )
+    said = concentration_sentence(system, found)
+    assert "460 times that on the front, " in said
+    assert "460 kW/m^2 in the sun" in said
+    assert "mean over 1 mm, without losses; searched up to 480 mm" in said
+    weak = replace(found, times=9.9, sunlight=9.9, irradiance=0.0099)
+    assert fire_warning(system, weak) == ""
+    assert "fire: 10.1 kW/m^2 with the source, " in fire_warning(system, replace(weak, irradiance=0.0101))
+
+
+def test_lumens_tell_no_heat(concentrated):
+    lamp = {"source.kind": "point", "source.distance": 30.0, "source.half_width": [0.0, 0.0]}
+    system, found = concentrated(lamp | {"source.unit": "lm", "source.flux": 1e6})
+    assert isinstance(found, Concentration)
+    assert "lx" in concentration_sentence(system, found)
+    assert fire_warning(system, found) == ""
+
+
+def test_a_lens_that_no_light_leaves_has_no_concentration(concentrated):
+    with pytest.raises(UserError, match="no light leaves the lens"):
+        concentrated(WINDOW | {"lens.rear.half_width": [0.01, 0.01]})

@@ -1,0 +1,108 @@
+"""The intensity behind a lens: that of a plate and a wedge in closed form, and its flux by fates."""
+
+import numpy as np
+import pytest
+
+import optics
+from optics.base.runtime import load_backend
+from optics.light.outgoing import outgoing_intensity
+from optics.light.tracing import TargetArea, trace_nonsequential
+from optics.scene.problem import load_problem
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import single_rays
+from tests.optics.cases import rough, write_problem
+
+LAMP = {"source.kind": "lambertian", "source.half_width": [0.1, 0.1], "source.distance": 2.0}
+PLATE = LAMP | {
+    "lens.thickness": 1.0,
+    "lens.rear.radius": np.inf,
+    "lens.rear.conic": 0.0,
+    "lens.rear.freeform.z_freedom": 0.2,
+}
+
+
+def passed(theta, index):
+    """Return the transmittance of a face for unpolarised light, by Fresnel's equations."""
+    a, b = np.cos(theta), np.sqrt(1 - (np.sin(theta) / index) ** 2)
+    s, p = (a - index * b) / (a + index * b), (index * a - b) / (index * a + b)
+    return 1 - (s**2 + p**2) / 2
+
+
+@pytest.mark.slow
+def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_path):
+    """With t = 1 - r at each face, t^2 / (1 - r^2) goes on, and t^2 r / (1 - r^2) leaves by the front."""
+    system = optics.System(load_problem(write_problem(tmp_path, PLATE))).optical
+    found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 17, 5.0)
+    lamp = found.luminaire
+    assert lamp.flux == pytest.approx(found.flux, rel=1e-12)
+    assert found.steps == (10.0, 5.0)
+    assert 0.005 < found.noise < 0.1
+    other = optics.System(system.problem.with_(**{"run.seed": 7})).optical
+    again = outgoing_intensity(other, system.lens, load_backend("double"), 1 << 17, 5.0)
+    apart = lamp.node_solid_angles * (again.luminaire.candela - lamp.candela) ** 2
+    whole = lamp.node_solid_angles * lamp.candela**2
+    noise = np.hypot(found.noise, again.noise)  # each known to a quarter: few angles have most of it
+    assert np.sqrt(apart.sum() / whole.sum()) == pytest.approx(noise, rel=0.5)
+    theta = np.radians(np.arange(5, 56, 5))
+    t = passed(theta, 1.5)
+    on = np.cos(theta) / np.pi * t**2 / (1 - (1 - t) ** 2)
+    by_gamma = lamp.candela[:-1].mean(axis=0)
+    np.testing.assert_allclose(by_gamma[1:12], on, rtol=0.03)
+    np.testing.assert_allclose(by_gamma[-2:-13:-1], on * (1 - t), rtol=0.25)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}, LAMP],
+    ids=["beam", "far field", "lamp"],
+)
+def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
+    system = optics.System(load_problem(write_problem(tmp_path, changes)))
+    space = system.space()
+    lens = system.lens(space, rough(space, 0.03, 0))
+    found = outgoing_intensity(system.optical, lens, load_backend("double"), 1 << 13, 10.0)
+    fates = vars(
+        trace_nonsequential(
+            load_backend("double"),
+            lens,
+            single_rays(system.optical.source.rays((64, 64)), lens),
+            TargetArea(receiver_at(66.0), (20.0, 20.0)),
+        ).fates
+    )
+    left = sum(fates.values()) - sum(
+        fates[k] for k in ("beside_lens", "reflected_outside", "trapped", "failed")
+    )
+    assert found.luminaire.flux == pytest.approx(found.flux, rel=1e-12)
+    assert found.flux == pytest.approx(left, rel=0.05)
+
+
+def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):
+    """Of a beam that enters a plate, w = exp(-a t) comes to the other face; r is reflected at each."""
+    flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "lens.absorption": 0.05}
+    system = optics.System(load_problem(write_problem(tmp_path, flat))).optical
+    found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 13, 10.0)
+    r, w = 0.04, np.exp(-0.05 * 6.0)
+    on, back = (1 - r) ** 2 * w / (1 - (r * w) ** 2), (1 - r) ** 2 * r * w**2 / (1 - (r * w) ** 2)
+    # of the faint light, 3 % of all, roulette keeps every seventh ray, 1000 of them: 0.1 % of the flux
+    assert found.flux == pytest.approx(system.problem.source.flux * (on + back), rel=5e-3)
+
+
+def test_a_wedge_throws_the_beam_where_snell_says(tmp_path):
+    """A wedge turns a parallel beam to its thick side: to +x is C = 0, to -y is C = 90."""
+    flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
+    system = optics.System(load_problem(write_problem(tmp_path, flat)))
+    space = system.space()
+    for slope, c in (((0.05, 0.0), 0.0), ((0.0, -0.05), 90.0)):
+        x, y = space.kv_u.greville(), space.kv_v.greville()
+        net = np.add.outer(slope[0] * scaled(x), slope[1] * scaled(y))
+        lens = system.lens(space, net.ravel())
+        light = outgoing_intensity(system.optical, lens, load_backend("double"), 1 << 10, 0.5).luminaire
+        i, j = np.unravel_index(light.candela.argmax(), light.candela.shape)
+        tilt = np.arctan(0.05)
+        assert light.planes[i] == c
+        assert light.gammas[j] == pytest.approx(np.degrees(np.arcsin(1.5 * np.sin(tilt)) - tilt), abs=0.26)
+
+
+def scaled(row):
+    """Return parameters as positions on a half-width of 10 mm."""
+    return 20 * (row - row[0]) / (row[-1] - row[0]) - 10

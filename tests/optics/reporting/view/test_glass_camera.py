@@ -1,0 +1,110 @@
+"""The picture like a photograph: light where it was measured, lens beside its screen, glass that refracts."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import map_coordinates
+
+from optics.light.tracing import seen_branches
+from optics.reporting.view import lens_sight, photo_caption, photograph
+from optics.reporting.view.photo_light import interpolated
+from optics.reporting.view.photo_room import PIXELS, photo_room
+from optics.scene.problem import load_problem
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import FreeformSurface, Lens
+
+PLATE = Lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0)), thickness=6.0, index=1.5)
+
+
+@pytest.fixture
+def made(problem_file):
+    """A function from changes of the small problem to (problem, lens before optimisation)."""
+
+    def make(changes):
+        problem = load_problem(problem_file(changes))
+        return problem, OpticalSystem(problem).lens
+
+    return make
+
+
+def seen(room, point):
+    """Return column and row of the pixel that shows a point, by the matrix of a pinhole camera."""
+    up = np.array([0.0, 1.0, 0.0])
+    right, up, forward = np.stack([np.cross(room.forward, up), up, room.forward]) @ (point - room.eye)
+    left, end, bottom, top = room.window
+    column = (right / forward - left) / (end - left) * PIXELS[0]
+    return column, (top - up / forward) / (top - bottom) * PIXELS[1]
+
+
+def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_bytes(made, backend):
+    """One bright pixel out of 8 x 8, to the right and above: nothing else in the room is as bright there."""
+    problem, lens = made({})
+    irradiance = np.zeros((8, 8))
+    irradiance[1, 6] = 1.0
+    sight = lens_sight(problem, lens, backend)
+    png = photograph(problem, lens, irradiance, sight)
+    grey = np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
+    room = photo_room(problem, lens)
+    hx, hy, z = room.screen
+    column, row = seen(room, np.array([0.625 * hx, 0.625 * hy, z]))
+    assert grey[int(row), int(column)] > 240
+    column, row = seen(room, np.array([-0.625 * hx, 0.625 * hy, z]))
+    assert grey[int(row), int(column)] < 60
+    assert grey.shape == PIXELS[::-1]
+    again = photograph(problem, lens, irradiance, lens_sight(problem, lens, backend))
+    assert again == png
+
+
+@pytest.mark.parametrize("half_width", [5.0, 20.0, 3000.0])
+@pytest.mark.parametrize("distance", [8.0, 60.0, 5e4, np.inf])
+def test_the_screen_leaves_the_lens_free_and_both_are_in_the_picture(made, distance, half_width):
+    angle = np.isinf(distance)
+    width = min(half_width, 60.0) if angle else half_width
+    problem, lens = made({"target.distance": distance, "target.half_width": [width, width]})
+    room = photo_room(problem, lens)
+    hx, hy, z = room.screen
+    box = np.array(np.meshgrid(*room.lens)).reshape(3, 8).T
+    lens_points = np.array([seen(room, point) for point in box])
+    screen = np.array([seen(room, np.array([x, y, z])) for x in (-hx, hx) for y in (-hy, hy)])
+    everything = np.concatenate([lens_points, screen])
+    assert (everything > 0).all()
+    assert (everything < PIXELS).all()
+    assert lens_points[:, 0].max() < screen[:, 0].min() + 0.02 * PIXELS[0]
+    assert np.ptp(lens_points[:, 0]) > 0.1 * PIXELS[0]
+
+
+def test_the_caption_says_what_is_not_drawn_as_it_is(made):
+    assert photo_caption(*made({})).endswith("The room is invented.")
+    assert "100 times smaller" in photo_caption(*made({"target.half_width": [2400.0, 2400.0]}))
+    assert "the distance to the screen is drawn 0." not in photo_caption(*made({"target.distance": 2.0}))
+    far = {"target.distance": np.inf, "target.half_width": [10.0, 10.0]}
+    assert "the intensity in every direction" in photo_caption(*made(far))
+
+
+def test_a_plate_shows_the_room_displaced_as_snell_and_as_bright_as_fresnel_say(backend):
+    angle = np.radians(30.0)
+    direction = np.array([[np.sin(angle)], [0.0], [-np.cos(angle)]])
+    rays = Rays(np.array([[-5.0], [0.0], [16.0]]), direction, np.ones(1))
+    out = seen_branches(backend, PLATE, rays)
+    through, mirrored = out.direction[2] < 0, out.direction[2] > 0
+    inside = np.arcsin(np.sin(angle) / 1.5)
+    s = (np.cos(angle) - 1.5 * np.cos(inside)) / (np.cos(angle) + 1.5 * np.cos(inside))
+    p = (1.5 * np.cos(angle) - np.cos(inside)) / (1.5 * np.cos(angle) + np.cos(inside))
+    reflected = (s**2 + p**2) / 2
+    assert out.flux[mirrored] == pytest.approx([reflected], rel=1e-12)
+    assert out.flux[through] == pytest.approx([(1 - reflected) ** 2], rel=1e-12)
+    assert out.direction[:, through] == pytest.approx(direction, abs=1e-12)
+    at_front = -5.0 + 10.0 * np.tan(angle) + 6.0 * np.tan(inside)
+    assert out.origin[:, through][:, 0] == pytest.approx([at_front, 0.0, 0.0], abs=1e-12)
+
+
+def test_between_pixels_the_picture_is_linear():
+    """Against scipy's interpolation."""
+    rng = np.random.default_rng(1)
+    picture, (u, v) = rng.uniform(size=(5, 7, 3)), rng.uniform(-1, 1, (2, 200))
+    at = np.clip([(1 - v) * 2.5 - 0.5, (u + 1) * 3.5 - 0.5], 0, [[4], [6]])
+    expected = [map_coordinates(channel, at, order=1) for channel in np.moveaxis(picture, -1, 0)]
+    np.testing.assert_allclose(interpolated(picture, u, v), np.transpose(expected), rtol=0, atol=1e-14)

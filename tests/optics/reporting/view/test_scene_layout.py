@@ -1,0 +1,60 @@
+"""Where things stand in the picture of a scene: in scale, and no lens behind the target."""
+
+import numpy as np
+import pytest
+
+from optics.reporting.view.scene_layout import LONG, SHORT, block_means, placed
+from optics.reporting.view.solid_renderer import solid_faces
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+
+
+@pytest.fixture
+def made(problem_file):
+    """A function from changes of the small problem to (problem, lens before optimisation)."""
+
+    def make(changes):
+        problem = load_problem(problem_file(changes))
+        return problem, OpticalSystem(problem).lens
+
+    return make
+
+
+def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
+    problem, lens = made({"source.half_width": [4000.0, 8.0]})
+    assert np.ptp(placed(problem, solid_faces(lens)[0]).source, axis=1) == pytest.approx(
+        [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
+    )
+
+
+@pytest.mark.parametrize("distance", [8.0, 60.0, 1000.0, 5e4, 1e7])
+@pytest.mark.parametrize("half_width", [2.0, 20.0, 3000.0])
+def test_the_target_leaves_the_lens_free(made, distance, half_width):
+    """The target lies at the right of the lens, and its drawn distance within limits of the sizes; factors
+    differ by 2.5 at most."""
+    problem, lens = made(
+        {"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2}
+    )
+    scene = placed(problem, solid_faces(lens)[0])
+    assert scene.box(scene.lens)[1, 0] < scene.box(scene.target)[0, 0]
+    drawn = distance / scene.squeeze / (half_width + 10.0)
+    assert SHORT * (1 - 1e-12) <= drawn <= 2.5 * LONG * (1 + 1e-12)
+
+
+def test_things_are_drawn_in_scale_up_to_the_lens_and_shorter_behind_it(made):
+    problem, lens = made({"target.distance": 1e4})
+    scene = placed(problem, solid_faces(lens)[0])
+    top = scene.lens[2, 1]
+    x = np.array([[1.0, -2.0, 3.0], [0.5, 4.0, -1.0], [-30.0, 0.0, top]])
+    assert scene(x) == pytest.approx(scene.turn[:2] @ x, abs=1e-13)
+    behind = x + np.array([[0.0], [0.0], [top + 1.0]])
+    short = np.stack([*behind[:2], top + (behind[2] - top) / scene.squeeze])
+    at = behind[2] > top
+    assert scene.squeeze > 1
+    assert scene(behind[:, at]) == pytest.approx(scene.turn[:2] @ short[:, at], abs=1e-12)
+
+
+def test_block_means_are_those_of_the_pixels_that_there_are():
+    data = np.arange(15.0).reshape(3, 5)
+    assert block_means(data, 2).tolist() == [[3.0, 5.0, 6.5], [10.5, 12.5, 14.0]]
+    assert block_means(data, 1) is data

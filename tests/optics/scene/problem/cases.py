@@ -1,0 +1,70 @@
+"""Problem files as text and as values."""
+
+from __future__ import annotations
+
+import math
+
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import SMALL, rough, toml_text, write_problem
+from thbcad.lens import manufacturability
+from thbcad.surfaces import THBSurface
+
+REQUIRED = (
+    "source.kind",
+    "lens.index",
+    "lens.thickness",
+    "lens.front.half_width",
+    "lens.rear.half_width",
+    "target.kind",
+    "target.image",
+    "target.distance",
+    "target.half_width",
+)
+MINIMAL = {key: SMALL[key] for key in ("source.half_width", *REQUIRED)}
+EXTENDED = SMALL | {
+    "source.kind": "lambertian",
+    "source.profile": "image",
+    "source.image": "glow.png",
+    "source.half_angle": 60.0,
+    "source.exponent": 2.5,
+    "lens.front.freeform.degree": 4,
+    "lens.front.freeform.spans": [3, 2],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.25,
+    "target.distance": math.inf,
+    "target.half_width": [30.0, 89.0],
+}
+
+
+def load_text(folder, text):
+    path = folder / "problem.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    return load_problem(path)
+
+
+def load_values(folder, values):
+    return load_text(folder, toml_text(values))
+
+
+def one_sentence(message):
+    return bool(message) and "\n" not in message and "Traceback" not in message and len(message) < 600
+
+
+DENSITY = 1.19
+# so much freedom that no limit below is refused as one that cannot be kept
+ROOMY = {"lens.density": DENSITY, "lens.rear.freeform.z_freedom": 4.0}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [3, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.5,
+}
+
+
+def designed(folder, changes=None, height=0.05):
+    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
+    lens's figures."""
+    problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
+    base = OpticalSystem(problem).lens
+    lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
+    return problem, lens, manufacturability(lens, DENSITY)

@@ -1,0 +1,68 @@
+"""Random problem files: each gives a problem, or is refused in one sentence."""
+
+from __future__ import annotations
+
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from optics.base.runtime import UserError
+from optics.scene.problem import Problem
+from tests.optics.cases import SMALL, toml_text
+from tests.optics.scene.problem.cases import EXTENDED, load_text
+
+
+def message_of(folder, text):
+    """Return the reason for which a text is refused, "" if it gives a Problem; any other exception passes
+    through."""
+    try:
+        assert isinstance(load_text(folder, text), Problem)
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+VALUES = st.recursive(
+    st.one_of(
+        st.booleans(),
+        st.integers(),
+        st.sampled_from([10**308, 10**309, -(10**400)]),
+        st.floats(),
+        st.text(max_size=20),
+        st.sampled_from(
+            [
+                "srgb",
+                "linear",
+                "image",
+                "crop",
+                "bspline",
+                "single",
+                "collimated",
+                "lambertian",
+                "point",
+                "gaussian",
+            ]
+        ),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+KEYS = st.one_of(
+    st.sampled_from(
+        [*EXTENDED, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]
+    )
+)
+
+
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(changes=st.dictionaries(KEYS, VALUES, max_size=4), dropped=st.sets(KEYS, max_size=1))
+def test_random_values_give_a_problem_or_a_user_error(tmp_path, changes, dropped):
+    text = toml_text({k: v for k, v in (SMALL | changes).items() if k not in dropped})
+    assert "\n" not in message_of(tmp_path, text)
+
+
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(at=st.integers(0, 700), length=st.integers(0, 40), new=st.binary(max_size=12))
+def test_damaged_bytes_give_a_problem_or_a_user_error(tmp_path, at, length, new):
+    text = toml_text(SMALL).encode()
+    assert "\n" not in message_of(tmp_path, text[:at] + new + text[at + length :])

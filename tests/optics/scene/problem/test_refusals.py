@@ -1,0 +1,406 @@
+"""Bad problem files: every one is refused in one sentence."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+
+import pytest
+
+from optics.base.runtime import UserError
+from optics.scene.problem import Problem, assignment, cannot_do, keys_of
+from optics.scene.problem.toml_text import problem_to_toml
+from tests.cases import ROOT
+from tests.optics.cases import SMALL, toml_text, toml_value
+from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, one_sentence
+
+
+def refusal(folder, values):
+    """Return the message with which the small problem with these values is refused."""
+    with pytest.raises(UserError) as caught:
+        load_values(folder, SMALL | values)
+    return str(caught.value)
+
+
+# ---- bad files ----
+
+
+NUMBERS = [
+    "source.distance",
+    "source.flux",
+    "source.half_angle",
+    "source.exponent",
+    "lens.index",
+    "lens.thickness",
+    "lens.front.conic",
+    "lens.front.freeform.z_freedom",
+    "lens.rear.freeform.z_freedom",
+    "target.distance",
+    "optimizer.sigma",
+    "verify.landing",
+]
+WHOLE = [
+    "lens.front.freeform.degree",
+    "lens.rear.freeform.degree",
+    "lens.rear.freeform.max_level",
+    "optimizer.memory",
+    "verify.rays",
+    "run.seed",
+    "run.threads",
+]
+PAIRS = ["source.half_width", "lens.front.half_width", "lens.rear.half_width", "target.half_width"]
+WORDS = [
+    "title",
+    "source.kind",
+    "target.kind",
+    "target.image",
+    "source.unit",
+    "source.profile",
+    "target.encoding",
+    "target.fit",
+    "optimizer.window",
+    "run.precision",
+]
+
+
+BAD = [
+    *(
+        (key, bad)
+        for key in NUMBERS
+        for bad in ("6", True, math.nan, -math.inf, [1.0], {"a": 1}, datetime.date(2000, 1, 1))
+    ),
+    *((key, math.inf) for key in NUMBERS if key != "target.distance"),
+    *(
+        (key, bad)
+        for key in WHOLE
+        for bad in (1.5, 2.0, "2", False, math.nan, -1, [2], 10**9 if key != "run.seed" else -5)
+    ),
+    *(
+        (key, bad)
+        for key in PAIRS
+        for bad in (
+            9.5,
+            [],
+            [9.5],
+            [9.5, 9.5, 9.5],
+            [9.5, "a"],
+            [9.5, True],
+            [9.5, 0],
+            [-1.0, 9.5],
+            [math.nan, 1.0],
+        )
+    ),
+    *((key, bad) for key in WORDS for bad in (1, True, [], 1.5)),
+    *((key, "other") for key in WORDS[1:3] + WORDS[4:]),
+    *(
+        (key, bad)
+        for key in ("lens.front.radius", "lens.rear.radius")
+        for bad in (0, 0.0, -0.0, math.nan, "plane", True)
+    ),
+    *(
+        (key, -1.0)
+        for key in (
+            "source.distance",
+            "source.flux",
+            "lens.thickness",
+            "target.distance",
+            "lens.rear.freeform.z_freedom",
+        )
+    ),
+    *(
+        (key, 0.0)
+        for key in (
+            "source.flux",
+            "lens.thickness",
+            "target.distance",
+            "lens.rear.freeform.z_freedom",
+            "verify.volume",
+        )
+    ),
+    ("lens.index", 1.0),
+    ("lens.index", 0.5),
+    ("source.image", 3),
+    ("source.image", "a\0b.png"),
+    ("source.half_angle", 0.0),
+    ("lens.front.freeform", 3),
+    ("lens.front.freeform", "rough"),
+    ("lens.front.freeform.spans", [4, 0]),
+    ("lens.front.freeform.z_freedom", 0.0),
+    ("lens.rear.freeform.degree", 1),
+    ("lens.rear.freeform.spans", [4, 0]),
+    ("lens.rear.freeform.spans", [4.0, 4.0]),
+    ("target.pixels", [1, 48]),
+    ("target.pixels", [48, 4097]),
+    ("target.pixels", [10**12, 10**12]),
+    ("optimizer.iterations", []),
+    ("optimizer.iterations", [5, 0]),
+    ("optimizer.iterations", [5, "6"]),
+    ("optimizer.lost_flux_weight", -0.5),
+    ("refinement.alpha", [0.0, -0.1]),
+    ("refinement.alpha", "0.3"),
+]
+
+
+@pytest.mark.parametrize(("key", "bad"), BAD, ids=str)
+def test_bad_values_are_refused_by_name(tmp_path, key, bad):
+    values = {k: v for k, v in SMALL.items() if k != key} | {
+        key: "DATE" if isinstance(bad, datetime.date) else bad
+    }
+    text = toml_text(values).replace('"DATE"', "2000-01-01")
+    with pytest.raises(UserError) as caught:
+        load_text(tmp_path, text)
+    message = str(caught.value)
+    assert key in message
+    assert str(tmp_path / "problem.toml") in message
+    assert one_sentence(message)
+
+
+LIMITS = {
+    "source.distance": (0.0, None),
+    "source.half_angle": (None, 90.0),
+    "source.exponent": (0.0, 1000.0),
+    "lens.front.freeform.degree": (2, 10),
+    "lens.front.freeform.max_level": (0, 12),
+    "lens.rear.freeform.degree": (2, 10),
+    "lens.rear.freeform.max_level": (0, 12),
+    "target.pixels": ([2, 2], [4096, 4096]),
+    "lens.rear.freeform.spans": ([1, 1], [1000, 1000]),
+    "optimizer.iterations": ([1], [100_000]),
+    "optimizer.memory": (1, 100),
+    "optimizer.sigma": (0.3, 2.5),
+    "optimizer.rays_per_pixel": (0.5, 16.0),
+    "verify.rays": (8, 2049),
+    "run.threads": (0, 1024),
+}
+
+
+def beyond(limit, direction):
+    if isinstance(limit, list):
+        return [beyond(limit[0], direction), *limit[1:]]
+    return limit + direction if isinstance(limit, int) else math.nextafter(limit, direction * math.inf)
+
+
+@pytest.mark.parametrize("key", LIMITS)
+def test_limits_belong_to_what_is_allowed_and_nothing_beyond(tmp_path, key):
+    for limit, direction in zip(LIMITS[key], (-1, 1)):
+        if limit is not None:
+            load_values(tmp_path, SMALL | {key: limit})
+            assert re.search(
+                rf"{key}.* must be at (least|most) ", refusal(tmp_path, {key: beyond(limit, direction)})
+            )
+
+
+@pytest.mark.parametrize("key", REQUIRED)
+def test_a_missing_key_is_named(tmp_path, key):
+    values = SMALL | {"lens.front.conic": 0.0}  # so that no table is left empty
+    with pytest.raises(UserError, match=rf"the key {key} is missing"):
+        load_values(tmp_path, {k: v for k, v in values.items() if k != key})
+
+
+@pytest.mark.parametrize("table", ["source", "lens", "target", "lens.front", "lens.rear"])
+def test_a_missing_table_is_named(tmp_path, table):
+    with pytest.raises(UserError, match=rf"the key {table}\b.*missing"):
+        load_values(tmp_path, {k: v for k, v in SMALL.items() if not k.startswith(table + ".")})
+
+
+FAR = {"target.distance": math.inf}
+PARTNERS = [
+    ({"source.profile": "image"}, "the key source.image is missing"),
+    ({"source.profile": "round_gaussian", "source.sigma": [1e-3, 1.0]}, "source.sigma must be at least"),
+    ({"source.profile": "image", "source.image": ""}, "the key source.image is missing"),
+    ({"target.image": ""}, "the key target.image is missing"),
+    (
+        {"source.kind": "point", "source.distance": 0},
+        "source.distance must be at least 1e-06 for a point, which would lie in the lens, got 0.0",
+    ),
+    *(
+        (
+            {"source.kind": kind, "source.half_width": pair},
+            f"source.half_width must be at least 1e-06 for a {kind} source, got {shown}",
+        )
+        for kind in ("collimated", "lambertian")
+        for pair, shown in (([0, 0], "[0.0, 0.0]"), ([3.0, 0.0], "[3.0, 0.0]"), ([0.0, 2.0], "[0.0, 2.0]"))
+    ),
+    *(
+        (
+            FAR | {"target.half_width": pair},
+            "target.half_width must be less than 90 degrees in the far field, got ",
+        )
+        for pair in ([90.0, 20.0], [20.0, 90.5], [1000.0, 1000.0])
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "sentence"), PARTNERS, ids=str)
+def test_keys_that_do_not_go_together_are_refused(tmp_path, changes, sentence):
+    message = refusal(tmp_path, changes)
+    assert sentence in message
+    assert message.startswith(f"{tmp_path / 'problem.toml'}: ")
+    assert one_sentence(message)
+
+
+@pytest.mark.parametrize("kind", ["collimated", "lambertian"])
+def test_a_source_without_a_size_is_refused_by_name(tmp_path, kind):
+    values = {k: v for k, v in SMALL.items() if k != "source.half_width"} | {"source.kind": kind}
+    with pytest.raises(UserError, match=r"source\.half_width"):
+        load_values(tmp_path, values)
+
+
+FINE = [
+    {"source.kind": "point", "source.half_width": [0, 0], "source.distance": 1e-3},
+    {"source.kind": "lambertian", "source.distance": 0},
+    FAR | {"target.half_width": [89.9, 1e-3]},
+    {"target.half_width": [1000.0, 90.0]},
+    {"source.profile": "round", "source.image": ""},
+]
+
+
+@pytest.mark.parametrize("changes", FINE, ids=str)
+def test_limits_hold_only_where_they_matter(tmp_path, changes):
+    problem = load_values(tmp_path, SMALL | changes)
+    assert load_text(tmp_path, problem_to_toml(problem)) == problem
+
+
+def test_a_point_needs_no_size(tmp_path):
+    values = {k: v for k, v in SMALL.items() if k != "source.half_width"} | {"source.kind": "point"}
+    assert load_values(tmp_path, values).source.half_width == (0.0, 0.0)
+
+
+def test_the_far_field_is_at_infinity(tmp_path):
+    problem = load_values(tmp_path, EXTENDED)
+    assert problem.target_z == math.inf
+    assert "distance = inf" in problem_to_toml(problem)
+
+
+def test_a_free_front_takes_the_defaults_of_a_free_surface(tmp_path):
+    text = toml_text(SMALL) + "[lens.front.freeform]\n"
+    front = load_text(tmp_path, text).lens.front.freeform
+    assert vars(front) == {"degree": 3, "spans": (7, 7), "max_level": 5, "z_freedom": 5.0}
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "colour",
+        "source.colour",
+        "lens.front.freeform.colour",
+        "lens.rear.freeform.colour",
+        "run.colour",
+        "sources.kind",
+    ],
+)
+def test_an_unknown_key_is_named_with_those_that_exist(tmp_path, key):
+    message = refusal(tmp_path, {key: 1})
+    assert f"unknown key {key.split('.')[0] if key.startswith('sources') else key}" in message
+    assert ("title" if "." not in key or key.startswith("sources") else "takes") in message
+    assert one_sentence(message)
+
+
+def test_a_value_in_the_place_of_a_table_is_refused(tmp_path):
+    text = toml_text({k: v for k, v in SMALL.items() if not k.startswith("source.")}).replace(
+        'title = "small"', 'title = "small"\nsource = 3'
+    )
+    with pytest.raises(UserError, match=r"source must be a table, got 3"):
+        load_text(tmp_path, text)
+
+
+def test_an_array_of_tables_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"source must be a table"):
+        load_text(tmp_path, toml_text(SMALL).replace("[source]", "[[source]]"))
+
+
+def test_a_picture_name_with_a_zero_byte_is_refused(tmp_path):
+    message = refusal(tmp_path, {"target.image": "a\0b.png"})
+    assert "target.image" in message
+
+
+@pytest.mark.parametrize("name", ["line\nbreak", "bell\x07", "esc\x1b[31m"])
+def test_messages_stay_on_one_line_whatever_the_key(tmp_path, name):
+    with pytest.raises(UserError, match="unknown key") as caught:
+        load_text(tmp_path, f"{toml_value(name)} = 1\n" + toml_text(SMALL))
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("key", ["title", "lens.material", "target.image"])
+def test_half_a_letter_is_refused(tmp_path, key):
+    """A name of bytes that are no UTF-8 text comes as lone surrogates; no file could hold it."""
+    problem = load_values(tmp_path, SMALL)
+    with pytest.raises(UserError, match=rf"{re.escape(key)} must be text that UTF-8 can hold"):
+        problem.with_(**{key: "Gr\udcc3"})
+
+
+def test_a_picture_in_a_folder_whose_name_is_no_text_is_refused(tmp_path):
+    (tmp_path / "folder\udcff").mkdir()
+    with pytest.raises(UserError, match=r"target\.image must be text that UTF-8 can hold, got .*; rename"):
+        load_values(tmp_path / "folder\udcff", SMALL)
+
+
+def test_messages_stay_short_whatever_the_value(tmp_path):
+    assert one_sentence(refusal(tmp_path, {"lens.thickness": "x" * 100_000}))
+
+
+def test_a_change_of_a_key_of_many_parts_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"the key a\.a.* has more than 16 parts"):
+        load_values(tmp_path, SMALL).with_(**{"a" + ".a" * 100_000: 1})
+
+
+@pytest.mark.parametrize(
+    "value", ["{a" + ".a" * 30_000 + "=1}", "[" * 100_000, "1\n[a" + ".a" * 30_000 + "]"]
+)
+def test_an_assignment_of_many_parts_is_refused(value):
+    with pytest.raises(UserError, match=r"lens must be a table") as caught:
+        assignment(f"lens={value}", Problem)
+    assert one_sentence(str(caught.value))
+
+
+# ---- what the program cannot do ----
+
+
+def test_what_the_program_has_learned_is_not_called_impossible():
+    """An entry whose key exists would never be told, or be told of a misspelt one: it leaves the table."""
+    known = {key.name for key in keys_of(Problem)}
+    assert {name for name in known if cannot_do(name)} == set()
+    choices = {word for key in keys_of(Problem) if key.limits for word in key.limits["choices"] or ()}
+    assert {word for word in choices if cannot_do(word)} == set()
+
+
+def test_the_readme_lists_what_the_program_cannot_do():
+    assert re.search(r"^## What \S+ cannot do$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("target.tilt", [0.0, 10.0, 0.0], "target is a plane across the axis"),
+        ("lens.rear.outline", "round", "lenses are designed as rectangles"),
+        ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
+        ("source.array", {"columns": 3}, "there is one lens before one source"),
+        ("lens.kind", "mirror", "there is one lens and nothing else"),
+        ("source.kind", "mirror", "there is one lens and nothing else"),
+    ],
+)
+def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
+    with pytest.raises(UserError, match=rf"{re.escape(key)}.*{words}.*README") as caught:
+        load_values(tmp_path, SMALL).with_(**{key: value})
+    assert one_sentence(str(caught.value))
+
+
+def test_a_dead_end_of_the_command_line_says_so_too():
+    with pytest.raises(UserError, match=r"unknown key target\.tilt; thbcad cannot do that: the target is"):
+        assignment("target.tilt=[1, 2, 3]", Problem)
+    with pytest.raises(UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one lens"):
+        assignment("lens.kind=mirror", Problem)
+
+
+@pytest.mark.parametrize("table", ["source", "target", "lens.rear"])
+def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table):
+    text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
+    with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
+        load_text(tmp_path, text)
+
+
+@pytest.mark.parametrize("text", ["=3", " = 3", "="])
+def test_an_assignment_without_a_key_says_that_it_is_missing(text):
+    with pytest.raises(UserError, match=r"a key is missing before = in .*: write KEY=VALUE"):
+        assignment(text, Problem)

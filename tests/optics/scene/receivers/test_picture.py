@@ -1,0 +1,409 @@
+"""Pictures as targets: every kind of file, decoding, fitting, and what is refused."""
+
+from __future__ import annotations
+
+import os
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from PIL import EpsImagePlugin, Image
+
+from optics.base.runtime import UserError
+from optics.scene.receivers.picture import LUMINANCE, fit_picture, read_picture
+from optics.scene.receivers.screen import Screen
+from optics.scene.system import target_irradiance
+from tests.optics.cases import picture
+
+
+def srgb(value):
+    """Return linear light of an sRGB value in [0, 1], IEC 61966-2-1."""
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+
+
+def saved(folder, image, name="p.png", **options):
+    path = folder / name
+    image.save(path, **options)
+    return path
+
+
+def grey(values):
+    return Image.fromarray(np.asarray(values))
+
+
+# Reading
+
+
+def test_8_bit_greys_are_decoded_by_the_srgb_formula(tmp_path):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    light = read_picture(saved(tmp_path, grey(levels)))
+    np.testing.assert_allclose(light.ravel(), [srgb(v / 255) for v in range(256)], rtol=1e-14)
+
+
+def test_linear_encoding_keeps_the_numbers(tmp_path):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    np.testing.assert_array_equal(read_picture(saved(tmp_path, grey(levels)), "linear"), levels / 255)
+
+
+def test_row_0_is_the_top_of_the_picture(tmp_path):
+    levels = np.zeros((2, 3), dtype=np.uint8)
+    levels[0, 2] = 255
+    np.testing.assert_array_equal(read_picture(saved(tmp_path, grey(levels))), [[0, 0, 1], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("name", ["p.png", "p.tif"])
+def test_16_bit_greys_keep_their_depth(tmp_path, name):
+    levels = np.array([[0, 1, 255, 256], [257, 32768, 65534, 65535]], dtype=np.uint16)
+    path = saved(tmp_path, grey(levels), name)
+    np.testing.assert_array_equal(read_picture(path, "linear"), levels / 65535)
+    expected = [[srgb(v / 65535) for v in row] for row in levels.tolist()]
+    np.testing.assert_allclose(read_picture(path), expected, rtol=1e-14)
+
+
+def test_colours_count_by_their_luminance_in_linear_light(tmp_path):
+    colours = np.array(
+        [[(255, 0, 0), (0, 255, 0), (0, 0, 255)], [(255, 255, 255), (10, 128, 250), (0, 0, 0)]],
+        dtype=np.uint8,
+    )
+    light = read_picture(saved(tmp_path, grey(colours)))
+    expected = [
+        [sum(w * srgb(c / 255) for w, c in zip(LUMINANCE, colour)) for colour in row]
+        for row in colours.tolist()
+    ]
+    np.testing.assert_allclose(light, expected, rtol=1e-14)
+    linear = read_picture(tmp_path / "p.png", "linear")
+    np.testing.assert_allclose(linear, colours / 255 @ np.array(LUMINANCE), rtol=1e-14)
+
+
+def test_transparent_parts_are_dark(tmp_path):
+    pixels = np.full((1, 3, 4), 200, dtype=np.uint8)
+    pixels[0, :, 3] = 0, 128, 255
+    light = read_picture(saved(tmp_path, grey(pixels)))
+    np.testing.assert_allclose(light, srgb(200 / 255) * np.array([[0, 128 / 255, 1]]), rtol=1e-14)
+
+
+def test_grey_with_transparency_is_as_colour_with_transparency(tmp_path):
+    pixels = np.array([[(200, 0), (200, 128), (90, 255)]], dtype=np.uint8)
+    light = read_picture(saved(tmp_path, Image.merge("LA", [grey(pixels[..., k]) for k in (0, 1)])))
+    np.testing.assert_allclose(light, [[0, srgb(200 / 255) * 128 / 255, srgb(90 / 255)]], rtol=1e-14)
+
+
+def test_1_bit_pictures_are_black_and_white(tmp_path):
+    bits = np.array([[True, False, True], [False, False, True]])
+    np.testing.assert_array_equal(read_picture(saved(tmp_path, grey(bits))), bits.astype(float))
+
+
+def test_palettes_are_looked_up(tmp_path):
+    image = grey(np.array([[0, 1, 2]], dtype=np.uint8)).convert("P")
+    image.putpalette([255, 0, 0, 0, 255, 0, 50, 50, 50])
+    light = read_picture(saved(tmp_path, image))
+    np.testing.assert_allclose(light, [[LUMINANCE[0], LUMINANCE[1], srgb(50 / 255)]], rtol=1e-14)
+
+
+def test_transparent_palette_entries_are_dark(tmp_path):
+    image = grey(np.array([[0, 1]], dtype=np.uint8)).convert("P")
+    image.putpalette([255, 255, 255, 255, 255, 255])
+    light = read_picture(saved(tmp_path, image, transparency=0))
+    np.testing.assert_allclose(light, [[0, 1]], rtol=1e-14)
+
+
+def test_float_pictures_keep_their_numbers(tmp_path):
+    values = np.array([[0.0, 0.25], [1.0, 7.5]], dtype=np.float32)
+    np.testing.assert_array_equal(read_picture(saved(tmp_path, grey(values), "p.tif"), "linear"), values)
+
+
+@pytest.mark.parametrize("size", [(3, 3), (1, 1), (1, 7)])
+def test_tiny_pictures_are_read(tmp_path, size):
+    levels = np.full(size, 128, dtype=np.uint8)
+    np.testing.assert_allclose(
+        read_picture(saved(tmp_path, grey(levels))), np.full(size, srgb(128 / 255)), rtol=1e-14
+    )
+
+
+def test_jpeg_is_read_and_turned_as_its_exif_says(tmp_path):
+    """A camera held upright stores the picture lying down and says so in its Exif data."""
+    levels = np.zeros((16, 32), dtype=np.uint8)
+    levels[:, :16] = 255
+    exif = Image.Exif()
+    exif[0x0112] = 6  # turn by 90 degrees clockwise
+    light = read_picture(saved(tmp_path, grey(levels), "p.jpg", exif=exif, quality=95))
+    assert light.shape == (32, 16)
+    assert light[:12].mean() > 0.9
+    assert light[20:].mean() < 0.1
+
+
+# Refusing
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_floats_that_are_not_finite_are_refused(tmp_path, bad):
+    values = np.array([[0.5, bad], [1.0, 0.0]], dtype=np.float32)
+    with pytest.raises(UserError, match=r"p\.tif holds values that are not finite"):
+        read_picture(saved(tmp_path, grey(values), "p.tif"))
+
+
+@pytest.mark.parametrize("encoding", ["srgb", "linear"])
+def test_negative_light_is_refused(tmp_path, encoding):
+    values = np.array([[0.5, -0.25]], dtype=np.float32)
+    with pytest.raises(UserError, match=r"negative"):
+        read_picture(saved(tmp_path, grey(values), "p.tif"), encoding)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "RGB", "RGBA", "I;16", "F"])
+def test_black_everywhere_is_refused(tmp_path, mode):
+    with pytest.raises(UserError, match=r"black everywhere"):
+        read_picture(saved(tmp_path, Image.new(mode, (4, 4)), "p.tif"))
+
+
+def test_transparent_everywhere_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"black everywhere"):
+        read_picture(saved(tmp_path, Image.new("RGBA", (4, 4), (255, 255, 255, 0))))
+
+
+def test_a_missing_picture_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"cannot read the picture .*none\.png: No such file"):
+        read_picture(tmp_path / "none.png")
+
+
+def test_a_folder_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"cannot read the picture"):
+        read_picture(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"not a picture",
+        b"\x89PNG\r\n\x1a\n",
+        b"\x89PNG\r\n\x1a\n" + bytes(100),
+        b"II*\x00\x08\x00\x00\x00",
+    ],
+    ids=repr,
+)
+def test_files_that_are_no_pictures_are_refused(tmp_path, data):
+    (tmp_path / "p.png").write_bytes(data)
+    with pytest.raises(UserError, match=r"p\.png"):
+        read_picture(tmp_path / "p.png")
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_truncated_png_is_refused(tmp_path, share):
+    path = saved(tmp_path, grey(np.random.default_rng(1).integers(0, 255, (64, 64), dtype=np.uint8)))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(UserError, match=r"p\.png"):
+        read_picture(path)
+
+
+@pytest.mark.parametrize("side", [12_000, 14_000, 20_000, 100_000])
+def test_a_picture_too_large_is_refused_before_it_is_decoded(tmp_path, side):
+    """A kilobyte of PNG can claim 10 billion pixels; Pillow's own limit is 179 million."""
+    path = saved(tmp_path, Image.new("1", (8, 8), 1))
+    data = bytearray(path.read_bytes())
+    data[16:24] = side.to_bytes(4, "big") * 2
+    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
+    path.write_bytes(data)
+    with pytest.raises(UserError, match=r"p\.png has .* the 100,000,000 pixels allowed; make it smaller"):
+        read_picture(path)
+
+
+def test_a_picture_starts_no_other_program(tmp_path, monkeypatch):
+    """Pillow reads EPS, under whatever name, by running Ghostscript on it."""
+    stub = tmp_path / "gs"
+    stub.write_text(f"#!/bin/sh\ntouch {tmp_path}/started\n")
+    stub.chmod(0o755)
+    monkeypatch.setattr(EpsImagePlugin, "gs_binary", str(stub))
+    (tmp_path / "p.png").write_text(
+        "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 8\n%%EndComments\nshowpage\n%%EOF\n"
+    )
+    with pytest.raises(UserError, match=r"p\.png is not a picture that can be read; save it as one of PNG,"):
+        read_picture(tmp_path / "p.png")
+    assert not (tmp_path / "started").exists()
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "p.png")
+    with pytest.raises(UserError, match=r"p\.png: it is a pipe or a device"):
+        read_picture(tmp_path / "p.png")
+
+
+def test_bands_of_a_coloured_picture_are_as_the_whole(tmp_path, monkeypatch):
+    colours = np.random.default_rng(2).integers(0, 255, (23, 17, 4), dtype=np.uint8)
+    path = saved(tmp_path, grey(colours))
+    whole = read_picture(path)
+    monkeypatch.setattr("optics.scene.receivers.picture.BAND_PIXELS", 5 * 17)
+    np.testing.assert_array_equal(read_picture(path), whole)
+
+
+def light_or_message(path):
+    """Return the picture and "", or a single dark pixel and the reason for which it is refused."""
+    try:
+        return read_picture(path), ""
+    except UserError as error:
+        return np.zeros((1, 1)), str(error)
+
+
+FORMATS = {"png": {}, "tif": {"compression": "tiff_lzw"}, "jpg": {}, "gif": {}, "bmp": {}, "webp": {}}
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_damaged_pictures_give_light_or_a_user_error(tmp_path, suffix):
+    """Truncated at every place and with bytes overwritten, a picture never causes any other exception."""
+    path = saved(tmp_path, grey(picture(16, 16)), f"p.{suffix}", **FORMATS[suffix])
+    good = path.read_bytes()
+    rng = np.random.default_rng(7)
+    damaged = [good[:n] for n in range(0, len(good), max(1, len(good) // 40))]
+    for _ in range(60):
+        data = bytearray(good)
+        for at in rng.integers(0, min(len(good), 400), 3):
+            data[at] = rng.integers(0, 256)
+        damaged.append(bytes(data))
+    for data in damaged:
+        path.write_bytes(data)
+        light, message = light_or_message(path)
+        assert "\n" not in message
+        assert np.ndim(light) == 2
+        assert np.isfinite(light).all()
+
+
+# Fitting
+
+
+def test_whole_ratios_give_block_means():
+    light = np.random.default_rng(1).uniform(0, 1, (24, 60))
+    expected = light.reshape(8, 3, 12, 5).mean(axis=(1, 3))
+    for fit in ("crop", "pad", "stretch"):
+        np.testing.assert_allclose(fit_picture(light, (12, 8), 60 / 24, fit), expected, rtol=1e-14)
+
+
+def test_more_pixels_than_the_picture_has_repeat_its_pixels():
+    light = np.random.default_rng(1).uniform(0, 1, (3, 3))
+    np.testing.assert_allclose(
+        fit_picture(light, (12, 12), 1.0), light.repeat(4, axis=0).repeat(4, axis=1), rtol=1e-14
+    )
+
+
+def test_light_on_pixels_of_its_own_is_kept_bit_for_bit():
+    light = np.random.default_rng(1).uniform(0, 1, (31, 47))
+    for fit in ("crop", "pad", "stretch"):
+        np.testing.assert_array_equal(fit_picture(light, (47, 31), 47 / 31, fit), light)
+
+
+def test_fitting_needs_memory_for_the_pictures_alone():
+    """Matrices of all pairs of old and new pixels would take 2 x 16 MB here, 2 x 134 MB for 4096 pixels."""
+    light = np.ones((2, 2048))
+    tracemalloc.start()
+    fit_picture(light, (1024, 2), 1024.0)
+    assert tracemalloc.get_traced_memory()[1] < 2e6
+    tracemalloc.stop()
+
+
+@given(
+    size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    pixels=st.tuples(st.integers(1, 50), st.integers(1, 50)),
+    aspect=st.floats(0.1, 10),
+    seed=st.integers(0, 99),
+)
+@settings(deadline=None)
+def test_stretching_keeps_the_mean(size, pixels, aspect, seed):
+    light = np.random.default_rng(seed).uniform(0, 1, size)
+    fitted = fit_picture(light, pixels, aspect, "stretch")
+    assert fitted.shape == pixels[::-1]
+    assert fitted.mean() == pytest.approx(light.mean(), rel=1e-12)
+
+
+@given(
+    size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    pixels=st.tuples(st.integers(1, 50), st.integers(1, 50)),
+    aspect=st.floats(0.1, 10),
+)
+@settings(deadline=None)
+def test_padding_keeps_the_light_and_cropping_a_flat_picture_its_level(size, pixels, aspect):
+    rows, columns = size
+    light = np.random.default_rng(1).uniform(0.1, 1, size)
+    padded = fit_picture(light, pixels, aspect, "pad")
+    covered = min(columns / rows / aspect, aspect * rows / columns)
+    # shapes within 1e-5 count as equal (numpy.isclose)
+    assert padded.mean() == pytest.approx(light.mean() * covered, rel=3e-5)
+    # the edges are numbers up to 40, known to 40 eps; a pixel is narrow, so that this counts more
+    extent = (min(columns, rows * aspect), min(rows, columns / aspect))
+    rounding = 4 * 40 * np.finfo(float).eps / min(e / n for e, n in zip(extent, pixels))
+    np.testing.assert_allclose(fit_picture(np.full(size, 0.3), pixels, aspect, "crop"), 0.3, rtol=rounding)
+
+
+WIDE = (
+    np.arange(4)[None, :].repeat(500, axis=1).repeat(500, axis=0) + np.arange(500)[:, None] / 500.0
+)  # 500 rows, 2000 columns
+
+
+def test_crop_of_a_wide_picture_keeps_its_middle():
+    """2000 x 500 on a square: columns 750 ... 1249 survive, half 1 and half 2."""
+    expected = WIDE[:, 750:1250].reshape(50, 10, 50, 10).mean(axis=(1, 3))
+    np.testing.assert_allclose(fit_picture(WIDE, (50, 50), 1.0, "crop"), expected, rtol=1e-13)
+
+
+def test_pad_of_a_wide_picture_adds_dark_bars():
+    """2000 x 500 on a square of 80 pixels: 20 rows of light, 30 dark ones above and below."""
+    fitted = fit_picture(WIDE, (80, 80), 1.0, "pad")
+    assert not fitted[:30].any()
+    assert not fitted[50:].any()
+    np.testing.assert_allclose(fitted[30:50], WIDE.reshape(20, 25, 80, 25).mean(axis=(1, 3)), rtol=1e-13)
+
+
+def test_pad_shares_a_pixel_that_the_border_cuts():
+    """One bright row on a square of three rows of pixels: 1 x 3 covers the middle third; of two rows, a third
+    of each."""
+    light = np.ones((1, 3))
+    np.testing.assert_allclose(
+        fit_picture(light, (3, 3), 1.0, "pad"), [[0, 0, 0], [1, 1, 1], [0, 0, 0]], atol=1e-15
+    )
+    np.testing.assert_allclose(fit_picture(light, (2, 2), 1.0, "pad"), np.full((2, 2), 1 / 3), rtol=1e-14)
+
+
+def test_stretch_of_a_wide_picture_keeps_everything():
+    expected = WIDE.reshape(50, 10, 50, 40).mean(axis=(1, 3))
+    np.testing.assert_allclose(fit_picture(WIDE, (50, 50), 1.0, "stretch"), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("fit", ["crop", "pad", "stretch"])
+def test_tall_pictures_are_fitted_as_wide_ones_turned(fit):
+    np.testing.assert_allclose(
+        fit_picture(WIDE.T, (40, 50), 0.8, fit), fit_picture(WIDE, (50, 40), 1.25, fit).T, rtol=1e-12
+    )
+
+
+def test_fitting_keeps_up_up_and_left_left():
+    light = np.zeros((40, 40))
+    light[:10, :20] = 1.0
+    np.testing.assert_allclose(fit_picture(light, (2, 4), 1.0), [[1, 0], [0, 0], [0, 0], [0, 0]], atol=1e-15)
+
+
+def test_target_irradiance_carries_the_flux():
+    screen = Screen((20.0, 10.0), (30, 17))
+    target = target_irradiance(np.random.default_rng(1).uniform(0, 1, (40, 80)), screen, "crop", 0.7)
+    assert target.shape == (17, 30)
+    assert target.sum() * screen.pixel_area == pytest.approx(0.7, rel=1e-14)
+
+
+@pytest.mark.parametrize("fit", ["crop", "pad"])
+def test_a_picture_of_the_targets_shape_is_kept_whole(fit):
+    """Twice as wide as high, on a target twice as wide as high."""
+    screen, light = Screen((20.0, 10.0), (30, 17)), np.random.default_rng(1).uniform(0, 1, (40, 80))
+    whole = target_irradiance(light, screen, "stretch", 0.7)
+    np.testing.assert_allclose(target_irradiance(light, screen, fit, 0.7), whole, rtol=1e-14)
+
+
+def test_a_picture_whose_middle_is_black_is_refused_when_cropped():
+    light = np.zeros((10, 100))
+    light[:, 0] = 1.0
+    with pytest.raises(UserError, match=r"choose another target\.fit"):
+        target_irradiance(light, Screen((5.0, 5.0), (10, 10)), "crop", 1.0)
+
+
+def test_multi_page_tiff_gives_its_first_page(tmp_path):
+    pages = [Image.new("L", (4, 4), v) for v in (255, 128)]
+    pages[0].save(tmp_path / "p.tif", save_all=True, append_images=pages[1:])
+    np.testing.assert_array_equal(read_picture(tmp_path / "p.tif"), 1.0)

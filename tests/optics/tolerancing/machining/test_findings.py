@@ -1,0 +1,199 @@
+"""What is found of a tool: verdicts, defaults, sentences and data."""
+
+import json
+
+import numpy as np
+import pytest
+
+from optics import UserError
+from optics.light.blur import spot_width
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
+from tests.optics.cases import small_lens, write_problem
+from tests.optics.tolerancing.machining.cases import bowl_lens
+from thbcad.sags import Conic
+from thbcad.tools import air_side, ball_cusps, ball_fit
+
+
+@pytest.fixture
+def found(tmp_path, backend):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+
+    def of(order, lens=None):
+        return tool_findings(system, lens or bowl_lens(), order, backend, rays=17)
+
+    return of
+
+
+def test_the_default_feed_blurs_by_one_pixel_where_it_blurs_most(found):
+    findings = found(ToolOrder(nose=1.0))
+    (surface,) = findings.surfaces
+    assert surface.pitch * surface.blur.worst()[0] == pytest.approx(1.0)
+    assert surface.pitch == pytest.approx(surface.largest_pitch)
+    (line,) = (line for line in tool_lines(findings) if line.startswith("cusps"))
+    assert "blur the light by up to 1 pixels" in line
+
+
+def test_a_tool_that_fits_passes_and_one_that_does_not_fails_with_the_amount(found):
+    (good,) = found(ToolOrder(ball=5.0)).checks
+    (bad,) = found(ToolOrder(ball=45.0), small_lens()).checks
+    assert good.ok
+    assert not bad.ok
+    assert bad.value == pytest.approx(5.0, abs=1e-3)  # the bowl has a radius of 40 mm
+
+
+def test_between_the_bounds_the_sentence_says_so_and_the_check_fails(found):
+    least = ball_fit(air_side(bowl_lens(), "rear"), 1.0).least
+    middle = (least.lower + least.upper) / 2
+    findings = found(ToolOrder(ball=middle))
+    assert tool_lines(findings)[0].startswith("it is undecided whether a ball end of")
+    assert not findings.checks[0].ok
+    assert tool_data(findings)["surfaces"]["rear"]["fit"] == "undecided"
+
+
+def test_rpm_beyond_the_machine_fails_and_the_highest_rpm_passes(found):
+    limit = 2.0
+    order = ToolOrder(nose=1.0, feed=0.01, acceleration=limit)
+    motion = found(order).surfaces[0].motion
+    assert motion.greatest == max(motion.kernel.upper, motion.gaps.worst()[0])
+    highest = motion.highest_rpm(limit)
+    for rpm, ok in ((0.999 * highest, True), (1.001 * highest, False)):
+        checks = found(ToolOrder(nose=1.0, feed=0.01, acceleration=limit, rpm=rpm)).checks
+        assert [c.ok for c in checks] == [True, ok]
+
+
+def test_what_is_not_known_is_a_sentence(found):
+    """No motion is given for a nose that does not fit, nor cusps where it fits nowhere."""
+    findings = found(ToolOrder(nose=60.0, rpm=100.0), small_lens())
+    lines = tool_lines(findings)
+    assert lines[0].startswith(
+        "a nose of 60 mm does not fit the rear for certain: the least concave radius of"
+    )
+    assert "cusps on the rear are unknown: no light for the target crosses it where the tool fits" in lines
+    assert "how a tool turns the rear is unknown: it is not proven to fit" in lines
+    data = tool_data(findings)["surfaces"]["rear"]
+    assert data["cusps"] is None
+    assert data["spiral"] is None
+
+
+def test_data_are_strict_json_also_where_nothing_is_concave(found):
+    findings = found(ToolOrder(nose=1.0, feed=0.01, rpm=60.0), small_lens(rear=Conic(-40.0, -1.0)))
+    data = json.loads(json.dumps(tool_data(findings), allow_nan=False))
+    assert data["surfaces"]["rear"]["fit"] == "fits"
+    assert data["surfaces"]["rear"]["spiral"]["hours"] == pytest.approx(np.hypot(10, 10) / 0.01 / 3600)
+    assert tool_lines(findings)[0] == "a nose of 1 mm fits the rear for certain: nothing is concave"
+
+
+def test_planes_are_looked_at_when_they_are_named(found):
+    assert [s.name for s in found(ToolOrder(ball=5.0)).surfaces] == ["rear"]
+    (front,) = found(ToolOrder(ball=5.0, surface="front")).surfaces
+    assert front.name == "front"
+    assert front.fit.proven
+
+
+def test_without_a_tool_draft_angles_are_left(found):
+    findings = found(ToolOrder())
+    assert findings.surfaces == ()
+    assert len(tool_lines(findings)) == 3
+    assert tool_data(findings)["draft"]["front_degrees"]["value"] == 90.0
+
+
+NARROW = {"source.half_width": [5.0, 5.0]}
+
+
+def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
+    """Against the closed form of both: a beam over the middle half of a bowl, whose rim is steep."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, NARROW)))
+    lens = small_lens(rear=Conic(-25.0, -1.0))
+    found = tool_findings(system, lens, ToolOrder(ball=3.0, step=0.05), backend, rays=65)
+    (surface,), graph = found.surfaces, air_side(lens, "rear")
+    heights = [ball_cusps(graph, x, x, 3.0, 0.05, "x").height.max() for x in map(np.array, ([5.0], [10.0]))]
+    assert heights[1] > 1.15 * heights[0]
+    assert surface.cusp_height == pytest.approx(heights[0], rel=0.03)
+    data = tool_data(found)["surfaces"]["rear"]["cusps"]
+    assert data["height_anywhere_mm"] == pytest.approx(heights[1], rel=1e-6)
+    (line,) = (line for line in tool_lines(found) if line.startswith("cusps of"))
+    assert f"{1e6 * surface.cusp_height:.3g} nm high where light for the target crosses it" in line
+    assert f"up to {1e6 * heights[1]:.3g} nm anywhere on it" in line
+
+
+@pytest.mark.parametrize(("rows", "speed", "step"), [("x", None, 0.004), ("y", 500.0, 0.01)])
+def test_rows_kilometres_and_hours_are_told(found, rows, speed, step):
+    """By the arc of a parabola z = x^2 / (2 R), the same in every row."""
+    radius, half = 40.0, 10.0
+    findings = found(ToolOrder(ball=3.0, step=step, rows=rows, speed=speed), small_lens())
+    cut = findings.surfaces[0].rows
+    t = half / radius
+    arc = half * np.sqrt(1 + t * t) + radius * np.arcsinh(t)
+    assert cut.rows == round(2 * half / step) + 1
+    assert cut.length == pytest.approx(cut.rows * arc / 1e3, rel=1e-4)
+    assert cut.hours == pytest.approx(1e3 * cut.length / (speed or 1000.0) / 60, rel=1e-12)
+    (line,) = (line for line in tool_lines(findings) if line.startswith("one pass over the rear"))
+    assert f"{cut.rows:,} rows" in line
+    assert "polishing are not in them" in line
+    assert ("as nothing else is said" in line) == (speed is None)
+
+
+def test_days_of_cutting_have_one_remedy(found):
+    long = ToolOrder(ball=3.0, step=0.0005, speed=100.0)
+    lines = tool_lines(found(long, small_lens()))
+    (remedy,) = (line for line in lines if line.startswith(("rows become fewer", "a lens that is polished")))
+    assert remedy.startswith(
+        "rows become fewer in proportion to the radius of the ball, of which up to 40 mm"
+    )
+    tight = tool_lines(found(ToolOrder(ball=38.0, step=0.0005, speed=100.0), small_lens()))
+    assert any(line.startswith("a lens that is polished may be cut in coarser rows") for line in tight)
+
+
+def test_without_rpm_the_turns_are_told(found):
+    (line,) = (line for line in tool_lines(found(ToolOrder(nose=1.0, feed=0.01))) if "turns and is" in line)
+    assert "--rpm or --acceleration tell its hours" in line
+
+
+SUN = {"source.divergence": 2.0}
+LAMP = {"source.kind": "lambertian", "source.half_width": [0.6, 0.6], "source.distance": 30.0}
+
+
+@pytest.mark.parametrize("changes", [SUN, LAMP], ids=["sun", "lamp"])
+def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
+    """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    lens = small_lens(rear=Conic())
+    wide = spot_width(system, lens, backend)
+    # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
+    expected = 2 * 60 * np.tan(np.radians(2.0)) if changes is SUN else 1.2 * 60 / (30 + 6 / 1.5)
+    assert wide == pytest.approx(expected, rel=0.1)
+    (surface,) = tool_findings(system, lens, ToolOrder(ball=6.0, surface="rear"), backend, 65).surfaces
+    assert surface.yardstick == pytest.approx(wide / (40 / 48), rel=1e-12)
+    assert surface.pitch * surface.blur.worst()[0] == pytest.approx(surface.yardstick)
+    assert surface.largest_pitch == pytest.approx(surface.pitch)
+
+
+def test_sharp_light_keeps_the_pixel_as_yardstick(found):
+    (surface,) = found(ToolOrder(ball=5.0)).surfaces
+    assert surface.yardstick == 1.0
+
+
+@pytest.mark.parametrize(
+    ("order", "sentence"),
+    [
+        ({"ball": 0.0}, "ball must be a positive number of mm, got 0.0"),
+        ({"nose": float("nan")}, "nose must be a positive number of mm, got nan"),
+        ({"nose": 1.0, "rpm": 1e300}, "rpm must be from 1e-06 to 1e\\+06 revolutions"),
+        ({"ball": 1e-300}, "ball must be from 1e-06"),
+        ({"ball": "3"}, "ball must be a positive number of mm, got '3'"),
+        ({"ball": 1.0, "step": float("inf")}, "step must be a positive number of mm"),
+        ({"ball": 1.0, "nose": 1.0}, "give a ball or a nose, not both"),
+        ({"nose": 1.0, "step": 0.1}, "step goes with a ball; give the radius of one"),
+        ({"ball": 1.0, "rpm": 10.0}, "rpm goes with a nose"),
+        ({"nose": 1.0, "speed": 10.0}, "speed goes with a ball"),
+        ({"ball": 1.0, "speed": -1.0}, "speed must be a positive number of mm for each minute"),
+        ({"acceleration": 10.0}, "acceleration goes with a nose"),
+        ({"ball": 1.0, "rows": "z"}, 'rows must be "x" or "y"'),
+        ({"ball": 1.0, "surface": "side"}, 'surface must be "front" or "rear"'),
+    ],
+)
+def test_bad_orders_are_one_sentence(order, sentence):
+    with pytest.raises(UserError, match=sentence):
+        ToolOrder(**order)

@@ -1,0 +1,159 @@
+"""The made surface is the designed one plus what was measured, and its light is that of the made lens."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optics.base.runtime import UserError
+from optics.light.analysis import measure
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.metrology import (
+    FileFrame,
+    MeasuredPoints,
+    as_built_data,
+    as_built_lines,
+    by_datums,
+    default_side,
+    light_as_built,
+    made_surface,
+    read_measured,
+    surface_of,
+    with_surface,
+)
+from optics.tolerancing.metrology.as_built_text import LIKE
+from optics.tolerancing.perturbations import Perturbation, PerturbedLight
+from tests.optics.cases import write_problem
+from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
+from thbcad.fitting import quasi_interpolate
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+FINE = 1e-9  # mm, of a measurement that hardly has noise
+
+
+def measured(surface: FreeformSurface, count: int, noise: float = 0.0, seed: int = 2) -> MeasuredPoints:
+    x, y = np.random.default_rng(seed).uniform(-1, 1, (2, count)) * np.reshape(surface.half_width, (2, 1))
+    errors = ripple(x, y) + noise * np.random.default_rng(seed + 1).standard_normal(count)
+    return MeasuredPoints(np.stack([x, y, surface(x, y) + errors]))
+
+
+@pytest.mark.parametrize("designed", [freeform(), FreeformSurface((10.0, 8.0), Conic(60.0))])
+def test_the_made_surface_is_the_designed_one_and_the_error(designed: FreeformSurface) -> None:
+    made = made_surface(designed, by_datums(designed, measured(designed, 6000, FINE).points))
+    x, y = scattered(500, 0.95, seed=9)
+    assert np.abs(made.correction(x, y) - ripple(x, y)).max() < 0.01 * 2e-4
+    assert made.covered > 0.5
+
+
+def test_what_points_do_not_resolve_stands_in_the_residuals() -> None:
+    """The same ripple by many points leaves noise, by few points what neighbours agree in."""
+    designed = FreeformSurface((10.0, 8.0), Conic(60.0))
+    many, few = (
+        made_surface(designed, by_datums(designed, measured(designed, count, 1e-6).points))
+        for count in (6000, 150)
+    )
+    assert abs(many.unresolved) < LIKE < few.unresolved
+
+
+def test_a_correction_of_nothing_changes_no_bit_of_the_shape() -> None:
+    designed = freeform()
+    x, y = scattered(2000)
+    made = made_surface(designed, by_datums(designed, np.stack([x, y, designed(x, y)])))
+    there = scattered(500, seed=8)
+    assert np.abs(made.correction(*there)).max() < 1e-15 * 10
+
+
+def test_noise_is_carried_both_ways() -> None:
+    designed = freeform()
+    made = made_surface(designed, by_datums(designed, measured(designed, 2000, 1e-5).points))
+    x, y = scattered(100, seed=8)
+    noise = made.fit.noise * np.random.default_rng(0).standard_normal(2000)
+    up, down = (made.with_noise(noise, sign)(x, y) for sign in (1.0, -1.0))
+    assert np.allclose((up + down) / 2, made.surface(x, y), rtol=0, atol=1e-14)
+    assert 1e-6 < np.std(up - down) / 2 < 1e-5
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
+    return OpticalSystem(load_problem(write_problem(tmp_path_factory.mktemp("problem"))))
+
+
+@pytest.mark.slow  # 20 traces each
+@pytest.mark.parametrize("noise", [1e-6, 2e-5])
+def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, noise: float) -> None:
+    lens = system.lens
+    (hx, hy) = lens.rear.half_width
+    knots = [KnotVector.uniform(3, 160, -h, h) for h in (hx, hy)]
+    exact = quasi_interpolate(THBSpace(*knots), lambda x, y: ripple(x, y))
+    bare = replace(lens, rear=FreeformSurface((hx, hy), lens.rear.conic, exact))
+    true = measure(system, bare, backend).metrics["rel_l2"]
+    points = measured(lens.rear, 20_000, noise)
+    built = light_as_built(system, lens, points, backend, "rear", correct=False)
+    assert abs(built.light_error.rel_l2 - true) < max(0.02 * true, built.light_error.error)
+    assert built.light_error.error < 0.1 * true
+    assert built.made.fit.noise == pytest.approx(noise, rel=0.05)
+    assert np.linalg.norm(built.change) > 0
+    assert set(as_built_data(built)["alignments"]) == {"datums", "best fit"}
+    assert any("as made, aligned by datums" in line for line in as_built_lines(built))
+
+
+@pytest.mark.parametrize("kind", ["heights", "errors"])
+def test_points_beside_the_surface_are_left_out_of_the_count(system, backend, tmp_path, kind) -> None:
+    rear = system.lens.rear
+    x, y = 1.25 * np.random.default_rng(3).uniform(-1, 1, (2, 400)) * np.reshape(rear.half_width, (2, 1))
+    on = (np.abs(x) <= rear.half_width[0]) & (np.abs(y) <= rear.half_width[1])
+    heights = np.where(on, rear(np.where(on, x, 0.0), np.where(on, y, 0.0)), 0.0)
+    np.savetxt(tmp_path / "a.xyz", np.column_stack([x, y, heights if kind == "heights" else 0.0 * x]))
+    points = read_measured(tmp_path / "a.xyz", rear, FileFrame(kind=kind))
+    built = light_as_built(system, system.lens, points, backend, "rear", correct=False)
+    data = as_built_data(built)
+    assert (data["points"], data["beside"]) == (on.sum(), (~on).sum())
+    assert as_built_lines(built)[0].startswith(f"{on.sum()} points of the rear; ")
+
+
+def test_other_words_are_refused(system, backend) -> None:
+    assert default_side(system.lens) == "rear"
+    with pytest.raises(UserError, match="surface must be front or rear"):
+        surface_of(system.lens, "back")
+    with pytest.raises(UserError, match="align must be"):
+        light_as_built(
+            system, system.lens, measured(system.lens.rear, 500), backend, "rear", way="three points"
+        )
+
+
+def test_a_design_that_is_finer_than_its_correction_keeps_its_cells() -> None:
+    plain = freeform()
+    fine = plain.sag.refine({1: [(0, 0), (1, 0), (0, 1)]})
+    wavy = fine.coefficients + 0.1 * np.cos(np.arange(fine.space.dim))
+    designed = plain.with_sag(THBSurface(fine.space, wavy))
+    x, y = scattered(120)
+    made = made_surface(designed, by_datums(designed, np.stack([x, y, designed(x, y) + 1e-3 + 1e-5 * x])))
+    assert made.surface.sag.space.levels == 3 > made.fit.surface.space.levels
+    u, v = scattered(400, seed=8)
+    assert np.allclose(made.correction(u, v), 1e-3 + 1e-5 * u, rtol=0, atol=1e-11)
+
+
+class RippleError:
+    """The error of height that is measured here, as the tracer takes it at every ray."""
+
+    def jet(self, x, y):
+        step = 1e-5
+        slopes = [ripple(x + step, y) - ripple(x - step, y), ripple(x, y + step) - ripple(x, y - step)]
+        return np.stack([ripple(x, y), *(s / (2 * step) for s in slopes)])
+
+
+@pytest.mark.parametrize("side", ["front", "rear"])
+def test_the_light_of_a_made_lens_is_that_of_its_error_at_the_rays(system, backend, side: str) -> None:
+    designed = surface_of(system.lens, side)
+    made = made_surface(designed, by_datums(designed, measured(designed, 8000, FINE).points))
+    light = PerturbedLight(system, system.lens, backend)
+    (before, _), (exact, _) = light(), light(Perturbation(**{f"{side}_error": RippleError()}))
+    after, _ = PerturbedLight(system, with_surface(system.lens, side, made.surface), backend)()
+    assert np.linalg.norm(after - exact) < 0.02 * np.linalg.norm(exact - before)

@@ -1,0 +1,140 @@
+"""Measured files: what is read is what was written, and what cannot be read is said in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from optics.base.runtime import UserError
+from optics.tolerancing.metrology import FileFrame, point_text, read_measured
+from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
+from thbcad.io import cloud_text, sag_text
+
+SURFACE = freeform()
+X, Y = scattered(300)
+Z = SURFACE(X, Y) + ripple(X, Y)
+TABLE = np.column_stack([X, Y, Z])
+
+
+def written(path: Path, table: np.ndarray, separator: str = " ", header: str = "") -> Path:
+    np.savetxt(path, table, "%.17g", delimiter=separator, header=header, comments="")
+    return path
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ",", ";", ", "])
+@pytest.mark.parametrize("header", ["", "x,y,z", "# points\n\nX [mm] Y [mm] Z [mm]\n-----"])
+def test_rows_come_back_bit_for_bit(tmp_path: Path, separator: str, header: str) -> None:
+    read = read_measured(written(tmp_path / "a.xyz", TABLE, separator, header), SURFACE)
+    assert np.array_equal(read.points, TABLE.T)
+    assert (read.missing, read.beside) == (0, 0)
+
+
+def test_decimal_commas_are_read(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", TABLE, ";")
+    path.write_text(path.read_text().replace(".", ","), encoding="utf-8")
+    assert np.array_equal(read_measured(path, SURFACE).points, TABLE.T)
+
+
+def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
+    rows = [f"{x!r} {y!r} {z!r}" for x, y, z in TABLE.tolist()]
+    marks = ["NaN", "*****", "No Data", "-nan", "inf"]
+    for k, mark in enumerate(marks):
+        rows[7 * k] = f"{k} 1.5 {mark}"
+    path = tmp_path / "a.dat"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    read = read_measured(path, SURFACE)
+    kept = np.setdiff1d(np.arange(len(TABLE)), 7 * np.arange(len(marks)))
+    assert read.missing == len(marks)
+    assert np.array_equal(read.points, TABLE[kept].T)
+
+
+@settings(deadline=None, max_examples=8)
+@given(
+    st.sampled_from(["m", "mm", "um", "nm"]),
+    st.sampled_from(["m", "mm", "um", "nm"]),
+    st.booleans(),
+    st.sampled_from([0, 90, 180, 270]),
+    st.booleans(),
+    st.sampled_from(["heights", "errors"]),
+)
+def test_units_and_orientation_are_undone(
+    tmp_path_factory: pytest.TempPathFactory, unit, height_unit, mirror, turn, down, kind
+) -> None:
+    """The file holds the points as an instrument with another frame writes them."""
+    scale = {"m": 1e-3, "mm": 1.0, "um": 1e3, "nm": 1e6}
+    angle = np.radians(-turn)  # the reader turns them back
+    x, y = np.cos(angle) * X - np.sin(angle) * Y, np.sin(angle) * X + np.cos(angle) * Y
+    x, z = -x if mirror else x, Z if kind == "heights" else Z - SURFACE(X, Y)
+    table = np.column_stack([scale[unit] * x, scale[unit] * y, scale[height_unit] * (-z if down else z)])
+    path = written(tmp_path_factory.mktemp("measured") / "a.xyz", table)
+    frame = FileFrame(unit, height_unit, kind, mirror, turn, down)
+    assert np.allclose(read_measured(path, SURFACE, frame).points, TABLE.T, rtol=0, atol=1e-13)
+
+
+def test_the_files_that_thbcad_writes_are_read(tmp_path: Path) -> None:
+    cloud, grid = tmp_path / "cloud.xyz", tmp_path / "grid.dat"
+    cloud.write_bytes(cloud_text(SURFACE, 0.0, True, (21, 17)))
+    grid.write_bytes(sag_text(SURFACE, (21, 17)))
+    for path in (cloud, grid):
+        x, y, z = read_measured(path, SURFACE).points
+        assert len(x) == 21 * 17
+        assert np.abs(z - SURFACE(x, y)).max() < 1e-14 * 100
+
+
+def test_points_beside_the_surface_are_counted(tmp_path: Path) -> None:
+    table = np.concatenate([TABLE, [[HALF_WIDTH[0] + 1, 0, 0], [0, -HALF_WIDTH[1] - 1, 0]]])
+    assert read_measured(written(tmp_path / "a.xyz", table), SURFACE).beside == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "is empty"),
+        ("x y z\nno numbers here\n", "holds no row of 3 numbers"),
+        ("1 2 3\n1 2\n", "line 2 .* may be cut off"),
+        ("1 2 3\n4 5 six\n", "line 2 "),
+        ("1 2 3\n" * 5, "holds 5 points"),
+        ("\0\1\2", "is no text"),
+        ("5 5 1.0 1.0 0 0 0\n" + "0 0 0 0 0\n" * 24, "announces 25 points and holds 24"),
+        ("5 5 1.0 1.0 7 0 0\n" + "0 0 0 0 0\n" * 25, "unit flag"),
+        ("99999 99999 1.0 1.0 0 0 0\n", "announces more than 2,000,000 points"),
+        ("1e300 1e300 1.0 1.0 0 0 0\n", "announces more than 2,000,000 points"),
+    ],
+)
+def test_bad_files_are_refused_in_a_sentence(tmp_path: Path, content: str, words: str) -> None:
+    path = tmp_path / "bad.xyz"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(UserError, match=words) as caught:
+        read_measured(path, SURFACE)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "frame", "words"),
+    [
+        (1e3 * TABLE, FileFrame(), "is the unit right"),
+        (1e-3 * TABLE, FileFrame(), "is the unit right"),
+        (TABLE * [1, 1, 1e3], FileFrame(), "--height-unit"),
+        (TABLE + np.array([0, 0, 40]), FileFrame(), "--surface"),
+        (TABLE + np.array([0, 0, 6]), FileFrame(), "its origin right. It is the vertex of the surface"),
+    ],
+)
+def test_numbers_in_another_unit_are_noticed(tmp_path: Path, table, frame, words) -> None:
+    with pytest.raises(UserError, match=words):
+        read_measured(written(tmp_path / "a.xyz", table), SURFACE, frame)
+
+
+def test_a_missing_file_and_a_wrong_word_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot read"):
+        read_measured(tmp_path / "none.xyz", SURFACE)
+    with pytest.raises(UserError, match="unit must be one of m, mm, um, nm, got 'inch'"):
+        FileFrame(unit="inch")
+
+
+def test_a_device_without_end_is_refused(monkeypatch) -> None:
+    monkeypatch.setattr(point_text, "MOST_BYTES", 1000)
+    with pytest.raises(UserError, match="more than 1,000 bytes"):
+        point_text.read_text("/dev/zero")

@@ -1,0 +1,242 @@
+"""Limits of the light by choice, amounts that keep them, light that may shift as a whole, and the words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from optics.base.runtime import UserError
+from optics.scene.photometry import uniformity
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.monte_carlo_samples import ErrorModel
+from optics.tolerancing.perturbations import (
+    LightNumbers,
+    Perturbation,
+    PerturbedLight,
+    effect_rows,
+    perturbed_light,
+    shop_sentences,
+    tolerance_budget,
+    tolerances_of,
+)
+from optics.tolerancing.perturbations.allowed_amount import FREE, amount_of
+from optics.tolerancing.perturbations.light_limits import bounds_of, limits_of, parts_taken
+from tests.optics.cases import write_problem
+from tests.optics.tolerancing.perturbations.cases import small_system
+
+TOPHAT = {"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.5, 0.5]}
+FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
+
+
+def few(system, **amounts):
+    """Return amounts that leave all tolerances out but some."""
+    return {t.name: 0.0 for t in tolerances_of(system)} | amounts
+
+
+def even_system(folder, changes=None):
+    """Return a lens whose light is even where it lies: a plane plate in a beam that fills the lit pixels."""
+    plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "target.half_width": [19.0, 19.0]}
+    system = OpticalSystem(load_problem(write_problem(folder, TOPHAT | plate | (changes or {}))))
+    return system, system.lens
+
+
+def budget_of(system, lens, backend, limits=None, floats=False, **amounts):
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    return tolerance_budget(system, lens, target, backend, few(system, **amounts), limits, floats=floats)
+
+
+DECENTRE = {"target.decentre_x": 0.2, "source.size": 1.0}
+
+
+@pytest.fixture(scope="module")
+def even(tmp_path_factory):
+    return even_system(tmp_path_factory.mktemp("even"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "reached"),
+    [
+        ({"min_over_mean": 0.8}, "min_over_mean"),
+        ({"rel_l2": 0.05}, "rel_l2"),
+        ({"min_over_mean": 0.3, "rel_l2": 0.05}, "rel_l2"),
+    ],
+)
+def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, backend, limits, reached) -> None:
+    """By traces of their own, and the uniformity on boxes."""
+    system, lens = even
+    found = budget_of(system, lens, backend, limits, **DECENTRE)
+    (effect,) = [e for e in found.effects if e.tolerance.name == "target.decentre_x"]
+    assert effect.allowed is not None
+    assert effect.allowed.limit == reached
+    for factor, kept in ((1.0, True), (1.06, False)):
+        ok = []
+        for sign in (-1, 1):
+            p = effect.tolerance.at(sign * factor * effect.allowed.amount)
+            irradiance, _ = perturbed_light(system, lens, p, backend)
+            e = irradiance / irradiance.mean()
+            rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
+            region, half_width = system.target.even_region, system.target.settings.half_width
+            u0 = uniformity(irradiance, region, half_width).min_over_mean
+            ok.append(rel <= limits.get("rel_l2", 9.0) and u0 >= limits.get("min_over_mean", 0.0))
+        assert all(ok) is kept
+    assert effect.cost == pytest.approx(0.2 / effect.allowed.amount)
+
+
+def test_the_efficiency_may_be_the_limit(tmp_path, backend) -> None:
+    """Light that fills the target leaves it as the target shifts: 2 % of its width lose 1 % of the light."""
+    system, lens = even_system(tmp_path, {"target.half_width": [10.0, 10.0], "target.lit": [0.9, 0.9]})
+    found = budget_of(system, lens, backend, {"efficiency": 0.9}, **{"target.decentre_x": 0.2})
+    (effect,) = found.effects
+    assert effect.allowed.limit == "efficiency"
+    assert 0.9 <= effect.allowed.light.efficiency < 0.9 + 0.03 * (found.light.efficiency - 0.9)
+
+
+def test_uniform_light_is_judged_by_its_uniformity_unless_something_else_is_asked(even, backend) -> None:
+    system, lens = even
+    assert budget_of(system, lens, backend, index=1e-3).bounds == {"min_over_mean": 0.7}
+    rise = budget_of(system, lens, backend, 0.02, index=1e-3)
+    assert rise.bounds == {"rel_l2": pytest.approx(rise.rel_l2 + 0.02)}
+
+
+def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) -> None:
+    system, lens = small_system(tmp_path)
+    found = budget_of(system, lens, backend, index=1e-3)
+    assert [*found.bounds] == ["rel_l2"]
+    with pytest.raises(UserError, match="min_over_mean is not known of this light: the target is a picture"):
+        budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
+
+
+@pytest.mark.parametrize("changes", [{}, FAR], ids=["plane", "far field"])
+def test_a_shift_of_the_whole_light_costs_nothing_where_it_floats(tmp_path, backend, changes) -> None:
+    """The target follows the light: what only shifts leaves the picture as it is, and shapes are kept."""
+    system, lens = small_system(tmp_path, TOPHAT | {"target.half_width": [40.0, 40.0]} | changes)
+    stands, follows = (PerturbedLight(system, lens, backend, floats=f) for f in (False, True))
+    nominal = stands()[0]
+    name = {"target_tilt": (0.0, 0.01, 0.0)} if changes else {"target_shift": (0.7, -0.3, 0.0)}
+    shift = Perturbation(**name)
+    moved = np.linalg.norm(stands(shift)[0] - nominal)
+    assert np.linalg.norm(follows(shift)[0] - nominal) < 1e-3 * moved
+    wider = Perturbation(rear_power=0.02)
+    both = follows(wider + shift)[0]
+    alone = follows(wider)[0]
+    assert np.linalg.norm(both - alone) < 0.01 * np.linalg.norm(alone - nominal)
+
+
+def test_made_lenses_float_as_their_budget_does(even) -> None:
+    system, lens = even
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    shift = Perturbation(target_shift=(0.4, 0.0, 0.0))
+    lights = [ErrorModel(system, lens, target, (), (), floats).light for floats in (False, True)]
+    moved = [np.linalg.norm(light(shift)[0] - light()[0]) for light in lights]
+    assert moved[1] < 1e-3 * moved[0]
+
+
+def test_what_floats_is_not_what_is_held(even, backend) -> None:
+    system, lens = even
+    stands = budget_of(system, lens, backend, **DECENTRE)
+    floats = budget_of(system, lens, backend, floats=True, **DECENTRE)
+    cost = [{e.tolerance.name: e.cost for e in found.effects} for found in (stands, floats)]
+    assert cost[0]["target.decentre_x"] > 0
+    assert cost[1]["target.decentre_x"] == 0
+    assert cost[1]["source.size"] == pytest.approx(cost[0]["source.size"], rel=0.05)
+    assert "No care needed: target.decentre_x" in " ".join(shop_sentences(floats))
+    assert "may shift as a whole" in shop_sentences(floats)[0]
+
+
+def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even, backend) -> None:
+    system, lens = even
+    chosen = {t.name: t.amount for t in tolerances_of(system) if t.name.startswith(("target.", "lens.tilt"))}
+    amounts = chosen | DECENTRE
+    found = budget_of(system, lens, backend, 0.01, **amounts)
+    said = [line for line in shop_sentences(found) if line[:1].isdigit()]
+    ranked = [e.tolerance.name for e in found.by_cost()]
+    assert [line.split()[2] for line in said] == ranked[:5]
+    assert [row[0] for row in effect_rows(found)] == ranked
+    assert {*ranked} == {*amounts}
+    costs = [e.cost for e in found.by_cost()]
+    assert costs == sorted(costs, reverse=True)
+    assert [*found.data()["tolerances"]] == ranked
+
+
+def test_a_limit_that_the_design_misses_is_said_and_allows_nothing(even, backend) -> None:
+    system, lens = even
+    found = budget_of(system, lens, backend, {"min_over_mean": 0.7, "efficiency": 0.95}, **DECENTRE)
+    assert [e.allowed for e in found.effects] == [None, None]
+    assert found.data()["missed_by_the_design"] == ["efficiency"]
+    (line,) = (line for line in shop_sentences(found) if "misses" in line)
+    assert "--limit" in line
+    assert not any(line.startswith("No care needed") for line in shop_sentences(found))
+
+
+def test_counted_rays_are_said_to_lower_the_uniformity(even, backend) -> None:
+    system, lens = even
+    found = replace(budget_of(system, lens, backend, index=1e-3), noise=0.18)
+    assert "the noise of a lit pixel is 18%" in shop_sentences(found)[-1]
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"u0": 0.7}, "there is no limit 'u0'; there are rise, rel_l2, min_over_mean, efficiency"),
+        ({"min_over_mean": 70.0}, "the limit of min_over_mean must lie between 0 and 1"),
+        ({"efficiency": float("nan")}, "the limit of efficiency must lie"),
+        ({"rel_l2": True}, "the limit of rel_l2 must lie"),
+        ({"rise": 0.0}, "limit must be a positive rise"),
+        (-1.0, "limit must be a positive rise"),
+        ({}, "give a limit at least"),
+    ],
+)
+def test_bad_limits_are_one_sentence(limits, words) -> None:
+    with pytest.raises(UserError, match=words) as error:
+        limits_of(limits, {})
+    assert "\n" not in str(error.value)
+
+
+def test_of_a_rise_and_a_limit_the_lower_one_holds() -> None:
+    design = LightNumbers(0.04, 0.9, 0.8)
+    assert bounds_of({"rise": 0.02, "rel_l2": 0.05}, design) == {"rel_l2": 0.05}
+    assert bounds_of({"rise": 0.02, "rel_l2": 0.5}, design) == {"rel_l2": pytest.approx(0.06)}
+
+
+def test_the_design_takes_nothing_of_its_limits_and_the_limits_are_one() -> None:
+    design, bounds = LightNumbers(0.04, 0.9, 0.8), {"rel_l2": 0.06, "min_over_mean": 0.7, "efficiency": 0.85}
+    assert set(parts_taken(bounds, design, design).values()) == {0.0}
+    at = parts_taken(bounds, design, LightNumbers(0.06, 0.85, 0.7))
+    assert [*at.values()] == pytest.approx([1, 1, 1])
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.floats(0.5, 4.0), st.floats(-1.9, 1.9), st.floats(0.0, 0.9))
+def test_the_allowed_amount_keeps_the_limits_and_uses_them(power: float, decade: float, still: float) -> None:
+    """Whatever the power of the amount, and where nothing happens up to a part of it."""
+    first, edge = 0.05, 0.05 * 10**decade
+
+    def taken(amount: float) -> float:
+        return max(0.0, (amount / edge - still) / (1 - still)) ** power
+
+    found = amount_of(taken, (first, taken(first)))
+    assert found is not None
+    assert found[1] <= 1
+    assert found[0] > (0.9 if still == 0 else 0.5) * edge * (1 - 0.5 * still)
+
+
+def test_errors_that_reach_no_limit_are_free() -> None:
+    tried = []
+
+    def taken(amount: float) -> float:
+        tried.append(amount)
+        return -1e-9
+
+    def ends(amount: float) -> float:
+        if amount > 2:
+            raise UserError("no lens")
+        return 1e-3 * amount
+
+    assert amount_of(taken, (0.05, -1e-9)) is None
+    assert max(tried) == pytest.approx(FREE * 0.05)
+    assert amount_of(ends, (0.5, 5e-4)) is None
+    assert amount_of(lambda amount: 5.0, (0.5, 5.0)) == (0.0, 0.0)
