@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.engine_run import EngineRun, run_engine
 from optics.base.runtime import Row, load_backend
-from optics.designing.optimisation import design
+from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Problem, load_problem, problem_to_toml
@@ -75,7 +75,7 @@ def _begun(problem: Problem) -> Lens:
     """Return the lens of a problem after few iterations."""
     system = OpticalSystem(replace(problem, optimizer=replace(problem.optimizer, iterations=(NEAR,))))
     backend = load_backend("double")
-    return design(system, backend, ExactEngine(backend))[0]
+    return shape_lens(system, backend, ExactEngine(backend))[0]
 
 
 def _far_off(name: str, problem: Problem) -> Row:

@@ -23,7 +23,7 @@ from benchmarks.designs.design_run import IRRADIANCE, LANDING, DesignRun, rel_l2
 from benchmarks.page_picture import keep
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
 from optics.base.runtime import Backend, Row, load_backend, median_seconds
-from optics.designing.optimisation import State, design
+from optics.designing.optimisation import Listener, State, shape_lens
 from optics.exchange.results import ResultFolder
 from optics.exchange.verification import StepFile, verify
 from optics.interface.api import System
@@ -227,5 +227,5 @@ def _batches(system: OpticalSystem, backend: Backend, path: Path) -> list[Row]:
             )
         )
 
-    design(system, backend, ExactEngine(backend), checkpoint=check)
+    shape_lens(system, backend, ExactEngine(backend), listener=Listener(checkpoint=check))
     return out

@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row
 from optics.base.runtime import Backend, Row, load_backend
-from optics.designing.optimisation import design
+from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Freeform, Problem, Refinement, load_problem
@@ -115,7 +115,7 @@ class _Run:
 def _run(name: str, problem: Problem, backend: Backend) -> _Run:
     """Design a lens and measure it."""
     system, start = OpticalSystem(problem), perf_counter()
-    lens, state = design(system, backend, ExactEngine(backend))
+    lens, state = shape_lens(system, backend, ExactEngine(backend))
     seconds = perf_counter() - start
     dof, loss = lens.rear.sag.space.dim, min(row.loss for row in state.history[-LAST:])
     metrics = measure(system, lens, backend).metrics

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import BUILD, EXAMPLES
 from optics.base.runtime import Backend, DrArray
-from optics.designing.optimisation import design
+from optics.designing.optimisation import shape_lens
 from optics.light.engines import ExactEngine
 from optics.light.intersections import Hits
 from optics.light.measuring import Splat
@@ -75,7 +75,7 @@ def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
     if not path.exists():
         options = replace(problem.optimizer, iterations=(ITERATIONS[name],), finish=0, rays_per_pixel=4.0)
         brief = replace(problem, optimizer=options)
-        lens, _ = design(OpticalSystem(brief), backend, ExactEngine(backend))
+        lens, _ = shape_lens(OpticalSystem(brief), backend, ExactEngine(backend))
         STORE.mkdir(parents=True, exist_ok=True)
         write_lens(lens, path)
     return OpticalSystem(problem), read_lens(path)

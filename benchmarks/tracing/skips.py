@@ -24,8 +24,8 @@ from optics.designing.optimisation import (
     MARGIN,
     Mirrors,
     Objective,
-    design,
     mirror_axes,
+    shape_lens,
     stage_objective,
     stages,
 )
@@ -379,8 +379,8 @@ def _whole_design() -> list[Row]:
     for chosen, axes in ((lean, (0, 1)), (full, ())):
         system = OpticalSystem(chosen)
         with patch("optics.designing.optimisation.loop.symmetry_axes", return_value=axes):
-            seconds.append(median_seconds(lambda s=system: design(s, backend, ExactEngine(backend)), 3))
-            lens, _ = design(system, backend, ExactEngine(backend))
+            seconds.append(median_seconds(lambda s=system: shape_lens(s, backend, ExactEngine(backend)), 3))
+            lens, _ = shape_lens(system, backend, ExactEngine(backend))
         errors.append(measure(OpticalSystem(problem), lens, backend).metrics["rel_l2"])
     return [
         Row("whole design of a top hat, all skips: optimisation", seconds[0], "s", f"rel_l2 {errors[0]:.4f}"),

@@ -20,10 +20,13 @@ if TYPE_CHECKING:
         surfaces_can_cross as surfaces_can_cross,
         window_named as window_named,
     )
-    from optics.designing.optimisation.loop import design as design, transmitted_flux as transmitted_flux
+    from optics.designing.optimisation.loop import (
+        Listener as Listener,
+        shape_lens as shape_lens,
+        transmitted_flux as transmitted_flux,
+    )
     from optics.designing.optimisation.objective import Objective as Objective
     from optics.designing.optimisation.rear_light import RearLight as RearLight
-    from optics.designing.optimisation.recorder import Interrupted as Interrupted
     from optics.designing.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
         stage_seconds as stage_seconds,
         stages as stages,
     )
+    from optics.designing.optimisation.stage_search import Interrupted as Interrupted
     from optics.designing.optimisation.state import (
         Row as Row,
         State as State,

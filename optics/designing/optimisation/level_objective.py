@@ -78,12 +78,14 @@ def surfaces_can_cross(system: OpticalSystem) -> bool:
     return system.lens.least_thickness().lower <= sum(f.freedom for f in system.freeforms)
 
 
-def stage_film(system: OpticalSystem, stage: Stage) -> Film:
-    """Return what an engine is to measure on a stage."""
+def stage_film(
+    system: OpticalSystem, stage: Stage, axes: Sequence[int] = (), fresh: np.random.Generator | None = None
+) -> Film:
+    """Return what an engine is to measure on a stage.  axes, fresh : as of `Film`."""
     if stage.exact:
-        return Film(stage.screen, stage.rays)
+        return Film(stage.screen, stage.rays, None, axes, fresh)
     window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
-    return Film(stage.screen, stage.rays, window)
+    return Film(stage.screen, stage.rays, window, axes, fresh)
 
 
 def stage_objective(
@@ -104,7 +106,7 @@ def stage_objective(
     """
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
     engine = sharp_engine(engine) if stage.aimed else engine
-    model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
+    model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
     return charged_objective(system, lens, model, target, background)
 
 

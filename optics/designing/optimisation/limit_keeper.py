@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from optics.designing.optimisation.stage_search import Interrupted, minimised
 from optics.designing.penalties import ROOM, shape_penalty
 from optics.scene.problem import limit_misses
 from thbcad.lens import manufacturability
@@ -28,7 +29,7 @@ from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.recorder import Recorder
+    from optics.designing.optimisation.stage_search import Found, Log, Search
     from optics.designing.penalties import ShapePenalty
     from optics.scene.problem import Miss, Problem
     from optics.scene.system import OpticalSystem
@@ -55,42 +56,46 @@ class LimitKeeper:
     note : called with a sentence where z_freedom is in the way.
     """
 
-    def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], None]) -> None:
+    def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], object]) -> None:
         self._system, self._lens, self._note = system, lens, note
         problem = system.problem
         self._dense = shape_penalty(lens, problem.limits, problem.lens.density, fine=True)
         self._bounds = [freeform.freedom for freeform in system.freeforms]
 
-    def minimized(self, recorder: Recorder, iterations: int) -> tuple[THBSurface, ...]:
-        """Return the best sags that are found, within the limits where that can be.
+    def minimised(self, search: Search, iterations: int, log: Log) -> tuple[tuple[THBSurface, ...], Found]:
+        """Return the best sags that are found, within the limits where that can be, and the last search.
 
         Raises
         ------
         Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        shape = recorder.shape
+        shape = search.objective.shape
         if self._dense is None or shape is None:
-            return recorder.minimized()
+            found = minimised(search, iterations, log)
+            return found.sags, found
+        sags = search.sags
         try:
-            if shape.exceeded(_coefficients(self._lens.sags)):
-                recorder.precondition()
-                start, keys = self._start(shape.with_rooms({}), recorder.variables)
+            if shape.exceeded(_coefficients(sags)):
+                search = search.preconditioned(_coefficients(sags), log)
+                sags, keys = self._start(shape.with_rooms({}), search.variables)
                 shape = shape.only(keys)
-                recorder.go_on(start, shape)
-            sags = recorder.minimized()
+                search = search.begun_again(sags, shape)
+            found = minimised(search, iterations, log)
+            sags = found.sags
             for _ in range(PASSES):
                 if not shape.exceeded(_coefficients(sags)):
                     break
                 shape = shape.tightened(_coefficients(sags))
-                recorder.go_on(sags, shape)
-                sags = recorder.minimized(ceil(SHORTER * iterations))
-            return self._certified(sags, recorder.variables.around(sags), shape.keys)
+                search = found.search.begun_again(sags, shape)
+                found = minimised(search, ceil(SHORTER * iterations), log)
+                sags = found.sags
+            return self._certified(sags, found.search.variables.around(sags), shape.keys), found
         except KeyboardInterrupt:
-            raise recorder.stopped from None
+            raise Interrupted(log.state(sags)) from None
 
     def _start(
         self, charges: ShapePenalty, variables: BoundedVariables
-    ) -> tuple[Sequence[THBSurface], tuple[str, ...]]:
+    ) -> tuple[tuple[THBSurface, ...], tuple[str, ...]]:
         """Return the start moved within the limits, and those that it keeps: all, or as many as are found
         one after the other.
 
@@ -100,7 +105,7 @@ class LimitKeeper:
         if start:
             self._note_cut(charges)
             return start, charges.keys
-        best: Sequence[THBSurface] = self._lens.sags
+        best = self._lens.sags
         keys: tuple[str, ...] = ()
         for key in charges.keys:
             start = self._moved(self._lens.sags, charges.only((*keys, key)), variables)

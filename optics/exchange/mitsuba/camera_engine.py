@@ -59,14 +59,7 @@ class CameraEngine:
 
     backend: Backend
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> CameraModel:
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> CameraModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`.
 
         It measures in a Gaussian window of `optimizer.sigma` pixels, by `optimizer.rays_per_pixel` squared
@@ -80,7 +73,7 @@ class CameraEngine:
         if not settings.fresnel:
             raise UserError("Mitsuba's glass reflects: optimizer.fresnel must be true, got false")
         passing = transmitted_flux(system, self.backend, lens)
-        seed = system.problem.run.seed if fresh is None else int(fresh.integers(LAST))
+        seed = system.problem.run.seed if film.fresh is None else int(film.fresh.integers(LAST))
         paths = ceil(settings.rays_per_pixel**2)
         return CameraModel(system, lens_mesh(lens), film.screen, passing, paths, seed)
 

@@ -8,7 +8,6 @@ single precision, and derivatives pass through float32.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
@@ -41,16 +40,9 @@ class MeshEngine:
 
     backend: Backend
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> TracedModel:
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film, axes, fresh)
+        rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(
             lens_mesh(lens),
             _within(rays, lens),

@@ -35,18 +35,11 @@ class RenderingEngine:
 
     traced: Engine
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> RenderedModel:
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> RenderedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
         free = {"front": lens.front.sag, "rear": lens.rear.sag}
         names = [name for name, sag in free.items() if sag is not None]
-        return RenderedModel(self.traced.model(system, lens, film, axes, fresh), names)
+        return RenderedModel(self.traced.model(system, lens, film), names)
 
 
 class RenderedModel:

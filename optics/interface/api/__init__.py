@@ -19,12 +19,12 @@ if TYPE_CHECKING:
         write_result as write_result,
     )
     from optics.interface.api.design_result import Design as Design
-    from optics.interface.api.design_run import design as design, shaped as shaped
+    from optics.interface.api.design_run import design as design, designed as designed
     from optics.interface.api.irradiance_model import DEVICE as DEVICE, Model as Model
     from optics.interface.api.minimisation import Minimum as Minimum, minimise as minimise
     from optics.interface.api.prepared_problem import (
         engine_of as engine_of,
-        prepared_system as prepared_system,
+        prepared as prepared,
     )
     from optics.interface.api.scenes import mitsuba_scene as mitsuba_scene
     from optics.interface.api.scripting_system import System as System

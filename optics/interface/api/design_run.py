@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import Interrupted, design as shape, stages
+from optics.designing.optimisation import Interrupted, Listener, shape_lens, stages
 from optics.designing.progress import DesignProgress, Notes, RunClock, Size
 from optics.interface.api.design_result import Design
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelKeeper
-from optics.interface.api.prepared_problem import prepared_system, shaping_by
+from optics.interface.api.prepared_problem import prepared, shaping_by
 from optics.scene.problem import Problem
 from optics.scene.system import advice, solvable_system
 
@@ -44,34 +44,30 @@ def design(
     if not isinstance(problem, Problem):
         raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
     clock, notes = RunClock(_progress(progress)), Notes()
-    try:
-        with clock.progress, DEVICE:
-            system = solvable_system(problem)
-            clock.progress.asked(system)
-            ready = prepared_system(system)
-            return shaped(problem, ready, clock, notes, engine)
-    except Interrupted as stop:
+    with clock.progress, DEVICE:
+        system = solvable_system(problem)
+        clock.progress.asked(system)
+        made = designed(problem, prepared(system), clock, notes, engine)
+    if made.interrupted:
         notes("stopped by Ctrl-C: this is the best lens so far")
-        return Design.of_state(problem, ready.system, stop.state, notes, clock.total(), interrupted=True)
+    return made
 
 
-def shaped(
+def designed(
     asked: Problem,
     ready: Prepared,
     clock: RunClock,
     notes: Notes,
     engine: str | Engine | None = None,
     state: State | None = None,
-    keep: Callable[[State], None] | None = None,
+    keep: Callable[[State], object] = lambda state: None,
 ) -> Design:
     """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
 
-    asked : the problem as it was read.  state : to go on from.  keep : called with the State after every
-    level.
+    Ctrl-C ends the work with the best lens so far, where a level had begun.
 
-    Raises
-    ------
-    Interrupted : on Ctrl-C.
+    asked : the problem as it was read.  state : to go on from.
+    keep : called with the State after every level, and with that of an interrupted one.
     """
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
@@ -80,12 +76,17 @@ def shaped(
     moved = state.moved if state else system.problem.optimizer.start == "transport"
     clock.progress.planned(Size.of(system), stages(traced, moved))
     clock.lap("setup")
-    keeper = LevelKeeper(system, traced, chosen) if system.problem.run.keep == "levels" else None
-    _, state = shape(traced, backend, chosen, state, clock.progress, keep, notes, ready.start, keeper)
+    levels = LevelKeeper(system, traced, chosen)
+    seen = {"seen": levels} if system.problem.run.keep == "levels" else {}
+    listener = Listener(clock.progress, keep, notes, **seen)
+    try:
+        _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
+    except Interrupted as stop:
+        keep(stop.state)
+        return Design.of_state(asked, system, stop.state, notes, clock.total(), interrupted=True)
     backend.release()
     clock.lap("optimise")
-    levels = keeper.records if keeper else ()
-    return Design.of_state(asked, system, state, notes, clock.total(), levels=levels)
+    return Design.of_state(asked, system, state, notes, clock.total(), levels=levels.records)
 
 
 def _progress(progress: bool | Show | None) -> DesignProgress:

@@ -9,13 +9,11 @@ from optics.base.runtime import UserError
 from optics.light.blur import aimed_through, blur_of
 from optics.light.engines import BlurredEngine, ExactEngine
 from optics.scene.problem import ENGINES
-from optics.scene.system import solvable_system
 
 if TYPE_CHECKING:
     from optics.base.runtime import Backend
     from optics.designing.optimisation import TransportStart
     from optics.light.engines import Engine
-    from optics.scene.problem import Problem
     from optics.scene.system import OpticalSystem
 
 
@@ -28,18 +26,13 @@ class Prepared:
     start: TransportStart | None
 
 
-def prepared(problem: Problem) -> Prepared:
-    """Return a problem made ready.
+def prepared(system: OpticalSystem) -> Prepared:
+    """Return a system that can be solved, made ready.
 
     Raises
     ------
-    UserError : it cannot be solved, or no usable LLVM library.
+    UserError : no usable LLVM library.
     """
-    return prepared_system(solvable_system(problem))
-
-
-def prepared_system(system: OpticalSystem) -> Prepared:
-    """Return the same of a system that can be solved."""
     from optics.base.runtime import load_backend
     from optics.designing.prediction import resolved
 

@@ -28,6 +28,7 @@ from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
 from optics.interface.api.prepared_problem import prepared, shaping_by
 from optics.light.engines import Film
 from optics.scene.problem import Problem
+from optics.scene.system import solvable_system
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class System:
         if not isinstance(problem, Problem):
             raise UserError(f"System takes a Problem, got {problem!r}; optics.load_problem reads a file")
         with DEVICE:
-            ready = prepared(problem)
+            ready = prepared(solvable_system(problem))
         self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
 
     def __reduce__(self) -> tuple[type[System], tuple[Problem]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import UserError, check_lines, note
-from optics.designing.optimisation import Interrupted, earlier_state
+from optics.designing.optimisation import earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
@@ -60,12 +60,12 @@ def design(options: Namespace) -> Outcome:
 
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
-    from optics.interface.api import DesignFigures, helpers, prepared_system, shaped, write_result
+    from optics.interface.api import DesignFigures, designed, helpers, prepared, write_result
 
     with run.clock.progress, helpers() as (solids, drawing):
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         run.clock.progress.asked(system)
-        ready = prepared_system(system)
+        ready = prepared(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
         if options.iterations:
@@ -78,11 +78,9 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        try:
-            design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
-        except Interrupted as stop:
-            keep(stop.state)
-            raise KeyboardInterrupt from None
+        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
+        if design.interrupted:
+            raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
     return _outcome(written, system.units)
 

@@ -36,14 +36,7 @@ class BlurredEngine:
     sharp: Engine
     blur: Blur
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> BlurredModel:
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> BlurredModel:
         """Return the light model of a sharp system, see `Engine`.
 
         An even border of blurred light needs sharp light beside the target, as far as the blur reaches.  So
@@ -57,7 +50,7 @@ class BlurredEngine:
         times = self.blur.parts(narrow, FINEST)
         wide = self.blur.widened(narrow).finer(times)
         wide = replace(wide, margin=times * film.screen.margin)
-        model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
+        model = self.sharp.model(system, lens, replace(film, screen=wide))
         return BlurredModel(model, self.blur, narrow)
 
 

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from optics.light.engines.traced_model import TracedModel
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
@@ -34,16 +32,9 @@ class ExactEngine:
     backend: Backend
     soft_rim: float = SOFT_RIM
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> TracedModel:
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film, axes, fresh)
+        rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         path = system.path(lens).with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
@@ -53,12 +44,7 @@ class ExactEngine:
 
 
 def measured_rays(
-    backend: Backend,
-    system: OpticalSystem,
-    lens: Lens,
-    film: Film,
-    axes: Sequence[int] = (),
-    fresh: np.random.Generator | None = None,
+    backend: Backend, system: OpticalSystem, lens: Lens, film: Film
 ) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
     """Return the rays for a film, how they are measured, and in which directions they are one half.
 
@@ -67,10 +53,10 @@ def measured_rays(
     if film.window is None:
         front, rear = (s.half_width for s in (lens.front, lens.rear))
         lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front
-        cells = system.source.cells([n - 1 for n in film.rays], lit).half(axes)
+        cells = system.source.cells([n - 1 for n in film.rays], lit).half(film.axes)
         rays = cells.rays()
-        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux), axes
-    rays = system.source.rays(film.rays, fresh)
+        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux), film.axes
+    rays = system.source.rays(film.rays, film.fresh)
     if system.source.extended and isinstance(rays, Rays):
-        return mirror_half(rays, axes), film.window, axes
+        return mirror_half(rays, film.axes), film.window, film.axes
     return rays, film.window, ()

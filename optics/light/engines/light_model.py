@@ -22,17 +22,21 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Film:
-    """What is to be measured, and by how many rays.
+    """What is to be measured, and by which rays.
 
-    rays : in x and y; the corners of cells where there is no window.
+    rays : their number in x and y; the corners of cells where there is no window.
     window : in which rays are measured; None measures cells, exactly on the pixels.
+    axes : directions (0 for x, 1 for y) of mirror symmetry, in which half of the light may do.
+    fresh : draws other rays than those of the optimiser; cells are always the same.
     """
 
     screen: Screen
     rays: tuple[int, int]
     window: Window | None = None
+    axes: Sequence[int] = ()
+    fresh: np.random.Generator | None = None
 
 
 class Light(Protocol):
@@ -94,17 +98,6 @@ class LightModel(Protocol):
 class Engine(Protocol):
     """What makes light models of lenses."""
 
-    def model(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        film: Film,
-        axes: Sequence[int] = (),
-        fresh: np.random.Generator | None = None,
-    ) -> LightModel:
-        """Return the LightModel of a system with the meshes of a lens.
-
-        axes : directions (0 for x, 1 for y) of mirror symmetry, in which half of the light may do.
-        fresh : draws other rays than those of the optimiser; cells are always the same.
-        """
+    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> LightModel:
+        """Return the LightModel of a system with the meshes of a lens."""
         ...

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from optics.designing.optimisation.loop import design
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES
 from optics.light.engines import ExactEngine, TracedModel
@@ -38,8 +38,8 @@ def run(folder, backend, changes):
         plans.append(plan)
         calls.append((stage, dof, row))
 
-    lens, state = design(
-        system, backend, ExactEngine(backend), None, progress, checkpoints.append, notes.append
+    lens, state = shape_lens(
+        system, backend, ExactEngine(backend), listener=Listener(progress, checkpoints.append, notes.append)
     )
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(

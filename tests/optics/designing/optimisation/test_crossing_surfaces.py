@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from optics.designing.optimisation.loop import design, nearest_lens
-from optics.designing.optimisation.recorder import Interrupted, Recorder
-from optics.designing.optimisation.state import State
+from optics.designing.optimisation import limit_keeper, loop, stage_search
+from optics.designing.optimisation.loop import Listener, nearest_lens, shape_lens
+from optics.designing.optimisation.stage_search import Interrupted
 from optics.interface.commands import main
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem
@@ -50,14 +51,16 @@ def test_a_change_far_beyond_reason_is_dropped():
 
 def crossing(system, monkeypatch):
     """Let the optimiser drive the rear through the front at the first level only."""
-    genuine, calls = Recorder.minimized, []
+    genuine, calls = stage_search.minimised, []
 
-    def minimized(recorder):
-        sags = genuine(recorder)
-        calls.append(sags)
-        return constant(system.lens, -7.0) if len(calls) == 1 else sags
+    def crossed(search, iterations, log):
+        found = genuine(search, iterations, log)
+        calls.append(found)
+        through = [sag.coefficients for sag in constant(system.lens, -7.0)]
+        return replace(found, coefficients=through) if len(calls) == 1 else found
 
-    monkeypatch.setattr(Recorder, "minimized", minimized)
+    for module in (loop, limit_keeper):
+        monkeypatch.setattr(module, "minimised", crossed)
 
 
 def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
@@ -70,7 +73,7 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
     system = solvable_system(load_problem(write_problem(tmp_path, changes)))
     crossing(system, monkeypatch)
     notes = []
-    lens, state = design(system, backend, ExactEngine(backend), note=notes.append)
+    lens, state = shape_lens(system, backend, ExactEngine(backend), listener=Listener(note=notes.append))
     assert lens.least_thickness().lower > 0
     assert state.stage == 2
     assert len(notes) == 2
@@ -107,16 +110,16 @@ def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, 
     }
     system = solvable_system(load_problem(write_problem(tmp_path, changes)))
 
-    def stopped(recorder):
-        recorder(recorder._variables.zeros())
-        raise Interrupted(State(False, 0, tuple(constant(system.lens, -7.0)), recorder.history))
+    def stopped(search, iterations, log):
+        log.add(search.objective([sag.coefficients for sag in search.sags]), search.sags[0].space.dim)
+        raise Interrupted(log.state(constant(system.lens, -7.0)))
 
-    monkeypatch.setattr(Recorder, "minimized", stopped)
+    monkeypatch.setattr(limit_keeper, "minimised", stopped)
     with pytest.raises(Interrupted) as caught:
-        design(system, backend, ExactEngine(backend))
+        shape_lens(system, backend, ExactEngine(backend))
     monkeypatch.undo()
     state = caught.value.state
     np.testing.assert_array_equal(state.sags[0].coefficients, -3.5)
-    lens, state = design(system, backend, ExactEngine(backend), state)
+    lens, state = shape_lens(system, backend, ExactEngine(backend), state)
     assert lens.least_thickness().lower > 0
     assert state.stage == 1

@@ -11,7 +11,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import LEAST, promised_decrease, refined_once
-from optics.designing.optimisation.loop import design
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.light.engines import ExactEngine
 from tests.optics.cases import small_space
 from tests.optics.designing.optimisation.cases import loaded
@@ -173,7 +173,7 @@ def refined(folder, backend, start, indicator, place, more):
     )
     system = loaded(folder, changes, image=blob(*place))
     states = []
-    design(system, backend, ExactEngine(backend), None, None, states.append)
+    shape_lens(system, backend, ExactEngine(backend), listener=Listener(checkpoint=states.append))
     return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in states[0].sags]
 
 
@@ -229,5 +229,5 @@ def test_slopes_without_a_transport_start_or_with_a_free_front(tmp_path, backend
     """The design refines the rear, or one sentence says why not."""
     system = loaded(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
     with suppress(UserError):
-        lens, _ = design(system, backend, ExactEngine(backend))
+        lens, _ = shape_lens(system, backend, ExactEngine(backend))
         assert len(lens.rear.sag.space.cells) > 16

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from optics.designing.optimisation.loop import design
-from optics.designing.optimisation.recorder import Interrupted
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.stage_plan import stages
+from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
@@ -21,13 +21,14 @@ import sys
 from hashlib import sha256
 from optics.light.engines import ExactEngine
 from optics.base.runtime import load_backend
-from optics.designing.optimisation import design
+from optics.designing.optimisation import Listener, shape_lens
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 for path in sys.argv[1:]:
     system, backend, checkpoints = OpticalSystem(load_problem(path)), load_backend("double", 1), []
-    whole, _ = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
-    resumed, _ = design(system, backend, ExactEngine(backend), checkpoints[0])
+    listener = Listener(checkpoint=checkpoints.append)
+    whole, _ = shape_lens(system, backend, ExactEngine(backend), listener=listener)
+    resumed, _ = shape_lens(system, backend, ExactEngine(backend), checkpoints[0])
     print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
 """
 
@@ -77,7 +78,7 @@ def interrupted_at(done, backend, evaluation):
             raise KeyboardInterrupt
 
     with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-        design(done.system, backend, ExactEngine(backend), None, stop)
+        shape_lens(done.system, backend, ExactEngine(backend), listener=Listener(stop))
     assert caught.type is Interrupted, "Ctrl-C left no state"
     return caught.value.state
 
@@ -110,11 +111,11 @@ def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backen
         best[row.level] = row.loss
 
     with pytest.raises(Interrupted) as caught:
-        design(system, backend, ExactEngine(backend), None, stop)
+        shape_lens(system, backend, ExactEngine(backend), listener=Listener(stop))
     state = caught.value.state
     before = len(state.history)
     assert state.history[-1].loss > best[state.stage]  # of a flat start, whose stages are the levels
-    _, final = design(system, backend, ExactEngine(backend), state)
+    _, final = shape_lens(system, backend, ExactEngine(backend), state)
     assert final.history[before].loss == pytest.approx(best[state.stage], rel=1e-11)
 
 
@@ -124,7 +125,7 @@ def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     evaluation = either.state.history[row].evaluation
     state = interrupted_at(either, backend, evaluation)
     assert len(state.history) == row + 1
-    lens, _ = design(either.system, backend, ExactEngine(backend), state)
+    lens, _ = shape_lens(either.system, backend, ExactEngine(backend), state)
     assert lens.rear.sag.space.levels == 3
 
 
@@ -132,7 +133,7 @@ def check_going_on(done, backend, state):
     """Go on from an interrupted state and compare with what an interrupted run promises."""
     before = state.history
     best = min(row.loss for row in rows_of(before, done.plan[state.stage].level))
-    lens, final = design(done.system, backend, ExactEngine(backend), state)
+    lens, final = shape_lens(done.system, backend, ExactEngine(backend), state)
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
     assert final.history[len(before)].loss == pytest.approx(
@@ -150,7 +151,7 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
     """Ctrl-C while the result is measured or drawn: the checkpoint says that every level is done."""
     last = either.checkpoints[-1]
     evaluations = len(last.history)
-    lens, state = design(either.system, backend, ExactEngine(backend), last)
+    lens, state = shape_lens(either.system, backend, ExactEngine(backend), last)
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(lens.rear.grid(x, x), either.lens.rear.grid(x, x), rtol=0, atol=1e-12)
     assert len(state.history) == evaluations
@@ -162,11 +163,13 @@ def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, b
     checkpoint holds it."""
     system = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
     checkpoints = []
-    lens, state = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
+    lens, state = shape_lens(
+        system, backend, ExactEngine(backend), listener=Listener(checkpoint=checkpoints.append)
+    )
     evaluations = len(state.history)
     assert lens.rear.sag.space.levels == 1 + stages(system, start == "transport")[0].level
     assert min(row.loss for row in state.history) < state.history[0].loss
-    resumed, after = design(system, backend, ExactEngine(backend), checkpoints[-1])
+    resumed, after = shape_lens(system, backend, ExactEngine(backend), checkpoints[-1])
     assert len(after.history) == evaluations
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(resumed.rear.grid(x, x), lens.rear.grid(x, x), rtol=0, atol=1e-12)

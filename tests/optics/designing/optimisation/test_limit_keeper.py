@@ -9,9 +9,10 @@ from math import isfinite
 import numpy as np
 import pytest
 
+from optics.designing.optimisation import limit_keeper
 from optics.designing.optimisation.limit_keeper import PASSES
-from optics.designing.optimisation.loop import design
-from optics.designing.optimisation.recorder import Interrupted, Recorder
+from optics.designing.optimisation.loop import shape_lens
+from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Limits, limit_checks
 from tests.optics.designing.optimisation.cases import loaded, run
@@ -124,19 +125,19 @@ def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, 
 def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch, unlimited, passes):
     limit = beyond(found_in(unlimited))["radius"]
     system = loaded(tmp_path, COARSE | {"limits.radius": 2 * limit})
-    genuine, calls = Recorder.minimized, []
+    genuine, calls = limit_keeper.minimised, []
 
-    def minimized(recorder, iterations=0):
+    def stopped(search, iterations, log):
         calls.append(iterations)
         if len(calls) > passes:
             raise KeyboardInterrupt
-        return genuine(recorder, iterations)
+        return genuine(search, iterations, log)
 
-    monkeypatch.setattr(Recorder, "minimized", minimized)
+    monkeypatch.setattr(limit_keeper, "minimised", stopped)
     with pytest.raises(Interrupted) as caught:
-        design(system, backend, ExactEngine(backend))
+        shape_lens(system, backend, ExactEngine(backend))
     state = caught.value.state
     assert all(isfinite(row.loss) for row in state.history)
-    monkeypatch.setattr(Recorder, "minimized", genuine)
-    lens, _ = design(system, backend, ExactEngine(backend), state)
+    monkeypatch.undo()
+    lens, _ = shape_lens(system, backend, ExactEngine(backend), state)
     assert [c for c in limit_checks(system.problem, manufacturability(lens, DENSITY)) if not c.ok] == []

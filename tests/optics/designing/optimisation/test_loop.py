@@ -9,9 +9,9 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.level_objective import _vertices, stage_window
-from optics.designing.optimisation.loop import design
-from optics.designing.optimisation.recorder import Interrupted
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.stage_plan import PROBES, stages
+from optics.designing.optimisation.stage_search import Interrupted
 from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
 from tests.optics.designing.optimisation.cases import FLAT, check_counts, loaded, rows_of, run
@@ -110,7 +110,13 @@ def test_the_surface_is_the_best_one_seen(small, backend):
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
-        design(small.system, backend, ExactEngine(backend), State(False, 2, small.lens.sags), stop)
+        shape_lens(
+            small.system,
+            backend,
+            ExactEngine(backend),
+            State(False, 2, small.lens.sags),
+            listener=Listener(stop),
+        )
     assert seen[0] == pytest.approx(min(row.loss for row in rows_of(small.state.history, 2)), rel=1e-12)
 
 
@@ -199,7 +205,7 @@ def test_coefficients_keep_to_z_freedom(tmp_path, backend, bound):
             "lens.rear.freeform.z_freedom": bound,
             "lens.rear.freeform.max_level": 1,
         }
-        lens, _ = design(loaded(tmp_path, changes), backend, ExactEngine(backend))
+        lens, _ = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
         assert np.abs(lens.rear.sag.coefficients).max() <= bound * (1 + 1e-15)
     if bound < 0.1:
         assert np.abs(lens.rear.sag.coefficients).max() > 0.9 * bound
@@ -220,7 +226,7 @@ def test_windows_and_curved_fronts_design_too(tmp_path, backend, window, front):
         "lens.front.radius": front,
         "lens.rear.freeform.max_level": 0,
     }
-    _, state = design(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
     assert min(r.loss for r in state.history) < 0.7 * state.history[0].loss
 
 
@@ -236,7 +242,7 @@ def test_oblong_lenses_pictures_and_targets_design_too(tmp_path, backend, start)
         "target.half_width": [20.0, 12.0],
         "target.pixels": [50, 30],
     }
-    _, state = design(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
     plan = stages(loaded(tmp_path, changes), start == "transport")
     assert state.history[0].level == next(stage.level for stage in plan if stage.iterations)
     losses = [r.loss for r in rows_of(state.history, 2)]
@@ -286,7 +292,7 @@ def test_a_mirror_symmetric_problem_is_refined_symmetrically(tmp_path, backend):
         "optimizer.iterations": [1],
         "lens.rear.freeform.max_level": 1,
     }
-    lens, _ = design(loaded(tmp_path, changes, image=image), backend, ExactEngine(backend))
+    lens, _ = shape_lens(loaded(tmp_path, changes, image=image), backend, ExactEngine(backend))
     cells = {tuple(c) for c in lens.rear.sag.space.cells.tolist()}
     assert 0 < sum(n == 0 for n, _, _ in cells) < 16
     assert {(n, (4 << n) - 1 - i, j) for n, i, j in cells} == cells

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import NumericalError, UserError
-from optics.designing.optimisation.loop import design, transmitted_flux
+from optics.designing.optimisation.loop import shape_lens, transmitted_flux
 from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
 from tests.optics.designing.optimisation.cases import FLAT, loaded
@@ -17,7 +17,7 @@ def test_a_loss_that_is_not_finite_is_named(tmp_path, backend):
     system = loaded(tmp_path, FLAT)
     system.target.light[3, 4] = np.nan  # which no picture file can bring in
     with pytest.raises(NumericalError, match=r"the loss is not finite at level 0"):
-        design(system, backend, ExactEngine(backend))
+        shape_lens(system, backend, ExactEngine(backend))
 
 
 def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
@@ -28,7 +28,7 @@ def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
         match=r"cannot exist: the surfaces cross: at x = .* mm before the front.*lower z_freedom of the "
         r"free surfaces",
     ):
-        design(small.system, backend, ExactEngine(backend), State(False, 0, (deep,)))
+        shape_lens(small.system, backend, ExactEngine(backend), State(False, 0, (deep,)))
 
 
 def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
@@ -38,13 +38,13 @@ def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
         match=r"only .* W of 1 W pass the unoptimised lens \(totally reflected 0\.9.*change the lens "
         r"prescription",
     ):
-        design(system, backend, ExactEngine(backend))
+        shape_lens(system, backend, ExactEngine(backend))
 
 
 def test_a_lens_that_absorbs_all_light_is_refused(tmp_path, backend):
     system = loaded(tmp_path, {"lens.absorption": 10.0})
     with pytest.raises(UserError, match=r"past the rear surface 0, absorbed 0\.96"):
-        design(system, backend, ExactEngine(backend))
+        shape_lens(system, backend, ExactEngine(backend))
 
 
 @pytest.mark.parametrize(("front", "rear"), [((10.0, 10.0), (8.0, 8.0)), ((8.0, 8.0), (10.0, 10.0))])
@@ -56,7 +56,7 @@ def test_fronts_and_rears_of_different_size_design_too(tmp_path, backend, front,
         "lens.front.radius": radius,
         "lens.rear.freeform.max_level": 0,
     }
-    _, state = design(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
     assert min(r.loss for r in state.history) < state.history[0].loss
 
 

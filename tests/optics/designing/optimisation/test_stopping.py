@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.designing.optimisation.loop import design
+from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.objective import Evaluation
-from optics.designing.optimisation.recorder import FLAT, STEPS, Recorder
+from optics.designing.optimisation.stage_search import FLAT, STEPS, Log, Search, minimised
 from optics.designing.optimisation.state import State, first_sags
 from optics.light.engines import ExactEngine
 from tests.optics.designing.optimisation.cases import FLAT as FLAT_START, loaded
@@ -28,31 +29,33 @@ class Valley:
         return Evaluation(loss, [2 * self.depth * weights * (c - 1)], 0.0)
 
 
-def recorder(small, valley, iterations):
-    stage = SimpleNamespace(level=0, iterations=iterations)
-    return Recorder(small.system, valley, stage, State(False, 0, first_sags(small.system, False)), (), 0.0)
+def found(small, valley, iterations):
+    """Return what a search of a valley finds, and the losses of its history."""
+    system, state = small.system, State(False, 0, first_sags(small.system, False))
+    variables = BoundedVariables(state.sags, [f.freedom for f in system.freeforms])
+    log = Log(state, SimpleNamespace(level=0), 0.0, lambda row: None)
+    result = minimised(Search(system.problem, valley, variables, state.sags), iterations, log)
+    return result, [row.loss for row in log.rows]
 
 
 def test_what_still_falls_at_the_last_iteration_is_said(small):
-    run = recorder(small, Valley(0.0, 1.0), 2 * STEPS)
-    run.minimized()
-    best = np.minimum.accumulate([row.loss for row in run.history])
+    result, losses = found(small, Valley(0.0, 1.0), 2 * STEPS)
+    best = np.minimum.accumulate(losses)
     most, least = (1 - np.sqrt(best[-1] / best[-1 - n]) ** (1 / STEPS) for n in (STEPS + 3, STEPS))
-    assert least <= run.fall <= most
-    assert run.fall > FLAT
+    assert least <= result.fall <= most
+    assert result.fall > FLAT
 
 
 def test_a_flat_loss_ends_the_work_early(small):
-    run = recorder(small, Valley(1.0, 1e-5), 500)
-    run.minimized()
-    assert STEPS < len(run.history) < 4 * STEPS
-    assert run.fall == 0
+    result, losses = found(small, Valley(1.0, 1e-5), 500)
+    assert STEPS < len(losses) < 4 * STEPS
+    assert result.fall == 0
 
 
 def test_a_design_that_still_falls_says_how_it_goes_on(tmp_path, backend):
     system = loaded(tmp_path, FLAT_START | {"optimizer.iterations": [12], "lens.rear.freeform.max_level": 0})
     notes = []
-    design(system, backend, ExactEngine(backend), note=notes.append)
+    shape_lens(system, backend, ExactEngine(backend), listener=Listener(note=notes.append))
     (sentence,) = notes
     assert "stopped by its 12 iterations, while the misfit still fell by" in sentence
     assert "--resume --iterations 48 goes on" in sentence
@@ -60,6 +63,5 @@ def test_a_design_that_still_falls_says_how_it_goes_on(tmp_path, backend):
 
 @pytest.mark.parametrize("iterations", [1, STEPS - 1])
 def test_after_few_iterations_nothing_is_said(small, iterations):
-    run = recorder(small, Valley(0.0, 1.0), iterations)
-    run.minimized()
-    assert run.fall == 0
+    result, _ = found(small, Valley(0.0, 1.0), iterations)
+    assert result.fall == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.designing.optimisation.loop import design
+from optics.designing.optimisation.loop import shape_lens
 from optics.designing.optimisation.symmetry import Mirrors, mirror_axes
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem
@@ -202,7 +202,7 @@ def rows_by_name(rows, values):
 @pytest.mark.parametrize("changes", SOURCES.values(), ids=SOURCES.keys())
 def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_threads, changes):
     problem = load_problem(write_problem(tmp_path, TOPHAT | changes))
-    lens, _ = design(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
+    lens, _ = shape_lens(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
     rear = lens.rear.sag.space
     assert len(rear.cells) < 20 << (2 * (rear.levels - 1))  # refined here and there
     for sag, spans in zip(lens.sags, ((5, 4),) if len(lens.sags) == 1 else ((4, 4), (5, 4)), strict=True):
@@ -230,7 +230,7 @@ def test_a_problem_symmetric_in_one_direction_keeps_that_one(tmp_path, two_threa
     """A crescent is its own mirror image in x only."""
     changes = TOPHAT | {"target.shape": "crescent", "lens.rear.freeform.max_level": 1}
     problem = load_problem(write_problem(tmp_path, changes))
-    lens, _ = design(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
+    lens, _ = shape_lens(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
     sag = lens.rear.sag
     by_function = rows_by_name(sag.space.functions, sag.coefficients)
     across = [abs(by_function[n, (5 << n) + 2 - i, j] - v) for (n, i, j), v in by_function.items()]

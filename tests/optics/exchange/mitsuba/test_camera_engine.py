@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("mitsuba")
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import design
+from optics.designing.optimisation import shape_lens
 from optics.exchange.mitsuba import mesh_engine
 from optics.exchange.mitsuba.camera_engine import wide_screen
 from optics.exchange.mitsuba.engine_choice import mitsuba_engine
@@ -107,7 +107,7 @@ def test_a_lens_without_reflections_is_refused(problem_file, backend):
 def test_a_whole_design_runs_through_all_levels(problem_file, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
     system = OpticalSystem(load_problem(problem_file(changes)))
-    _, state = design(system, backend, mitsuba_engine("mitsuba-ptracer", 1))
+    _, state = shape_lens(system, backend, mitsuba_engine("mitsuba-ptracer", 1))
     fits = [row.fit for row in state.history]
     assert len({row.level for row in state.history}) == 3
     assert min(fits) <= fits[0]

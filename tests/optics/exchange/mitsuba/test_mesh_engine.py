@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
-from optics.designing.optimisation import design, summed_over_cells, vertex_knots
+from optics.designing.optimisation import shape_lens, summed_over_cells, vertex_knots
 from optics.exchange.mitsuba import mesh_engine
 from optics.exchange.mitsuba.engine_choice import mitsuba_engine
 from optics.exchange.mitsuba.loading import load_mitsuba
@@ -50,9 +50,9 @@ def models(folder, backend, changes, window, axes):
     system = OpticalSystem(load_problem(write_problem(folder, changes)))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
-    film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window)
+    film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window, axes)
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
-    return *(e.model(system, lens, film, axes) for e in engines), lens
+    return *(e.model(system, lens, film) for e in engines), lens
 
 
 def error(found, wanted):
@@ -120,7 +120,7 @@ def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend
         load_problem(problem_file({"optimizer.start": "flat", "optimizer.iterations": [3]}))
     )
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
-    states = [design(system, backend, engine)[1] for engine in engines]
+    states = [shape_lens(system, backend, engine)[1] for engine in engines]
     fits = [[row.fit for row in state.history] for state in states]
     assert len({row.level for row in states[1].history}) == 3
     assert min(fits[1]) < 0.8 * fits[1][0]

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
-from optics.designing.optimisation import design, vertex_knots
+from optics.designing.optimisation import shape_lens, vertex_knots
 from optics.exchange.mitsuba.engine_choice import mitsuba_engine
 from optics.exchange.mitsuba.integrator import light_integrator
 from optics.exchange.mitsuba.loading import load_mitsuba
@@ -40,10 +40,10 @@ def models(folder, backend, changes, window, axes):
     system = OpticalSystem(load_problem(write_problem(folder, changes)))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.3, k)) for k, s in enumerate(lens.sags)])
-    film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window)
+    film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window, axes)
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
     bar = np.random.default_rng(4).standard_normal(film.screen.padded)
-    return *(e.model(system, lens, film, axes) for e in engines), lens, (bar, 0.3)
+    return *(e.model(system, lens, film) for e in engines), lens, (bar, 0.3)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -100,7 +100,7 @@ def test_a_whole_design_ends_where_that_of_the_exact_engine_does(problem_file, b
     """Its film rounds weights by 6e-8; six steps of L-BFGS make more of that."""
     system = OpticalSystem(load_problem(problem_file()))
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
-    states = [design(system, backend, engine)[1] for engine in engines]
+    states = [shape_lens(system, backend, engine)[1] for engine in engines]
     fits = [min(row.fit for row in state.history) for state in states]
     assert np.array_equal(*(state.sags[0].space.cells for state in states))
     assert fits[1] == pytest.approx(fits[0], abs=1e-4)

@@ -80,7 +80,7 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, mo
     def interrupted(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("optics.interface.api.design_run.shape", interrupted)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
     problem = write_problem(tmp_path, QUICK | {"lens.index": 1.6})
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before
@@ -94,7 +94,7 @@ def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, mo
         (tmp_path / "out" / "lens.step").mkdir()
         return system.lens, State(False, 0, system.lens.sags)
 
-    monkeypatch.setattr("optics.interface.api.design_run.shape", designed)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", designed)
     assert main(["design", str(write_problem(tmp_path, QUICK)), "--out", str(tmp_path / "out")]) == 2
     *progress, message = capsys.readouterr().err.splitlines()
     assert all("% done" in line for line in progress)

@@ -27,7 +27,7 @@ FEWEST_OPERATIONS = 60
 
 
 STEPS = {  # of a design that compute: module and function
-    "optics.interface.api.design_run": "shape",
+    "optics.interface.api.design_run": "shape_lens",
     "optics.interface.api.design_record": "_measured",
     "optics.interface.api.design_files": "_checks",
     "optics.interface.commands.design_command": "system_of",
@@ -96,16 +96,16 @@ def replayed(kept, monkeypatch):
     def answers():
         yield kept.answers, kept.answers
 
-    def shaped(system, backend, engine, state, progress, keep, *_):
-        lens, final = kept.values["shape"]
+    def shaped(system, backend, engine, state, start, listener):
+        lens, final = kept.values["shape_lens"]
         for stage in (0, final.stage):  # as two levels would
-            keep(State(final.moved, stage, final.sags, final.history))
+            listener.checkpoint(State(final.moved, stage, final.sags, final.history))
         return lens, final
 
     monkeypatch.setattr("optics.interface.api.helpers", answers)
     for module, function in STEPS.items():
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
-    monkeypatch.setattr("optics.interface.api.design_run.shape", shaped)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
     monkeypatch.setattr("optics.reporting.figures.scene_paths", lambda *_: [])
     monkeypatch.setattr("optics.designing.prediction.resolved", lambda system, backend: (system, None))
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])

@@ -181,7 +181,7 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
 
     problem, out = stopped_copy
     write_problem(problem.parent, LONG | {"title": "other"})
-    monkeypatch.setattr("optics.interface.api.design_run.shape", interrupted)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert "nothing was kept" in capsys.readouterr().err
 
@@ -192,7 +192,7 @@ def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, ca
     def interrupted(*arguments):
         raise Interrupted(some_state())
 
-    monkeypatch.setattr("optics.interface.api.design_run.shape", interrupted)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
     problem = write_problem(tmp_path, {"lens.rear.freeform.max_level": "auto"})
     arguments = ["design", str(problem), "--out", str(tmp_path / "out")]
     for more in ([], ["--resume", "--iterations", "9"], ["--resume"], ["--resume", "--iterations", "7"]):

@@ -34,8 +34,8 @@ def model_of(folder, backend, changes, window, axes=(), pixels=24, rays=(91, 87)
     system = OpticalSystem(load_problem(write_problem(folder, changes)))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.05, k)) for k, s in enumerate(lens.sags)])
-    film = Film(system.target.screen(48 // pixels, 3), rays, window)
-    return ExactEngine(backend).model(system, lens, film, axes), [sag.coefficients for sag in lens.sags]
+    film = Film(system.target.screen(48 // pixels, 3), rays, window, axes)
+    return ExactEngine(backend).model(system, lens, film), [sag.coefficients for sag in lens.sags]
 
 
 @pytest.mark.parametrize("name", CASES)

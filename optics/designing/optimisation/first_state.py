@@ -1,0 +1,85 @@
+"""The state that a run starts from: flat, or with the surface of a transport map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from optics.base.runtime import NumericalError
+from optics.designing.optimisation.level_objective import stage_objective
+from optics.designing.optimisation.stage_plan import stages
+from optics.designing.optimisation.state import State, first_sags
+from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from thbcad.lens import require_sound
+
+if TYPE_CHECKING:
+    from optics.base.runtime import Backend
+    from optics.light.engines import Engine
+    from optics.scene.system import OpticalSystem
+    from thbcad.lens import Lens
+    from thbcad.surfaces import THBSurface
+
+
+def first_state(
+    system: OpticalSystem, start: TransportStart | None, flux: float, engine: Engine
+) -> tuple[State, TransportFit | None]:
+    """Return the state of a new run, and the fit of the transport map, if any.
+
+    flux : that the unoptimised lens sends on, W.
+    """
+    flat = State(False, 0, first_sags(system, False))
+    if start is None:
+        return flat, None
+    moved, fit = fitted(State(True, 0, first_sags(system, True)), start)
+    if start.follows(fit):
+        return moved, fit
+    cut, _ = fitted(flat, start)
+    stage = stages(system, False)[0]
+    target = system.target.irradiance(stage.screen, flux)
+
+    def loss(state: State) -> float:
+        objective = stage_objective(system, with_sags(system.lens, state.sags), stage, target, engine)
+        return objective([sag.coefficients for sag in state.sags]).loss
+
+    return min(cut, flat, key=loss), fit
+
+
+def transport_start(
+    system: OpticalSystem,
+    backend: Backend,
+    state: State | None,
+    note: Callable[[str], object],
+    start: TransportStart | None,
+) -> TransportStart | None:
+    """Return the start by optimal transport, or None where the run needs none.
+
+    It needs none where the problem asks for a flat start, where the map asks for too much sag, and where
+    the state to go on from has no level before it.
+    """
+    if system.problem.optimizer.start == "flat":
+        return None
+    if state is not None:
+        plan = stages(system, state.moved)
+        if not state.moved or state.stage >= len(plan) or plan[state.stage].level == plan[-1].level:
+            return None
+    start = start or TransportStart(system, backend)
+    if start.traced is None or start.within(start.traced):
+        return start
+    note(start.note(start.traced) + "; the design starts from the base surface instead")
+    return None
+
+
+def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
+    """Return the state with the sag of the transport map on the mesh that it shapes, and the fit."""
+    fit = start.fit(state.sags[-1].space)
+    return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
+
+
+def with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
+    try:
+        return require_sound(lens.with_sags(sags))
+    except ValueError as error:
+        raise NumericalError(
+            f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"
+        ) from None
