@@ -209,7 +209,7 @@ def test_a_signal_ends_the_command_with_one_line_also_while_it_ends(moment):
     """And a second one, while the first is answered."""
     program = f"""
 import atexit, os, signal, sys
-from optics import commands
+from optics.interface import commands
 signal.signal(signal.SIGINT, signal.default_int_handler)
 stop = lambda *_: os.kill(os.getpid(), signal.SIGINT)
 if {moment!r} == "again":

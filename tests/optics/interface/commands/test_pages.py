@@ -7,7 +7,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from optics import sweeps
+from optics.interface import sweeps
 from optics.interface.commands import main
 from optics.interface.sweeps import run_sweep
 from tests.browser import Browser, browser_path, pdf_pages

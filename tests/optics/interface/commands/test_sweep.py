@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from optics import sweeps
+from optics.interface import sweeps
 from optics.interface.commands import main
 from optics.interface.sweeps import run_sweep
 from tests.cases import EXAMPLES
