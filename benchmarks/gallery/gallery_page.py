@@ -13,13 +13,13 @@ SECONDS, ERROR, LIGHT, FUNCTIONS = (
     "light on the target",
     "degrees of freedom",
 )
-PICTURES = {"scene": "The scene", "light": "The light on the target", "solid": "The solid"}
+PICTURES = ("scene", "light", "solid")
 ACROSS = 5  # pictures of the contact sheet in a row
 INTRODUCTION = """\
 # Gallery
 
-Every lens here comes from one short problem file. `make gallery` designs all of them, and writes this page
-and its pictures.
+Lenses that the program designs, with their light and the commands that make them. Each comes from one short
+problem file. `make gallery` designs all of them, and writes this page and its pictures.
 
 - The time is that of the whole command, from its start to the verified STEP file, on the machine that
   [benchmarks](benchmarks.md#gallery) names.
@@ -39,10 +39,16 @@ it in a browser.
 
 def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
-    head = ["lens", "source", "target", "free", "error", "time"]
-    rows = [[f"[{x.title}]({_anchor(x)})", x.source, x.target, x.free, _error(x), _time(x)] for x in LENSES]
-    table = _table([head, ["---"] * 4 + ["---:"] * 2, *rows])
+    head = ["lens", "source", "target", "free", "error", "light on the target", "coefficients", "time"]
+    rows = [_row(lens) for lens in LENSES]
+    table = _table([head, ["---"] * 4 + ["---:"] * 4, *rows])
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
+
+
+def _row(lens: Shown) -> list[str]:
+    words = [f"[{lens.title}]({_anchor(lens)})", lens.source, lens.target, lens.free]
+    marks = ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (FUNCTIONS, "0 000"), (SECONDS, "0.0 s"))
+    return [*words, *(_mark(lens, row, like) for row, like in marks)]
 
 
 def _contact_sheet() -> str:
@@ -58,7 +64,7 @@ def _table(rows: list[list[str]]) -> str:
 
 
 def _picture(lens: Shown, kind: str) -> str:
-    return f"![{PICTURES[kind]}: {lens.title}](gallery/{lens.name}_{kind}.webp)"
+    return f"![{lens.title}](gallery/{lens.name}_{kind}.webp)"
 
 
 def commands(lens: Shown, out: str) -> list[list[str]]:
@@ -68,7 +74,7 @@ def commands(lens: Shown, out: str) -> list[list[str]]:
 
 
 def _section(lens: Shown) -> str:
-    pictures = _table([[*PICTURES.values()], ["---"] * 3, [_picture(lens, kind) for kind in PICTURES]])
+    pictures = _table([[*PICTURES], ["---"] * 3, [_picture(lens, kind) for kind in PICTURES]])
     code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
     return f"""\
 ## {lens.title}
@@ -76,22 +82,12 @@ def _section(lens: Shown) -> str:
 {lens.words}
 
 {pictures}
-Error {_error(lens)}, {_mark(lens, LIGHT, "0.0 %")} of the light arrives,
-{_mark(lens, FUNCTIONS, "0 000")} coefficients, {_time(lens)}.
 Problem file: [{lens.problem}](../examples/{lens.problem}).
 
 ```
 {code}
 ```
 """
-
-
-def _error(lens: Shown) -> str:
-    return _mark(lens, ERROR, "0.00 %")
-
-
-def _time(lens: Shown) -> str:
-    return _mark(lens, SECONDS, "0.0 s")
 
 
 def _mark(lens: Shown, row: str, like: str) -> str:

@@ -8,7 +8,6 @@ from benchmarks.thesis.chapter6.batch_tables import (
     FIGURES,
     SAME,
     alpha,
-    apart,
     batches,
     departure,
     dof,
@@ -16,7 +15,6 @@ from benchmarks.thesis.chapter6.batch_tables import (
     four,
     last,
     percent,
-    power,
     short,
     three,
     yes,
@@ -167,17 +165,13 @@ def _span() -> Claim:
 
 
 def _tables(results: Results) -> list[Table]:
-    numbers = dict(results["thb"].numbers)
-    numbers["second"] = apart(numbers)
     per_batch = (
         ("step", "step", short),
         ("alpha after it", "alpha", alpha),
         ("loss", "loss", four),
         ("can exist", "exists", yes),
-        ("STEP traced, relative difference", "second", power),
         ("onto the target / W", "onto_target", three),
         ("roughness", "roughness", three),
-        ("change of vertex gradients", "change_of_gradients", three),
         ("change of the centre / mm", "changed_centre", short),
         ("change outside / mm", "changed_ring", short),
     )
@@ -192,7 +186,7 @@ def _tables(results: Results) -> list[Table]:
     table = ends("What becomes of the source's 1 W, with all reflections.", results, every, flux)
     asked = ["the thesis", f"{THROUGH:.3f}", "-", f"{LIT:.3f}", f"{BACK:.3f}"]
     return [
-        batches("The thesis's method, at the end of every batch.", numbers, DOF, per_batch),
+        batches("The thesis's method, at the end of every batch.", results["thb"].numbers, DOF, per_batch),
         Table(table.caption, table.head, [asked, *table.rows]),
         ends("All runs at their ends, on fresh rays and box pixels.", results, every, final),
     ]
@@ -212,8 +206,7 @@ def _pictures() -> list[Picture]:
         ),
         Picture(
             "study8_ends",
-            "Ends of runs on fresh rays and box pixels. Top: irradiance. Middle: irradiance to the power "
-            "0.2, which shows faint light. Bottom: surface less its conic.",
+            "Ends of runs, in the same rows as for the pearl.",
         ),
         Picture("study8_lens", "The lens from left, centre and right, before (top) and after (bottom)."),
         Picture(
@@ -228,18 +221,18 @@ def _pictures() -> list[Picture]:
 def _choices(thb: Numbers) -> list[Choice]:
     alphas = ", ".join(alpha(a) for a in thb["alpha"])
     return [
-        Choice("Extended source: curved target (a picture only)", "the project's crescent"),
-        Choice("Extended source: iterations of a batch (not in the text)", "250, as for the pearl"),
+        Choice("curved target (a picture only)", "the project's crescent"),
+        Choice("iterations of a batch (not in the text)", "250, as for the pearl"),
         Choice(
-            "Extended source: steps of Adam (shown in a figure only)",
+            "steps of Adam (shown in a figure only)",
             f"{FIRST:g} in the first batch, times {FALL:g} in every further one, as for the pearl",
         ),
         Choice(
-            "Extended source: thresholds alpha (shown in a figure only)",
+            "thresholds alpha (shown in a figure only)",
             f"those that come nearest to the DOF in the text: {alphas}",
         ),
         Choice(
-            "Extended source: rays through the rim of a surface",
+            "rays through the rim of a surface",
             "all count fully, as in the thesis; the project's own designs let them fade",
         ),
     ]

@@ -48,7 +48,6 @@ def section(results: Results) -> Section:
         _pictures(),
         [
             Choice("samples of Figure 7.4: 10 000 001", f"{samples}, and a period one step longer"),
-            Choice("rect(1.02 x / 0.51) in the caption of Figure 7.4", "the half-width 0.51 of the text"),
             Choice("scale of the image for mu of the maximum entropy", "a peak of 255, as of 8-bit images"),
         ],
     )
