@@ -149,7 +149,7 @@ def _search_table(searches: Searches) -> Table:
         (
             name,
             f"{found['step']:g}" if "step" in found else "-",
-            *(f"{found[key]:.3f}" for key in ("at_10", "at_3", "at_1")),
+            *(f"{found[key]:.3f}" for key in ("at_3", "at_1")),
             f"{found['steps']}",
             f"{found['rel_l2']:.3f}",
             f"{found['efficiency']:.3f}",
@@ -158,9 +158,9 @@ def _search_table(searches: Searches) -> Table:
         )
         for name, found in searches.items()
     ]
-    head = ("method", "step", "loss at 1/10", "loss at 1/3", "least loss", "steps taken")
+    head = ("method", "step", "loss at 1/3", "least loss", "steps taken")
     return Table(
-        "Every method with the same number of evaluations: the least loss after a tenth and a third of "
+        "Every method with the same number of evaluations: the least loss after a third of "
         "them, and at the end; figures of merit of the best lens on fresh rays and box pixels.",
         (*head, "rel_l2", "efficiency", "stray", "roughness"),
         rows,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from benchmarks.thesis.chapter5.fixed_nets_claims import claims
-from benchmarks.thesis.chapter5.fixed_nets_runs import CONTROL_NET, TARGETS, trial_names
+from benchmarks.thesis.chapter5.fixed_nets_runs import CONTROL_NET, TARGETS
 from benchmarks.thesis.pages import Choice, Picture, Section, Table
 from benchmarks.thesis.records import Results
 
 TITLE = "Fixed nets and step sizes"
 HEAD = ("run", "iterations", "rel_l2", "astray", "roughness", "loss")
+KINDS = ("1e-3", "1e-4", "L-BFGS", "transport")
 CHOICES = (
     Choice("R of the rear.", "+1000 mm: half-width 71.25 mm."),
     Choice("Outline of the top hat.", "A square of 60 % of the target's width."),
@@ -41,7 +42,7 @@ def section(results: Results) -> Section:
         title=TITLE,
         text=_text(results),
         claims=claims(results),
-        tables=[_main_table(results), _control_table(results)],
+        tables=[_net_table(results), _control_table(results)],
         pictures=_pictures(results),
         choices=CHOICES,
     )
@@ -70,18 +71,30 @@ def _text(results: Results) -> list[str]:
         "nothing calls it back.",
         f"Controls on {CONTROL_NET} x {CONTROL_NET} control points: light and wanted light both filtered; a "
         "Gaussian of 1 pixel; pixels merged 4 x 4, then 2 x 2, then not at all. Controls on all nets: "
-        "L-BFGS from the flat start, and from the sag that optimal transport gives.",
+        "L-BFGS from the flat start, and from the sag that optimal transport gives. Lists of numbers go from "
+        "the smallest net to the largest.",
     ]
 
 
-def _main_table(results: Results) -> Table:
-    names = [n for t in TARGETS for kind in ("1e-3", "1e-4") for n in trial_names(results, t, kind)]
-    return Table("Runs of the thesis.", HEAD, [_row(results, name) for name in names])
+def _net_table(results: Results) -> Table:
+    nets = sorted({found.numbers["net"] for found in results.values()})
+    rows = [[f"{t}, {kind}", *(_cell(results, t, n, kind) for n in nets)] for t in TARGETS for kind in KINDS]
+    return Table(
+        "All nets: rel_l2, light astray in %, roughness.", ["run", *(f"{n} x {n}" for n in nets)], rows
+    )
+
+
+def _cell(results: Results, target: str, net: int, kind: str) -> str:
+    name = f"{target} {net} {kind}"
+    if name not in results:
+        return "-"
+    r = results[name].numbers
+    return f"{r['rel_l2']:.2f}, {abs(100 * r['astray']):.1f}, {r['roughness']:.3g}"
 
 
 def _control_table(results: Results) -> Table:
-    names = [name for name in results if not name.endswith(("1e-3", "1e-4"))]
-    return Table("Controls.", HEAD, [_row(results, name) for name in names])
+    names = [name for name in results if not name.endswith(KINDS)]
+    return Table("Other controls.", HEAD, [_row(results, name) for name in names])
 
 
 def _row(results: Results, name: str) -> list[str]:

@@ -12,7 +12,6 @@ from benchmarks.thesis.records import Results
 TITLE = "Networks as parametrisation"
 HEAD = (
     "run",
-    "parameters",
     "iterations to the mark",
     "final loss",
     "rel_l2",
@@ -56,6 +55,7 @@ def section(results: Results) -> Section:
 
 def _text(results: Results) -> list[str]:
     n = round(results["NN 1e-3"].numbers["parameters"] ** 0.5)
+    sparse, dense = (results[f"{kind} 1e-3"].numbers["parameters"] for kind in ("US", "UD"))
     seeds = len(with_seeds(results, "US", SEEDED[0]))
     return [
         f"A lens is to light a disk, from a flat start. Adam changes the heights of {n} x {n} control "
@@ -63,8 +63,8 @@ def _text(results: Results) -> list[str]:
         "heights. The network has three layers of as many neurons as there are control points, each with "
         "tanh, and a constant input. In the dense one (UD) every neuron takes all of the layer before. In "
         "the sparse ones (US, RS) it takes those whose splines overlap its own; every connection has its "
-        "own weight. US and RS differ in the start only: small uniform weights, or weights of ordinary "
-        "size.",
+        f"own weight. Sparse networks have {sparse} parameters, the dense one {dense}. US and RS differ in "
+        "the start only: small uniform weights, or weights of ordinary size.",
         "Scripts: [networks.py](../../examples/thesis/networks.py), "
         "[height_network.py](../../examples/thesis/height_network.py), "
         "[sparse_layers.py](../../examples/thesis/sparse_layers.py).",
@@ -108,7 +108,6 @@ def _row(results: Results, name: str) -> list[str]:
     time = reached(results, name)
     return [
         name,
-        f"{r['parameters']}",
         "-" if time is None else f"{time}",
         f"{r['loss']:.4f}",
         f"{r['rel_l2']:.3f}",
@@ -122,14 +121,9 @@ def _seed_table(results: Results) -> Table:
     for kind in KINDS:
         for step in SEEDED:
             found = with_seeds(results, kind, step)
-            losses, rough = ([row[key] for row in found] for key in ("loss", "roughness"))
-            rows.append((f"{kind} {step}", _spread(losses, ".4f"), _spread(rough, ".2f")))
-    head = ("runs", "final loss: mean (least to greatest)", "roughness: mean (least to greatest)")
-    return Table("Spread over seeds.", head, rows)
-
-
-def _spread(values: list[float], form: str) -> str:
-    return f"{np.mean(values):{form}} ({min(values):{form}} to {max(values):{form}})"
+            losses = [row["loss"] for row in found]
+            rows.append((f"{kind} {step}", *(f"{f(losses):.4f}" for f in (np.mean, min, max))))
+    return Table("Final loss over seeds.", ("runs", "mean", "least", "greatest"), rows)
 
 
 def _pictures() -> list[Picture]:

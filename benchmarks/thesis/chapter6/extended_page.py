@@ -166,8 +166,6 @@ def _span() -> Claim:
 
 def _tables(results: Results) -> list[Table]:
     per_batch = (
-        ("step", "step", short),
-        ("alpha after it", "alpha", alpha),
         ("loss", "loss", four),
         ("can exist", "exists", yes),
         ("onto the target / W", "onto_target", three),
@@ -181,7 +179,7 @@ def _tables(results: Results) -> list[Table]:
         ("on the lit shape / W", "lit", three),
         ("back / W", "back", three),
     )
-    final = (("DOF", "dof", dof), ("evaluations", "evaluations", dof), ("loss", "loss", four), *FIGURES)
+    final = (("DOF", "dof", dof), ("loss", "loss", four), *FIGURES)
     every = METHOD | OWN
     table = ends("What becomes of the source's 1 W, with all reflections.", results, every, flux)
     asked = ["the thesis", f"{THROUGH:.3f}", "-", f"{LIT:.3f}", f"{BACK:.3f}"]

@@ -216,8 +216,8 @@ def _fits(results: Results) -> Table:
                 f"{excesses[k]:.2%}",
                 f"{n['rms'][k]:.2g}",
             )
-            rows.append((name, str(k), step, str(n["dof"][k]), str(n["evaluations"][k]), *losses))
-    head = ("run", "level", "step", "DOF", "evaluations", "loss", "least loss", "excess", "rms error")
+            rows.append((name, str(k), step, str(n["dof"][k]), *losses))
+    head = ("run", "level", "step", "DOF", "loss", "least loss", "excess", "rms error")
     return Table(
         "Ends of the batches, of the controls of the last. The least loss is that of least squares on the "
         "same mesh.",

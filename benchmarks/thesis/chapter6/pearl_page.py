@@ -12,7 +12,6 @@ from benchmarks.thesis.chapter6.batch_tables import (
     four,
     last,
     percent,
-    short,
 )
 from benchmarks.thesis.chapter6.pearl_claims import claims
 from benchmarks.thesis.chapter6.pearl_runs import DOF, FALL, FIRST, GAP_COLUMNS, GAP_ROWS, INNER
@@ -72,9 +71,9 @@ def _text(results: Results) -> list[str]:
         "cells with large vertex gradients are refined.",
         "The same steps are also run with uniform refinement. The controls start with the finest net at "
         "once, and have the same number of steps. Two more controls filter the target too.",
-        "*Roughness* is the rms of the second derivatives of the sag, times the half-width. *Detail* is the "
-        "rms of what a net of 10 x 10 control points cannot follow. Both count the whole surface. *Stray* is "
-        "the light that leaves the lens and misses the target. rel_l2 compares box pixels, on fresh rays.",
+        "*Roughness* is the rms of the second derivatives of the sag over the whole surface, times the "
+        "half-width. *Stray* is the light that leaves the lens and misses the target. rel_l2 compares box "
+        "pixels, on fresh rays.",
     ]
     text.append(_own_text(results))
     if "ptracer" in results:
@@ -104,8 +103,6 @@ def _own_text(results: Results) -> str:
 
 def _tables(results: Results) -> list[Table]:
     per_batch = (
-        ("step", "step", short),
-        ("alpha after it", "alpha", alpha),
         ("loss", "loss", four),
         *(figure for figure in FIGURES if figure[1] in ("rel_l2", "stray", "roughness")),
     )
@@ -121,7 +118,9 @@ def _tables(results: Results) -> list[Table]:
         ("CPU s", "cpu_seconds", dof),
     )
     tables.append(ends("All runs by the thesis's method, at their ends.", results, METHOD, at_end))
-    own = tuple(column for column in at_end if column[1] not in ("loss", "detail"))
+    own = tuple(
+        column for column in at_end if column[1] in ("dof", "rel_l2", "efficiency", "stray", "roughness")
+    )
     tables.append(ends("Designs by the project's own method, `thbcad design`.", results, OWN, own))
     scanned = tuple(column for column in at_end if column[1] in ("loss", "rel_l2", "stray", "roughness"))
     scan = ends("Short runs on few pixels, by the step of the first batch.", results, SCAN, scanned)

@@ -254,7 +254,6 @@ def _methods(results: Results) -> Table:
         for k, method in enumerate(n["methods"]):
             shares = (f"{n[key][k]:.1%}" for key in ("negative", "dark"))
             rows.append((case.figure, method, f"{n['residual'][k]:.4f}", f"{n['least'][k]:.2g}", *shares))
-        rows.append((case.figure, "lower bound of non-negative light", f"{n['bound']:.4f}", "", "", ""))
     head = ("figure", "method", "residual", "least / greatest", "negative", "light beside the target")
     return Table("Figures 7.9 to 7.12 in numbers.", head, rows)
 
