@@ -53,7 +53,7 @@ def _row(lens: Shown) -> list[str]:
 
 def _contact_sheet() -> str:
     """Return the light of all lenses as small pictures that lead to their sections."""
-    cells = [f"[{_picture(lens, 'light')}]({_anchor(lens)})" for lens in LENSES]
+    cells = [f"[![{x.title}](gallery/{x.name}_light.webp)]({_anchor(x)})" for x in LENSES]
     cells += [""] * (-len(cells) % ACROSS)
     rows = [cells[k : k + ACROSS] for k in range(0, len(cells), ACROSS)]
     return _table([rows[0], ["---"] * ACROSS, *rows[1:]])
@@ -64,7 +64,7 @@ def _table(rows: list[list[str]]) -> str:
 
 
 def _picture(lens: Shown, kind: str) -> str:
-    return f"![{lens.title}](gallery/{lens.name}_{kind}.webp)"
+    return f"![{kind}](gallery/{lens.name}_{kind}.webp)"
 
 
 def commands(lens: Shown, out: str) -> list[list[str]]:
