@@ -39,15 +39,15 @@ it in a browser.
 
 def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
-    head = ["lens", "source", "target", "free", "error", "light on the target", "coefficients", "time"]
+    head = ["lens", "source", "target", "free", "error", "light on the target", "time"]
     rows = [_row(lens) for lens in LENSES]
-    table = _table([head, ["---"] * 4 + ["---:"] * 4, *rows])
+    table = _table([head, ["---"] * 4 + ["---:"] * 3, *rows])
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
 
 
 def _row(lens: Shown) -> list[str]:
     words = [f"[{lens.title}]({_anchor(lens)})", lens.source, lens.target, lens.free]
-    marks = ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (FUNCTIONS, "0 000"), (SECONDS, "0.0 s"))
+    marks = ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SECONDS, "0.0 s"))
     return [*words, *(_mark(lens, row, like) for row, like in marks)]
 
 

@@ -54,11 +54,7 @@ def _text(rows: Rows) -> list[str]:
         "Penalties: Tikhonov ||c||^2 (4.35), smoothness ||L c||^2 with the discrete Laplacian L of the net "
         "(4.36), the barrier -log(b - c) - log(b + c) (4.37, 4.38), the entropy sum p log p of p = (c + "
         "b)/(2 b) (4.39), and this project's bending energy h^2 mean |D^2 s|^2. Each has a weight mu.",
-        "The product keeps its own range function, the bending energy, and limits. The range function y/(1 "
-        "+ |y|^8)^(1/8) is the identity inside the bound, so that coefficients which do not meet the bound "
-        "are not bent. Its bending energy does not depend on the net. Limits of thickness, radius and "
-        "slope are charged by an augmented Lagrangian and then proven, since neither a penalty nor a bound "
-        "of coefficients proves what a manufacturer asks for.",
+        "The project's own range function y/(1 + |y|^8)^(1/8) is the identity inside the bound.",
         _best_text(rows),
     ]
 

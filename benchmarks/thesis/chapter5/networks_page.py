@@ -82,8 +82,7 @@ def _amplification(results: Results) -> str:
     moves = {kind: results[f"{kind} 1e-4"].numbers["usual_move"] for kind in ("NN", "US", "UD")}
     return (
         f"At a step of 1e-4 the dense network moves a height {moves['UD'] / moves['NN']:.0f} times as far in "
-        f"an iteration as no network does, the sparse one {moves['US'] / moves['NN']:.1f} times as far: a "
-        "network multiplies the step."
+        f"an iteration as no network does, the sparse one {moves['US'] / moves['NN']:.1f} times as far."
     )
 
 

@@ -112,15 +112,11 @@ def _tables(results: Results) -> list[Table]:
         tables.append(batches(caption, results[name].numbers, row, per_batch))
     at_end = (
         ("DOF", "dof", dof),
-        ("evaluations", "evaluations", dof),
         ("loss", "loss", four),
         *FIGURES,
-        ("CPU s", "cpu_seconds", dof),
     )
     tables.append(ends("All runs by the thesis's method, at their ends.", results, METHOD, at_end))
-    own = tuple(
-        column for column in at_end if column[1] in ("dof", "rel_l2", "efficiency", "stray", "roughness")
-    )
+    own = tuple(column for column in at_end if column[1] in ("dof", "rel_l2", "stray", "roughness"))
     tables.append(ends("Designs by the project's own method, `thbcad design`.", results, OWN, own))
     scanned = tuple(column for column in at_end if column[1] in ("loss", "rel_l2", "stray", "roughness"))
     scan = ends("Short runs on few pixels, by the step of the first batch.", results, SCAN, scanned)
