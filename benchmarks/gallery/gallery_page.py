@@ -27,8 +27,8 @@ problem file. `make gallery` designs all of them, and writes this page and its p
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
-- Pictures of light look as a camera shows them. Long distances are drawn shorter than they are. Where a
-  surface is finely shaped, its relief is shaded steeper than it is.
+- The pictures of a lens are the scene, the light on the target as a camera shows it, and the solid. Long
+  distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact
@@ -41,7 +41,7 @@ def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
     head = ["lens", "source", "target", "free", "error", "light on the target", "time"]
     rows = [_row(lens) for lens in LENSES]
-    table = _table([head, ["---"] * 4 + ["---:"] * 3, *rows])
+    table = _table([head, *rows], "|---" * 4 + "|---:" * 3)
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
 
 
@@ -56,11 +56,13 @@ def _contact_sheet() -> str:
     cells = [f"[![{x.title}](gallery/{x.name}_light.webp)]({_anchor(x)})" for x in LENSES]
     cells += [""] * (-len(cells) % ACROSS)
     rows = [cells[k : k + ACROSS] for k in range(0, len(cells), ACROSS)]
-    return _table([rows[0], ["---"] * ACROSS, *rows[1:]])
+    return _table(rows, "|---" * ACROSS)
 
 
-def _table(rows: list[list[str]]) -> str:
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+def _table(rows: list[list[str]], line: str) -> str:
+    """Return a table; line : what stands below its first row."""
+    first, *others = (f"| {' | '.join(cells)} |\n" for cells in rows)
+    return "".join([first, f"{line}|\n", *others])
 
 
 def _picture(lens: Shown, kind: str) -> str:
@@ -74,7 +76,7 @@ def commands(lens: Shown, out: str) -> list[list[str]]:
 
 
 def _section(lens: Shown) -> str:
-    pictures = _table([[*PICTURES], ["---"] * 3, [_picture(lens, kind) for kind in PICTURES]])
+    pictures = _table([[_picture(lens, kind) for kind in PICTURES]], "|---|---|---")
     code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
     return f"""\
 ## {lens.title}

@@ -100,5 +100,7 @@ def verdicts_text(sections: Sequence[Section], page: Callable[[int], str]) -> st
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines)
+    first, *others = (
+        f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in (head, *rows)
+    )
+    return "\n".join([first, "|---" * len(head) + "|", *others])
