@@ -76,7 +76,7 @@ def commands(lens: Shown, out: str) -> list[list[str]]:
 
 
 def _section(lens: Shown) -> str:
-    pictures = _table([[_picture(lens, kind) for kind in PICTURES]], "|---|---|---")
+    pictures = _table([[*PICTURES], [_picture(lens, kind) for kind in PICTURES]], "|---|---|---")
     code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
     return f"""\
 ## {lens.title}
