@@ -28,7 +28,6 @@ def section(results: Results) -> Section:
         _text(lenses),
         [*_thin_claims(thin), *_lens_claims(lenses)],
         [
-            _gradient_table(thin),
             _cost_table(lenses),
             _noise(noisy),
         ],
@@ -144,24 +143,6 @@ def _lens_claims(lenses: Rows) -> list[Claim]:
             max(reverse) < LITTLE,
         ),
     ]
-
-
-def _gradient_table(thin: Numbers) -> Table:
-    methods = ("forward difference", "central difference")
-    rows = [
-        (
-            f"{d_o:g}",
-            *(f"{value:.9g}" for value in found["symbolic"]),
-            *(f"{_error(found[name], found['symbolic']):.0e}" for name in methods),
-        )
-        for d_o, found in zip(D_O, thin["gradients"])
-    ]
-    return Table(
-        "Gradients of the thin lens, symbolic, and the greater relative error of both entries by differences "
-        "of the step 1e-6.",
-        ("d_o", "dL/df", "dL/dd_o", *methods),
-        rows,
-    )
 
 
 def _error(found: Sequence[float], wanted: Sequence[float]) -> float:

@@ -24,7 +24,7 @@ def section(results: Results) -> Section:
         "Optimisers",
         _text(scans, searches),
         _claims(scans, searches),
-        [_scan_table(scans), _search_table(searches)],
+        [_search_table(searches)],
         (
             Picture("study2_losses", "Least loss so far by evaluations and by seconds."),
             Picture("study2_steps", "The scan of steps, and the loss of every evaluation at the best step."),
@@ -127,20 +127,6 @@ def _line_claim(line: Numbers, plain: Numbers) -> Claim:
         f"{line['at_1']:.3f}; the constant step ends at {plain['at_1']:.3f} after {plain['steps']} (holds "
         "where a step takes more than one evaluation).",
         per_step > 1,
-    )
-
-
-def _scan_table(scans: Searches) -> Table:
-    rows = []
-    for name, scan in scans.items():
-        k, losses = _best(scan), [f"{loss:.3f}" for loss in scan["losses"]]
-        ends = ["-", *losses, "-"]  # beside the scan
-        rows.append((name, f"{scan['steps'][k]:g}", ends[k], losses[k], ends[k + 2]))
-    trials = next(iter(scans.values()))["trials"]
-    return Table(
-        f"The scan of steps: least loss in {trials} evaluations.",
-        ("method", "best step", "loss at a tenth of it", "loss at the best step", "loss at ten times it"),
-        rows,
     )
 
 

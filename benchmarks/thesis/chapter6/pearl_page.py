@@ -43,7 +43,6 @@ OWN = {
 }
 OWN_MESHES = ("own, alpha 0.3", "own, alpha 1", "own, alpha 2")
 EQUAL = 1.05  # ratio of errors that count as equal, as in `thbcad bench refinement`
-SCAN = {name: name for name in ("step 0.1", "step 0.03", "step 0.01", "step 0.1, constant")}
 
 
 def section(results: Results) -> Section:
@@ -118,9 +117,7 @@ def _tables(results: Results) -> list[Table]:
     tables.append(ends("All runs by the thesis's method, at their ends.", results, METHOD, at_end))
     own = tuple(column for column in at_end if column[1] in ("dof", "rel_l2", "stray", "roughness"))
     tables.append(ends("Designs by the project's own method, `thbcad design`.", results, OWN, own))
-    scanned = tuple(column for column in at_end if column[1] in ("loss", "rel_l2", "stray", "roughness"))
-    scan = ends("Short runs on few pixels, by the step of the first batch.", results, SCAN, scanned)
-    return [*tables, scan]
+    return tables
 
 
 def _pictures() -> list[Picture]:
