@@ -84,7 +84,7 @@ def _section(lens: Shown) -> str:
 {lens.words}
 
 {pictures}
-Problem file: [{lens.problem}](../examples/{lens.problem}).
+[{lens.problem}](../examples/{lens.problem}):
 
 ```
 {code}
