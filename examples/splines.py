@@ -1,4 +1,4 @@
-"""Splines from the knot vector to the THB surface: the pictures of docs/chapter3.md.
+"""Splines from the knot vector to the THB surface: the pictures of docs/thesis/chapter3.md.
 
     python examples/splines.py [folder]
 

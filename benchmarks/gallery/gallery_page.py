@@ -13,13 +13,13 @@ SECONDS, ERROR, LIGHT, FUNCTIONS = (
     "light on the target",
     "degrees of freedom",
 )
-PICTURES = {"scene": "The scene", "light": "The light on the target", "solid": "The solid"}
+PICTURES = ("scene", "light", "solid")
 ACROSS = 5  # pictures of the contact sheet in a row
 INTRODUCTION = """\
 # Gallery
 
-Every lens here comes from one short problem file. `make gallery` designs all of them, and writes this page
-and its pictures.
+Lenses that the program designs, with their light and the commands that make them. Each comes from one short
+problem file. `make gallery` designs all of them, and writes this page and its pictures.
 
 - The time is that of the whole command, from its start to the verified STEP file, on the machine that
   [benchmarks](benchmarks.md#gallery) names.
@@ -27,8 +27,8 @@ and its pictures.
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
-- Pictures of light look as a camera shows them. Long distances are drawn shorter than they are. Where a
-  surface is finely shaped, its relief is shaded steeper than it is.
+- The pictures of a lens are the scene, the light on the target as a camera shows it, and the solid. Long
+  distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact
@@ -39,26 +39,34 @@ it in a browser.
 
 def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
-    head = ["lens", "source", "target", "free", "error", "time"]
-    rows = [[f"[{x.title}]({_anchor(x)})", x.source, x.target, x.free, _error(x), _time(x)] for x in LENSES]
-    table = _table([head, ["---"] * 4 + ["---:"] * 2, *rows])
+    head = ["lens", "source", "target", "free", "error", "light on the target", "time"]
+    rows = [_row(lens) for lens in LENSES]
+    table = _table([head, *rows], "|---" * 4 + "|---:" * 3)
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
+
+
+def _row(lens: Shown) -> list[str]:
+    words = [f"[{lens.title}]({_anchor(lens)})", lens.source, lens.target, lens.free]
+    marks = ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SECONDS, "0.0 s"))
+    return [*words, *(_mark(lens, row, like) for row, like in marks)]
 
 
 def _contact_sheet() -> str:
     """Return the light of all lenses as small pictures that lead to their sections."""
-    cells = [f"[{_picture(lens, 'light')}]({_anchor(lens)})" for lens in LENSES]
+    cells = [f"[![{x.title}](gallery/{x.name}_light.webp)]({_anchor(x)})" for x in LENSES]
     cells += [""] * (-len(cells) % ACROSS)
     rows = [cells[k : k + ACROSS] for k in range(0, len(cells), ACROSS)]
-    return _table([rows[0], ["---"] * ACROSS, *rows[1:]])
+    return _table(rows, "|---" * ACROSS)
 
 
-def _table(rows: list[list[str]]) -> str:
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+def _table(rows: list[list[str]], line: str) -> str:
+    """Return a table; line : what stands below its first row."""
+    first, *others = (f"| {' | '.join(cells)} |\n" for cells in rows)
+    return "".join([first, f"{line}|\n", *others])
 
 
 def _picture(lens: Shown, kind: str) -> str:
-    return f"![{PICTURES[kind]}: {lens.title}](gallery/{lens.name}_{kind}.webp)"
+    return f"![{kind}](gallery/{lens.name}_{kind}.webp)"
 
 
 def commands(lens: Shown, out: str) -> list[list[str]]:
@@ -68,7 +76,7 @@ def commands(lens: Shown, out: str) -> list[list[str]]:
 
 
 def _section(lens: Shown) -> str:
-    pictures = _table([[*PICTURES.values()], ["---"] * 3, [_picture(lens, kind) for kind in PICTURES]])
+    pictures = _table([[*PICTURES], [_picture(lens, kind) for kind in PICTURES]], "|---|---|---")
     code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
     return f"""\
 ## {lens.title}
@@ -76,22 +84,12 @@ def _section(lens: Shown) -> str:
 {lens.words}
 
 {pictures}
-Error {_error(lens)}, {_mark(lens, LIGHT, "0.0 %")} of the light arrives,
-{_mark(lens, FUNCTIONS, "0 000")} coefficients, {_time(lens)}.
-Problem file: [{lens.problem}](../examples/{lens.problem}).
+[{lens.problem}](../examples/{lens.problem}):
 
 ```
 {code}
 ```
 """
-
-
-def _error(lens: Shown) -> str:
-    return _mark(lens, ERROR, "0.00 %")
-
-
-def _time(lens: Shown) -> str:
-    return _mark(lens, SECONDS, "0.0 s")
 
 
 def _mark(lens: Shown, row: str, like: str) -> str:

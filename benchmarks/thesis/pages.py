@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 VERDICTS = ("holds", "fails", "cannot be judged")
@@ -51,7 +51,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Choice:
-    """Something that the thesis leaves open, or prints wrongly, and what was taken here."""
+    """Something that the thesis leaves open, and what was taken here."""
 
     open: str
     taken: str
@@ -81,22 +81,26 @@ def section_text(section: Section) -> str:
         blocks.append(_table(("the thesis says", "where", "found here", "verdict"), rows))
     for table in section.tables:
         blocks += [table.caption, _table(table.head, table.rows)]
-    blocks += [f"![{p.caption}]({p.name}.png)\n\n*{p.caption}*" for p in section.pictures]
+    if section.choices:
+        blocks.append(
+            _table(("left open in the thesis", "taken here"), [(c.open, c.taken) for c in section.choices])
+        )
+    blocks += [f"![{p.name}]({p.name}.png)\n\n*{p.caption}*" for p in section.pictures]
     return "\n\n".join(blocks) + "\n"
 
 
-def verdicts_text(sections: Sequence[Section]) -> str:
-    """Return one line per claim of all sections, as Markdown."""
-    rows = [(str(s.number), c.says, f"**{c.word}**") for s in sections for c in s.claims]
-    return _table(("study", "the thesis says", "verdict"), rows) + "\n"
-
-
-def choices_text(sections: Sequence[Section]) -> str:
-    """Return the choices of all sections in one table, as Markdown."""
-    rows = [(str(s.number), c.open, c.taken) for s in sections for c in s.choices]
-    return _table(("study", "left open or misprinted", "taken here"), rows) + "\n"
+def verdicts_text(sections: Sequence[Section], page: Callable[[int], str]) -> str:
+    """Return how many claims of each section hold and fail, as Markdown; page : of a section's number."""
+    rows = []
+    for section in sections:
+        words = [claim.word for claim in section.claims]
+        link = f"[{section.title}]({page(section.number)})"
+        rows.append((str(section.number), link, *(str(words.count(word)) for word in VERDICTS)))
+    return _table(("study", "on", *VERDICTS), rows) + "\n"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines)
+    first, *others = (
+        f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in (head, *rows)
+    )
+    return "\n".join([first, "|---" * len(head) + "|", *others])

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import cast
 
 from benchmarks.checkout import BUILD, ROOT
-from benchmarks.thesis.pages import Section, choices_text, section_text, verdicts_text
+from benchmarks.thesis.pages import Section, section_text, verdicts_text
 from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.base.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
@@ -42,15 +42,27 @@ RUNS = BUILD / "thesis"
 PAGES = ROOT / "docs" / "thesis"
 STORED = "results.json"  # of PAGES: the numbers of all runs
 INTRODUCTION = """\
-# The studies of the thesis
+# The thesis
 
 A. N. M. Heemels, *Composing Light* (Delft University of Technology, 2025) shapes lenses by differentiable
-ray tracing and gradual refinement. Its studies are run here with this project's exact tracer, and its claims
-are judged by numbers. `thbcad bench thesis` runs them all, `thbcad bench thesis --quick` a small version of
-each, and `--only 4` one of them; `--resume` goes on with the runs that are missing. All pages here are
-written by `thbcad bench thesis --store`. Problem files and scripts lie in
-[examples/thesis](../../examples/thesis). Misprints of the thesis are listed in
-[corrections](../corrections.md).
+ray tracing and gradual refinement. The mathematics of this project follows it.
+
+- [Corrections](corrections.md): where the thesis does not hold as printed, and what holds.
+- [Chapter 3](chapter3.md): from the knot vector to the THB surface, step by step, with pictures.
+"""
+STUDIED = """\
+## The studies
+
+The studies of the thesis are run here with this project's exact tracer, and its claims are judged by numbers.
+Each page says what was run, and for every claim what was found, and what it would take to hold. The numbers
+of all runs are in [results.json](results.json), problem files and scripts in
+[examples/thesis](../../examples/thesis).
+
+`thbcad bench thesis` runs all studies, `--quick` a small version of each, `--only 4` one of them; `--resume`
+goes on with the runs that are missing, even after `kill -9`. The pages lie in `build/thesis/full/pages` and
+`build/thesis/quick/pages`; of the full set, `--store` writes them here.
+
+In studies 2, 4, 5, 7 and 8 the loss is ||E - T|| / ||T||; Adam does not see the factor.
 """
 
 
@@ -108,9 +120,10 @@ def _texts(sections: dict[int, Section]) -> dict[str, str]:
         if present:
             out[f"chapter{chapter}.md"] = "\n".join([f"# {title}\n", *map(section_text, present)])
             links.append(f"- [{title}](chapter{chapter}.md)")
+    place = {n: f"chapter{chapter}.md" for chapter, (_, numbers) in CHAPTERS.items() for n in numbers}
     whole = [sections[n] for n in sorted(sections)]
-    parts = [INTRODUCTION, "\n".join(links) + "\n", "## Verdicts\n", verdicts_text(whole), "## Choices\n"]
-    out["README.md"] = "\n".join([*parts, choices_text(whole)])
+    parts = [INTRODUCTION + "\n".join(links) + "\n", STUDIED, verdicts_text(whole, place.__getitem__)]
+    out["README.md"] = "\n".join(parts)
     return out
 
 

@@ -286,8 +286,8 @@ def test_the_example_draws_and_counts(tmp_path):
 
 
 def test_the_pictures_of_the_page_are_those_of_the_example():
-    shown = re.findall(r"\]\((\S+\.png)\)", (ROOT / "docs/chapter3.md").read_text("utf-8"))
-    assert {(ROOT / "docs" / link).resolve() for link in shown} == {
+    shown = re.findall(r"\]\((\S+\.png)\)", (ROOT / "docs/thesis/chapter3.md").read_text("utf-8"))
+    assert {(ROOT / "docs/thesis" / link).resolve() for link in shown} == {
         p.resolve() for p in (ROOT / "examples/splines").glob("*.png")
     }
     assert len(shown) == 5

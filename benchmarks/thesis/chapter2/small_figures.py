@@ -139,7 +139,7 @@ def section(results: Results) -> Section:
             "their faces. One plate is also traced by the non-sequential tracer.",
         ],
         [*_fresnel_claims(results), *_other_claims(results)],
-        [_angles(results), _efficiencies(results)],
+        [_angles(results)],
         [
             Picture("study9_fresnel", "Transmittance by the angle of incidence (Figure 2.3)."),
             Picture(
@@ -156,7 +156,6 @@ def section(results: Results) -> Section:
             Choice(
                 "sigma and radius of the Gaussian of Figure 2.6", f"{SIGMA:g} pixels, cut at {CUT:g} sigma"
             ),
-            Choice("(2.7) and (2.10) square the amplitude", "T = 1 - R"),
         ],
     )
 
@@ -225,13 +224,6 @@ def _angles(results: Results) -> Table:
         rows.append((name, f"{n['normal']:.4f}", *angles, f"{n['tracer']:.1e}"))
     head = ("face", "T at 0 degrees", "Brewster angle", "T_p there", "critical angle", "tracer minus formula")
     return Table("Figure 2.3 in numbers; angles in degrees.", head, rows)
-
-
-def _efficiencies(results: Results) -> Table:
-    n = results["efficiency"].numbers
-    rows = [(str(c), f"{a:.4f}", f"{b:.4f}") for c, a, b in zip(LENSES, n["printed"], n["plates"])]
-    head = ("lenses", "(2.13)", "plates with all reflections")
-    return Table("What uncoated lenses pass at normal incidence.", head, rows)
 
 
 def _listed(values: object) -> str:

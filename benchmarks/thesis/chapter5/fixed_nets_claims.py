@@ -54,7 +54,7 @@ def _looks_right(hat: Rows) -> Claim:
     return Claim(
         "With steps of 1e-3 and 250 iterations all nets make a light that looks like the top hat.",
         "5.3.1, figure 5.5",
-        f"rel_l2 is {_list(errors)} for nets of {_nets(hat)}. It holds if all are below {ALIKE}.",
+        f"rel_l2 is {_list(errors)}. It holds if all are below {ALIKE}.",
         max(errors) < ALIKE,
     )
 
@@ -66,7 +66,7 @@ def _inside(hat: Rows) -> Claim:
         "hat.",
         "5.3.1, figure 5.5",
         f"Light astray is {_percent(r['astray'] for r in few.values())}, roughness is "
-        f"{_list(r['roughness'] for r in few.values())} for nets of {_nets(few)}. It holds if less than "
+        f"{_list(r['roughness'] for r in few.values())}. It holds if less than "
         f"{100 * INSIDE:.0f} % of the light is astray.",
         max(r["astray"] for r in few.values()) < INSIDE,
     )
@@ -81,7 +81,7 @@ def _irregular(hat: Rows) -> Claim:
         "outside.",
         "5.3.1, figure 5.5",
         f"Roughness is {_list(r['roughness'] for r in many.values())}, light astray is "
-        f"{_percent(r['astray'] for r in many.values())} for nets of {_nets(many)}. It holds if both are "
+        f"{_percent(r['astray'] for r in many.values())}. It holds if both are "
         "greater than those of 10^2 and 25^2.",
         all(worse),
     )
@@ -95,7 +95,7 @@ def _detail(pearl: Rows) -> Claim:
         "The pearl needs 50^2 control points; 10^2 and 25^2 are too coarse, and 75^2 and 100^2 hardly "
         "better.",
         "5.3.2, figure 5.6",
-        f"rel_l2 is {_list(r['rel_l2'] for r in pearl.values())} for nets of {_nets(pearl)}. It holds if "
+        f"rel_l2 is {_list(r['rel_l2'] for r in pearl.values())}. It holds if "
         f"the small nets are above {DETAIL} times that of 50^2, and no net is below {HARDLY} times that.",
         coarse and finest > HARDLY * middle,
     )

@@ -37,7 +37,6 @@ FIGURES: tuple[Column, ...] = (
     ("efficiency", "efficiency", three),
     ("stray", "stray", four),
     ("roughness", "roughness", three),
-    ("detail / mm", "detail", four),
 )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from benchmarks.thesis.chapter6.batch_tables import (
     FIGURES,
     alpha,
-    apart,
     batches,
     dof,
     ends,
@@ -13,10 +12,6 @@ from benchmarks.thesis.chapter6.batch_tables import (
     four,
     last,
     percent,
-    power,
-    short,
-    three,
-    yes,
 )
 from benchmarks.thesis.chapter6.pearl_claims import claims
 from benchmarks.thesis.chapter6.pearl_runs import DOF, FALL, FIRST, GAP_COLUMNS, GAP_ROWS, INNER
@@ -48,7 +43,6 @@ OWN = {
 }
 OWN_MESHES = ("own, alpha 0.3", "own, alpha 1", "own, alpha 2")
 EQUAL = 1.05  # ratio of errors that count as equal, as in `thbcad bench refinement`
-SCAN = {name: name for name in ("step 0.1", "step 0.03", "step 0.01", "step 0.1, constant")}
 
 
 def section(results: Results) -> Section:
@@ -72,13 +66,13 @@ def _text(results: Results) -> list[str]:
         "The target is the picture, 300 mm behind the lens (Table 6.1 of the thesis).",
         f"The thesis's method is run with the exact tracer: {count} batches of {run['iterations']} Adam "
         f"steps, {rays} x {rays} rays, {pixels} x {pixels} pixels, and a Gaussian window of 1 pixel. "
-        "The loss is ||E - T|| / ||T||. The light E is measured in the window; the target T is not, "
-        "as in the thesis. After each batch the cells with large vertex gradients are refined.",
+        "The light E is measured in the window; the target T is not, as in the thesis. After each batch the "
+        "cells with large vertex gradients are refined.",
         "The same steps are also run with uniform refinement. The controls start with the finest net at "
         "once, and have the same number of steps. Two more controls filter the target too.",
-        "*Roughness* is the rms of the second derivatives of the sag, times the half-width. *Detail* is the "
-        "rms of what a net of 10 x 10 control points cannot follow. Both count the whole surface. *Stray* is "
-        "the light that leaves the lens and misses the target. rel_l2 compares box pixels, on fresh rays.",
+        "*Roughness* is the rms of the second derivatives of the sag over the whole surface, times the "
+        "half-width. *Stray* is the light that leaves the lens and misses the target. rel_l2 compares box "
+        "pixels, on fresh rays.",
     ]
     text.append(_own_text(results))
     if "ptracer" in results:
@@ -108,40 +102,22 @@ def _own_text(results: Results) -> str:
 
 def _tables(results: Results) -> list[Table]:
     per_batch = (
-        ("step", "step", short),
-        ("alpha after it", "alpha", alpha),
         ("loss", "loss", four),
-        ("can exist", "exists", yes),
-        ("STEP traced, relative difference", "second", power),
-        *FIGURES,
-        ("misses the target, inner beam / W", "missed_inside", four),
-        ("gap / target", "gap", three),
-        ("change of vertex gradients", "change_of_gradients", three),
+        *(figure for figure in FIGURES if figure[1] in ("rel_l2", "stray", "roughness")),
     )
     tables = []
     for name, row in (("thb", DOF), ("uniform", UNIFORM)):
-        numbers = dict(results[name].numbers)
-        numbers["second"] = apart(numbers)
-        tables.append(
-            batches(
-                f"{METHOD[name][0].upper()}{METHOD[name][1:]}, at the end of every batch.",
-                numbers,
-                row,
-                per_batch,
-            )
-        )
+        caption = f"{METHOD[name][0].upper()}{METHOD[name][1:]}, at the end of every batch."
+        tables.append(batches(caption, results[name].numbers, row, per_batch))
     at_end = (
         ("DOF", "dof", dof),
-        ("evaluations", "evaluations", dof),
         ("loss", "loss", four),
         *FIGURES,
-        ("CPU s", "cpu_seconds", dof),
     )
     tables.append(ends("All runs by the thesis's method, at their ends.", results, METHOD, at_end))
-    own = tuple(column for column in at_end if column[1] != "loss")
+    own = tuple(column for column in at_end if column[1] in ("dof", "rel_l2", "stray", "roughness"))
     tables.append(ends("Designs by the project's own method, `thbcad design`.", results, OWN, own))
-    scan = ends("Short runs on few pixels, by the step of the first batch.", results, SCAN, at_end[:-1])
-    return [*tables, scan]
+    return tables
 
 
 def _pictures() -> list[Picture]:
@@ -151,7 +127,7 @@ def _pictures() -> list[Picture]:
     )
     return [
         Picture("study7_thb", f"THB refinement. {rows}"),
-        Picture("study7_uniform", f"Uniform refinement. {rows}"),
+        Picture("study7_uniform", "Uniform refinement, in the same rows and columns."),
         Picture(
             "study7_loss",
             "Loss against iterations, with the STEP file's loss by the second tracer as rings (left); loss "
@@ -172,24 +148,22 @@ def _choices(results: Results) -> list[Choice]:
     alphas = ", ".join(alpha(a) for a in results["thb"].numbers["alpha"])
     return [
         Choice(
-            "Pearl: radius of the rear (Table 6.1 prints 100 mm, which overfills the target)",
-            "150 mm, as the text's slightly smaller beam asks for; 100 mm is run too",
+            "radius of the rear",
+            "150 mm, as the text's slightly smaller beam asks for; the printed 100 mm is run too",
         ),
-        Choice("Pearl: encoding of the picture", "sRGB, decoded to linear light"),
+        Choice("encoding of the picture", "sRGB, decoded to linear light"),
         Choice(
-            "Pearl: steps of Adam (shown in a figure only)",
+            "steps of Adam (shown in a figure only)",
             f"{FIRST:g} in the first batch, times {FALL:g} in every further one; the best of a short scan. "
             "They are steps of w in z = (2 b / pi) arctan w",
         ),
         Choice(
-            "Pearl: thresholds alpha (shown in a figure only)",
+            "thresholds alpha (shown in a figure only)",
             f"those that come nearest to the DOF of Table 6.2: {alphas}",
         ),
-        Choice("Pearl: normalisation of the threshold (6.3 is misprinted)", "the mean over the active cells"),
-        Choice("Pearl: which iterate a batch ends with", "the last one; Adam starts anew in every batch"),
-        Choice("Pearl: scale of the loss", "||E - T|| / ||T||; Adam does not see the factor"),
+        Choice("which iterate a batch ends with", "the last one; Adam starts anew in every batch"),
         Choice(
-            "Pearl: what counts as the dark gap",
+            "what counts as the dark gap",
             f"rows {GAP_ROWS[0]:g} to {GAP_ROWS[1]:g} and columns {GAP_COLUMNS[0]:g} to {GAP_COLUMNS[1]:g} "
             f"of the picture; the inner beam is the middle {percent(INNER)} of its width",
         ),

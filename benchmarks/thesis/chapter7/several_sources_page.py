@@ -49,7 +49,6 @@ def section(results: Results) -> Section:
         _pictures(),
         [
             Choice("samples of Figure 7.4: 10 000 001", f"{samples}, and a period one step longer"),
-            Choice("rect(1.02 x / 0.51) in the caption of Figure 7.4", "the half-width 0.51 of the text"),
             Choice("scale of the image for mu of the maximum entropy", "a peak of 255, as of 8-bit images"),
         ],
     )
@@ -256,7 +255,6 @@ def _methods(results: Results) -> Table:
         for k, method in enumerate(n["methods"]):
             shares = (f"{n[key][k]:.1%}" for key in ("negative", "dark"))
             rows.append((case.figure, method, f"{n['residual'][k]:.4f}", f"{n['least'][k]:.2g}", *shares))
-        rows.append((case.figure, "lower bound of non-negative light", f"{n['bound']:.4f}", "", "", ""))
     head = ("figure", "method", "residual", "least / greatest", "negative", "light beside the target")
     return Table("Figures 7.9 to 7.12 in numbers.", head, rows)
 

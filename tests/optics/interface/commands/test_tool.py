@@ -2,9 +2,9 @@
 
 import pytest
 
-from optics.reporting import figures
 from optics.exchange.results import sha256_of
 from optics.interface.commands.cli import main
+from optics.reporting import figures as pictures
 from optics.scene.problem import load_problem
 from tests.optics.cases import small_lens, store_result, write_problem
 from tests.optics.interface.commands.cases import refused, strict_json
@@ -36,7 +36,7 @@ def test_a_picture_of_an_earlier_tool_does_not_stay(result, monkeypatch):
     def figures(findings):
         return [(f"tool_{surface.name}.png", "", b"png") for surface in findings.surfaces]
 
-    monkeypatch.setattr(figures, "figures_of_tool", figures, raising=False)
+    monkeypatch.setattr(pictures, "figures_of_tool", figures, raising=False)
     folder = result / "tool"
     for words, shown in (
         (["--ball", "2"], {"tool_rear.png"}),
