@@ -84,6 +84,7 @@ QUICK = \
 	tests/optics/exchange/results \
 	tests/optics/scene/receivers \
 	tests/optics/base/runtime \
+	tests/benchmarks/test_quoted_numbers.py \
 	tests/optics/designing/penalties \
 	tests/optics/scene/sources \
 	tests/optics/interface/sweeps/test_store.py \

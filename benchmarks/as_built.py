@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import optics
-from optics.base.runtime import Backend, Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import Backend, load_backend
 from optics.light.analysis import Measurement, measure
 from optics.scene.problem import load_problem
 from optics.tolerancing.metrology import (

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Backend, Check, Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import Backend, Check, load_backend
 from optics.exchange.export import export
 from optics.exchange.verification import (
     StepFile,

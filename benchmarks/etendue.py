@@ -15,10 +15,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rows.row import Row
 from examples.thesis.chapter7.analytic import RectangleResponse
 from examples.thesis.chapter7.comparison import CASES, compare
 from examples.thesis.chapter7.two_source_landscape import disk, landscape, square
-from optics.base.runtime import Row
 from optics.designing.etendue import (
     FIXED,
     SEARCH,

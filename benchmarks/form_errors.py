@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from benchmarks.rows.row import Row, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.interface.api import Design
 from optics.tolerancing.form_errors import (
     BandFormula,

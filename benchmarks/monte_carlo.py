@@ -13,8 +13,8 @@ from time import perf_counter
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
+from benchmarks.rows.row import Row
 from optics import Design, monte_carlo, tolerances
-from optics.base.runtime import Row
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
 from optics.tolerancing.perturbations import tolerances_of
 

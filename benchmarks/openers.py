@@ -25,7 +25,8 @@ import numpy as np
 
 from benchmarks.cad import rough_lens
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Row, UserError
+from benchmarks.rows.row import Row
+from optics.base.runtime import UserError
 from optics.exchange.assemblies import placed_text
 from optics.exchange.export import Body
 from optics.scene.problem import load_problem

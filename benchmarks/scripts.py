@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 import optics
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import load_backend
 from optics.designing.optimisation import MARGIN, Objective, charged_objective, transmitted_flux, window_named
 from optics.light.engines import ExactEngine, Film
 from thbcad import THBSpace, THBSurface

@@ -14,7 +14,8 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Moment, Row
+from benchmarks.rows.row import Row
+from optics.base.runtime import Moment
 from optics.interface.sweeps import Designed, Shared, Sweep, SweepPlan, Work, run_sweep, sweep
 from optics.scene.problem import load_problem
 from oracles.sweep_programs import DISTANCES, Cluster, children, kill, some_stored, start_sweep, stored

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
+from benchmarks.rows.row import Row, median_seconds
 from optics import Design
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.light.analysis import rel_l2
 from optics.tolerancing.perturbations import (
     LinearLight,

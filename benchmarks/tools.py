@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Backend, Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import Backend, load_backend
 from optics.interface.api import design
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem

@@ -6,8 +6,9 @@ from io import StringIO
 
 import pytest
 
-from optics.base.runtime import marked_numbers, read_rows, without_marked_numbers
-from optics.interface.commands import benchmark_page, own_pages
+from benchmarks.rows.pages import benchmark_page, own_pages
+from benchmarks.rows.quoted_numbers import marked_numbers, without_marked_numbers
+from benchmarks.rows.stored_rows import read_rows
 from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, ROOT
 
@@ -115,7 +116,7 @@ def test_the_page_of_benchmarks_is_that_of_the_stored_rows():
 
 
 def test_the_pages_of_the_studies_are_those_of_the_stored_runs():
-    pages = own_pages(ROOT / "benchmarks" / "thesis" / "thesis.py")
+    pages = own_pages(ROOT, ROOT / "benchmarks" / "thesis" / "thesis.py")
     assert set(pages) == set(STUDIES.glob("*.md")) - BY_HAND
     assert [path.name for path, text in pages.items() if path.read_text("utf-8") != text] == []
 

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from optics.base.runtime import read_rows
+from benchmarks.rows.stored_rows import read_rows
 from optics.interface.commands import parsers
 from optics.scene.problem import Problem, keys_of, load_problem, table_of
 from scripts.docs_site import api_pages

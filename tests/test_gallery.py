@@ -9,9 +9,10 @@ import pytest
 from PIL import Image
 from scipy.interpolate import NdBSpline
 
+from benchmarks.rows.pages import own_pages
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.api import Design
-from optics.interface.commands import own_pages, parsers
+from optics.interface.commands import parsers
 from optics.scene.problem import load_problem
 from tests.cases import ROOT
 from thbcad.io import parse_brep
@@ -25,7 +26,7 @@ MEGABYTE = 1 << 20
 
 
 def test_the_page_is_that_of_the_stored_rows():
-    ((path, text),) = own_pages(ROOT / "benchmarks" / "gallery" / "gallery.py").items()
+    ((path, text),) = own_pages(ROOT, ROOT / "benchmarks" / "gallery" / "gallery.py").items()
     assert path.name == "gallery.md"
     assert text == PAGE
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 LIGHT_MISSES = 1  # exit code
 LANDING = "landing points, independent trace of the file"

@@ -22,8 +22,8 @@ from time import perf_counter
 from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import DesignRun, run_design
 from benchmarks.page_picture import keep
+from benchmarks.rows.row import Row
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
-from optics.base.runtime import Row
 from optics.interface.api import System
 from optics.scene.problem import Problem, load_problem, problem_to_toml
 

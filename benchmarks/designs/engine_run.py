@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
-from optics.base.runtime import load_backend, median_seconds, peak_mb
+from benchmarks.rows.row import median_seconds
+from optics.base.runtime import load_backend, peak_mb
 from optics.designing.optimisation import shape_lens, stage_objective, stages, transmitted_flux
 from optics.interface.api import engine_of
 from optics.light.analysis import measure

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.engine_run import EngineRun, run_engine
-from optics.base.runtime import Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import load_backend
 from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine

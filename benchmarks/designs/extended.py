@@ -21,8 +21,9 @@ import numpy as np
 from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, DesignRun, rel_l2_row, run_design
 from benchmarks.page_picture import keep
+from benchmarks.rows.row import Row, median_seconds
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Listener, State, shape_lens
 from optics.exchange.results import ResultFolder
 from optics.exchange.verification import StepFile, verify

@@ -19,7 +19,8 @@ from scipy.integrate import dblquad
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import LANDING, rel_l2_row, run_design
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from benchmarks.rows.row import Row, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import MARGIN, Objective
 from optics.light.engines import TracedModel
 from optics.light.measuring import MappedCells

@@ -18,7 +18,8 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row
-from optics.base.runtime import Backend, Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine

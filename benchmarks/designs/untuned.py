@@ -17,7 +17,8 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row, run_design
-from optics.base.runtime import Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import load_backend
 from optics.designing.prediction import expected
 from optics.scene.problem import AUTO, Optimizer, load_problem, problem_to_toml
 from optics.scene.system import OpticalSystem

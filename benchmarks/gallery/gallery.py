@@ -16,7 +16,9 @@ from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
 from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
 from benchmarks.page_picture import keep
-from optics.base.runtime import Row, UserError, read_rows
+from benchmarks.rows.row import Row
+from benchmarks.rows.stored_rows import read_rows
+from optics.base.runtime import UserError
 from optics.exchange.export import read_mesh
 from thbcad import read_lens
 from thbcad.io import write_bytes

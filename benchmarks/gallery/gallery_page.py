@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchmarks.gallery.lenses import LENSES, Shown
-from optics.base.runtime import StoredRows, refreshed
+from benchmarks.rows.quoted_numbers import refreshed
+from benchmarks.rows.stored_rows import StoredRows
 
 SECONDS, ERROR, LIGHT, FUNCTIONS = (
     "process start to verified result",

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from benchmarks.kernel.cases import Annulus, annulus, annulus_case, coefficients, refined, tensor_case
 from benchmarks.kernel.peers import NUTILS_DEPTH, PYGISMO_DEPTH, Peer, annulus_peers, tensor_peers
-from optics.base.runtime import Row, median_seconds
+from benchmarks.rows.row import Row, median_seconds
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface
 
 REPEATS = 9

@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline, NdBSpline
 from scipy.sparse import csr_array
 
 from benchmarks.kernel.cases import SPANS, Annulus, annulus_case, coefficients, tensor_case
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 if TYPE_CHECKING:
     from nutils.function import Array, Basis

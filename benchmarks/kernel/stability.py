@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 from oracles.exact_splines import roundings
 from oracles.kernel_accuracy import REFUSED, Errors, coarsened, deepest, measure, window
 from oracles.spline_definitions import gamma

@@ -8,7 +8,8 @@ import numpy as np
 from skimage.metrics import structural_similarity
 
 from benchmarks.others.case_run import OTHERS, CaseRun, light_rows, run_case, time_rows
-from optics.base.runtime import Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import load_backend
 from optics.light.analysis import ray_irradiance, rel_l2
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem

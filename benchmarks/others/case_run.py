@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row, run_design
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 from optics.interface.api import Design
 from optics.scene.problem import load_problem
 

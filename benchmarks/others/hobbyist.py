@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.designs.design_run import rel_l2_row
 from benchmarks.others.case_run import CaseRun, light_rows, run_case, time_rows
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 SSIM, SECONDS = "SSIM 0.18 to 0.21", "4 to 45 min"
 WANTED, ENOUGH = 0.95, 20.0

@@ -13,7 +13,7 @@ from pathlib import Path
 from benchmarks.others.beam_and_cone import cone_rows, square_rows
 from benchmarks.others.hobbyist import hobby_rows
 from benchmarks.others.text_and_portrait import picture_rows
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 
 def rows(quick: bool = False) -> list[Row]:

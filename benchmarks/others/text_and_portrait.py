@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.others.case_run import CaseRun, run_case, time_rows
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 THEIRS = {"text_near": 0.239, "pearl_near": 0.127, "text_far": 0.246, "pearl_far": 0.134}
 WANTED = {"text": 0.06, "pearl": 0.04}

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import cast
 
 from benchmarks.checkout import BUILD, ROOT
+from benchmarks.rows.row import Row
 from benchmarks.thesis.pages import Section, section_text, verdicts_text
 from benchmarks.thesis.records import Found, RunFolder, Study, completed
-from optics.base.runtime import Row, UserError
+from optics.base.runtime import UserError
 from thbcad.io import json_text, write_bytes, write_text
 
 STUDIES = {

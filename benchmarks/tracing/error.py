@@ -15,6 +15,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.page_picture import keep
+from benchmarks.rows.row import Row
 from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
 from benchmarks.tracing.error_figure import draw
 from benchmarks.tracing.error_limits import limit_rows
@@ -26,7 +27,7 @@ from benchmarks.tracing.error_methods import (
     mesh_points,
     quantity,
 )
-from optics.base.runtime import Row, load_backend
+from optics.base.runtime import load_backend
 from oracles.error_measures import Point, observed_order, seconds_at
 
 WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared

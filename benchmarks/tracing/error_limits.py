@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
+from benchmarks.rows.row import Row, median_seconds
 from benchmarks.tracing.error_cases import WINDOW, designed
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Objective, stage_objective, stages
 from optics.light.engines import SOFT_RIM, ExactEngine, TracedModel
 from optics.light.measuring import Splat

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rows.row import Row, median_seconds
 from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Objective
 from optics.light.engines import TracedModel
 from optics.light.measuring import Splat

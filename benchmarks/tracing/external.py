@@ -13,8 +13,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
+from benchmarks.rows.row import Row
 from benchmarks.tracing.error_cases import designed
-from optics.base.runtime import Row, load_backend
+from optics.base.runtime import load_backend
 from optics.exchange.cross_checks import LightComparison, compare_light, file_tracer, light_comparison_checks
 from optics.exchange.verification import StepFile
 from optics.scene.system import OpticalSystem

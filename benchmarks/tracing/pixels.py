@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
+from benchmarks.rows.row import Row
 from benchmarks.tracing.error_cases import AT_ONCE, Case, pearl_case, window_image
 from benchmarks.tracing.error_methods import BOX, SPP, camera_noise, quantity
-from optics.base.runtime import Backend, Row, load_backend
+from optics.base.runtime import Backend, load_backend
 from optics.light.analysis import cell_irradiance, measure
 from optics.scene.problem import Problem, load_problem
 from optics.scene.receivers import BoxWindow

@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.checkout import ROOT
-from optics.base.runtime import Backend, Row, load_backend, median_seconds
+from benchmarks.rows.row import Row, median_seconds
+from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Objective
 from optics.light.engines import TracedModel
 from optics.light.tracing import Tracer

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.base.runtime import Backend, DrArray, Row, load_backend, median_seconds
+from benchmarks.rows.row import Row, median_seconds
+from optics.base.runtime import Backend, DrArray, load_backend
 from optics.designing.optimisation import (
     MARGIN,
     Mirrors,

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from optics.base.runtime import Backend, Row, load_backend
+from benchmarks.rows.row import Row
+from optics.base.runtime import Backend, load_backend
 from oracles.rough_fronts import SOURCES, disagreeing, judge, rough_front
 from oracles.tracing_accuracy import LIMIT, cases, measure
 

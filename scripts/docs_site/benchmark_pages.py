@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optics.interface.commands import benchmark_tables
+from benchmarks.rows.pages import benchmark_tables
 from scripts.docs_site.outside_files import ROOT
 
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 import optics
 from benchmarks.checkout import EXAMPLES
+from benchmarks.rows.row import median_seconds
 from benchmarks.thesis.records import Found
-from optics.base.runtime import UserError, median_seconds
+from optics.base.runtime import UserError
 from optics.interface.api import Model, System
 
 Floats = NDArray[np.float64]

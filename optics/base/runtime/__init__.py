@@ -1,4 +1,4 @@
-"""Errors, checks, messages, rows of tables, and the one place that loads Dr.Jit."""
+"""Errors, checks, messages, helper processes, and the one place that loads Dr.Jit."""
 
 from typing import TYPE_CHECKING
 
@@ -45,22 +45,6 @@ if TYPE_CHECKING:
     from optics.base.runtime.lost_interrupts import lost_interrupts_again as lost_interrupts_again
     from optics.base.runtime.order_free_sums import OrderFreeSums as OrderFreeSums
     from optics.base.runtime.progress import Moment as Moment, Phase as Phase, Progress as Progress
-    from optics.base.runtime.quoted_numbers import (
-        marked_numbers as marked_numbers,
-        quoted_rows as quoted_rows,
-        refreshed as refreshed,
-        without_marked_numbers as without_marked_numbers,
-    )
-    from optics.base.runtime.rows import Row as Row, median_seconds as median_seconds, table as table
-    from optics.base.runtime.stored_rows import (
-        StoredRows as StoredRows,
-        machine as machine,
-        machine_facts as machine_facts,
-        overview_page as overview_page,
-        read_rows as read_rows,
-        rows_page as rows_page,
-        store_rows as store_rows,
-    )
     from optics.base.runtime.user_files import (
         read_at_most as read_at_most,
         reading as reading,

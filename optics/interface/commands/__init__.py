@@ -6,11 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.interface.commands.arguments import parsers as parsers
-    from optics.interface.commands.bench_command import (
-        benchmark_page as benchmark_page,
-        benchmark_tables as benchmark_tables,
-        own_pages as own_pages,
-    )
     from optics.interface.commands.cli import main as main
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

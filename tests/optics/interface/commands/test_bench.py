@@ -2,11 +2,14 @@
 
 import json
 import sys
+from shutil import copytree
 
 import pytest
 
-from optics.base.runtime import machine_facts
-from optics.interface.commands import bench_command, benchmark_tables, main
+from benchmarks.rows.pages import benchmark_tables
+from benchmarks.rows.stored_rows import machine_facts
+from optics.interface.commands import bench_command, main
+from tests.cases import ROOT
 
 BENCHMARK = '''"""Two
 lines | of one sentence.
@@ -14,7 +17,7 @@ lines | of one sentence.
 More.
 """
 
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 
 def rows():
@@ -27,7 +30,7 @@ PARTS = '''"""Can be run in part, and has own pages."""
 
 from pathlib import Path
 
-from optics.base.runtime import Row
+from benchmarks.rows.row import Row
 
 PAGES = Path(__file__).parents[1] / "docs" / "own"
 
@@ -52,6 +55,7 @@ def checkout(tmp_path, monkeypatch):
     for folder in ("benchmarks", "docs"):
         (tmp_path / folder).mkdir()
     (tmp_path / "benchmarks" / "__init__.py").touch()
+    copytree(ROOT / "benchmarks" / "rows", tmp_path / "benchmarks" / "rows")
     (tmp_path / "benchmarks" / "tiny.py").write_text(BENCHMARK)
     (tmp_path / "benchmarks" / "no_rows.py").write_text("ROWS = 1\n")
     (tmp_path / "README.md").write_text("It took 9.9 s<!-- tiny: time -->.\n")
@@ -62,8 +66,8 @@ def checkout(tmp_path, monkeypatch):
     for name in others:
         del sys.modules[name]
     yield tmp_path
-    for name in ("benchmarks", "benchmarks.tiny", "benchmarks.parts"):
-        sys.modules.pop(name, None)
+    for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
+        del sys.modules[name]
     sys.modules.update(others)
 
 

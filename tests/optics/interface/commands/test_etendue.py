@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optics.base.runtime import UserError, read_rows
+from benchmarks.rows.stored_rows import read_rows
+from optics.base.runtime import UserError
 from optics.designing.etendue import (
     FIXED_QUICK,
     SEARCH,

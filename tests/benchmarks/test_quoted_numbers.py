@@ -2,8 +2,9 @@
 
 import pytest
 
-from optics.base.runtime import StoredRows, UserError
-from optics.base.runtime.quoted_numbers import marked_numbers, refreshed, rounded, without_marked_numbers
+from benchmarks.rows.quoted_numbers import marked_numbers, refreshed, rounded, without_marked_numbers
+from benchmarks.rows.stored_rows import StoredRows
+from optics.base.runtime import UserError
 
 
 def row(name, value, unit=""):

@@ -16,8 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from optics.base.runtime.errors import UserError
-from optics.base.runtime.stored_rows import StoredRows
+from benchmarks.rows.stored_rows import StoredRows
+from optics.base.runtime import UserError
 
 NUMBER = r"(?<![\w.,])-?(?:\d{1,3}(?: \d{3})+|\d+(?:\.\d+)?(?:e-?\d+)?)"
 MARK = re.compile(rf"(?P<number>{NUMBER})?(?P<unit> ?[^\s\d|<>]+)?<!-- (?P<name>\w+): (?P<row>[^\n]+?) -->")

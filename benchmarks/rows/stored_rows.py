@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime.errors import UserError
+from optics.base.runtime import UserError
 from thbcad.io import json_text, write_text
 
 KEYS = ("name", "value", "unit", "reference", "limit", "ok", "basis")

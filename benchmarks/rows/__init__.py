@@ -1,0 +1,1 @@
+"""Rows of benchmarks: printed, stored, quoted in pages."""

@@ -1,0 +1,85 @@
+"""Pages of stored rows: all of each benchmark, their overview, and the pages that quote them."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from benchmarks.rows.quoted_numbers import quoted_rows, refreshed
+from benchmarks.rows.stored_rows import StoredRows, overview_page, read_rows, rows_page
+from optics.base.runtime import UserError
+from thbcad.io import write_text
+
+
+def loaded(root: Path, path: Path) -> ModuleType:
+    """Return a module of a checkout, whose folder is on the path of imports."""
+    return import_module(".".join(path.relative_to(root).with_suffix("").parts))
+
+
+def benchmark_page(root: Path) -> str:
+    """Return docs/benchmarks.md of a checkout."""
+    stored = _stored(root)
+    quoted = set().union(*(quoted_rows(path.read_text("utf-8")) for path in _quoting(root)))
+    return overview_page(stored, quoted)
+
+
+def benchmark_tables(root: Path) -> dict[str, str]:
+    """Return a page with all rows of each benchmark of a checkout, by name."""
+    return {one.name: rows_page(one, sentence) for one, sentence in _stored(root)}
+
+
+def _stored(root: Path) -> list[tuple[StoredRows, str]]:
+    """Return what is stored, each with the sentence that says what was measured."""
+    modules, stored = modules_of(root), read_rows(root / "docs" / "data")
+    for name in stored:
+        if name not in modules:
+            raise UserError(f"docs/data/{name}.json belongs to no benchmark; delete it")
+    return [(one, _sentence(modules[name])) for name, one in stored.items()]
+
+
+def _quoting(root: Path) -> list[Path]:
+    """Return the pages that quote stored rows."""
+    return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+
+
+def own_pages(root: Path, path: Path) -> dict[Path, str]:
+    """Return the pages that a benchmark writes itself, from what it stored."""
+    if "\ndef pages(" not in path.read_text("utf-8"):
+        return {}
+    pages: dict[Path, str] = loaded(root, path).pages()
+    return pages
+
+
+def write_pages(root: Path) -> tuple[dict[str, list[str]], list[str]]:
+    """Write docs/benchmarks.md and refresh the marked numbers of the README and the pages of docs.
+
+    Return what changed as data and as lines.
+    """
+    stored = read_rows(root / "docs" / "data")
+    if not stored:
+        raise UserError("there are no stored rows in docs/data of a checkout; run thbcad bench NAME --store")
+    modules = modules_of(root)
+    new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
+    for name in stored:
+        new |= own_pages(root, modules[name])
+    for path in _quoting(root):
+        new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
+    changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]
+    for path in changed:
+        write_text(path, new[path])
+    names = [path.relative_to(root).as_posix() for path in changed]
+    return {"changed": names}, [f"wrote {name}" for name in names] or ["every page is up to date"]
+
+
+def modules_of(root: Path) -> dict[str, Path]:
+    """Return the benchmarks of a checkout by name: the modules that have `rows()`."""
+    files = sorted((root / "benchmarks").rglob("*.py"))
+    return {path.stem: path for path in files if "\ndef rows(" in path.read_text("utf-8")}
+
+
+def _sentence(path: Path) -> str:
+    """Return the first sentence of a benchmark's docstring."""
+    text = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+    return " ".join(text.split("\n\n")[0].split())
