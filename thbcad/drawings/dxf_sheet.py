@@ -5,21 +5,18 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import ezdxf
 from ezdxf import units
+from ezdxf.document import Drawing
+from ezdxf.entities import DXFGraphic
 from ezdxf.enums import TextEntityAlignment
+from ezdxf.layouts import Modelspace
 
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
 from thbcad.drawings.sheets import Label, Sheet, Stroke
 from thbcad.drawings.svg_sheet import DASHES, WIDTHS
-
-if TYPE_CHECKING:
-    from ezdxf.document import Drawing
-    from ezdxf.entities import DXFGraphic
-    from ezdxf.layouts import Modelspace
 
 APPLICATION = "THBCAD"  # of the extended data: view, curve, and where the view has its point (0, 0)
 TEXTS = "TEXT"

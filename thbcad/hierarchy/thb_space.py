@@ -38,6 +38,7 @@ from thbcad.hierarchy.domains import MAX_LEVEL, Domains
 from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
+from thbcad.hierarchy.mesh_picture import space_card
 from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
@@ -78,8 +79,6 @@ class THBSpace:
 
     def _repr_html_(self) -> str:
         """Return a picture of the mesh and some numbers for notebooks."""
-        from thbcad.hierarchy.mesh_picture import space_card
-
         return space_card(self)
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, floats, half_widths, require_orders, require_type
+from thbcad.lens.lens_picture import surface_card
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -56,8 +57,6 @@ class FreeformSurface:
 
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""
-        from thbcad.lens.lens_picture import surface_card
-
         return surface_card(self)
 
     @property

@@ -9,6 +9,7 @@ from functools import cached_property
 from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens_picture import lens_card
 from thbcad.sags import gap_graph, volume_between
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
@@ -42,8 +43,6 @@ class Lens:
 
     def _repr_html_(self) -> str:
         """Return two sections and some numbers for notebooks."""
-        from thbcad.lens.lens_picture import lens_card
-
         return lens_card(self)
 
     def least_thickness(self) -> Enclosure:

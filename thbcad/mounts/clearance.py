@@ -10,16 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from math import hypot
-from typing import TYPE_CHECKING
 
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
 from thbcad.lens import SIDES, Lens, require_sound, rim
-from thbcad.mounts.records import LEAST, Mount, Point
+from thbcad.mounts.records import LEAST, Mount, MountFlange, Point
 from thbcad.splines import UNIT, BSplineSurface
-
-if TYPE_CHECKING:
-    from thbcad.mounts.records import MountFlange
 
 ROUNDINGS = 32  # of float64, more than there are operations from the numbers of a mount to a distance
 

@@ -14,6 +14,7 @@ from thbcad.hierarchy import THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
+from thbcad.surfaces.surface_picture import surface_card
 
 STRIP = 1 << 18  # points that are evaluated at once
 
@@ -51,8 +52,6 @@ class THBSurface:
 
     def _repr_html_(self) -> str:
         """Return a map of the values with the mesh, and some numbers, for notebooks."""
-        from thbcad.surfaces.surface_picture import surface_card
-
         return surface_card(self)
 
     @cached_property

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass import BRepClass_FaceClassifier
-from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface
-from OCP.gp import gp_Pnt
+from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface, Geom_Surface
+from OCP.gp import gp_Ax3, gp_Pnt
 from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.shapes import TOLERANCE, spline_surface
@@ -20,11 +19,6 @@ from thbcad.checks import Floats
 from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.gp import gp_Ax3
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 OPTICAL = ("front", "rear")
 

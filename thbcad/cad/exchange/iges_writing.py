@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from OCP.BRepTools import BRepTools
 from OCP.IGESBasic import IGESBasic_Name
@@ -12,13 +11,11 @@ from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
 from OCP.IGESData import IGESData_IGESEntity, IGESData_IGESWriter
 from OCP.IGESSolid import IGESSolid, IGESSolid_Face, IGESSolid_ManifoldSolid
 from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopoDS import TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
 from thbcad.cad.exchange.step_writing import printed, silence
 from thbcad.lens import Product
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 STAMP = "20000101.000000"
 FACES, SOLID = 0, 1  # modes of OCCT's writer: loose trimmed surfaces, or a solid as entity 186

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface
+from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface, Geom_Surface
 from OCP.GeomAbs import (
     GeomAbs_BezierSurface,
     GeomAbs_BSplineSurface,
@@ -32,7 +31,7 @@ from OCP.GeomAbs import (
 )
 from OCP.GeomConvert import GeomConvert
 from OCP.TopAbs import TopAbs_FACE
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.iges_writing import FACES, brep_text, iges_text
 from thbcad.cad.exchange.reading import OCCT_ERRORS, brep_shape, explore, iges_shape, step_shape
@@ -41,10 +40,6 @@ from thbcad.cad.shapes import TOLERANCE, rational_geom, spline_surface
 from thbcad.io import write_bytes
 from thbcad.lens import Product
 from thbcad.splines import BSplineSurface, NURBSSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
 
 IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynomial
 EXACT = (

@@ -10,27 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface, Geom_Plane
+from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_Surface
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.reading import explore
-from thbcad.cad.shapes import spline_surface
+from thbcad.cad.shapes import Part, spline_surface
 from thbcad.checks import Floats, Integers, require_number
 from thbcad.lens import Tessellation
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-
-    from thbcad.cad.shapes import Part
 
 LEAST = 1e-5  # mm; finer meshes take OCCT hours
 ANGLE = 0.35  # rad between neighbouring chords: 18 to a turn, so that small bores stay round

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from OCP import Standard, TopoDS as Topology
 from OCP.BRep import BRep_Builder
@@ -29,14 +28,12 @@ from OCP.StepVisual import (
 )
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange.complex_splines import common_splines
 from thbcad.cad.exchange.step_writing import occt_settings
-
-if TYPE_CHECKING:
-    from OCP.TopAbs import TopAbs_ShapeEnum
 
 EXCEPTIONS = [
     e

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
@@ -29,6 +28,8 @@ from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_FACE
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
 
 from thbcad.cad.exchange.reading import explore, step_document
@@ -38,10 +39,6 @@ from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product, face_colour, require_line
-
-if TYPE_CHECKING:
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Shape
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 SCHEMA_STARTS = {

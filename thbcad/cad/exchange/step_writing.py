@@ -10,24 +10,20 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_InterfaceModel, Interface_Static
+from OCP.IGESData import IGESData_IGESWriter
+from OCP.Interface import Interface_InterfaceModel, Interface_Protocol, Interface_Static
 from OCP.Message import Message
 from OCP.StepAP214 import StepAP214
 from OCP.StepBasic import StepBasic_Product
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.lens import Product
-
-if TYPE_CHECKING:
-    from OCP.IGESData import IGESData_IGESWriter
-    from OCP.Interface import Interface_Protocol
-    from OCP.TopoDS import TopoDS_Shape
 
 STAMP = "2000-01-01T00:00:00"
 REALS = "%#.17G"  # every float64 reads back bit for bit

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
 from thbcad.cad.foreign.axial_heights import axial_heights
@@ -25,9 +25,6 @@ from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
 from thbcad.checks import Floats
 from thbcad.io import Entity, entity_of, having, list_of, read_part21
 from thbcad.poses import Pose
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
 LEAST_FACING = 0.2  # cosine of the normal with the axis, from which a face can be optical

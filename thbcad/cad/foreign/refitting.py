@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -23,18 +22,16 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from thbcad.cad.foreign.axial_heights import axial_heights
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.lens_frame import in_frame
+from thbcad.cad.foreign.optical_surface import OpticalFace
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
 from thbcad.checks import EPS, Floats, require_number
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from thbcad.cad.foreign.optical_surface import OpticalFace
-    from thbcad.poses import Pose
 
 LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
 DEGREE = 5

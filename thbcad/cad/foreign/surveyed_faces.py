@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -30,7 +29,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from scipy.optimize import minimize_scalar
 
@@ -38,9 +37,6 @@ from thbcad.cad.exchange import explore
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, NURBSSurface
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 KINDS = {
     GeomAbs_Plane: "plane",

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 from thbcad.cad.exchange import library
 from thbcad.cad.parts.named_booleans import named_part
 from thbcad.cad.parts.search import one_solid
-from thbcad.cad.shapes import lens_part
+from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
     import cadquery
-
-    from thbcad.cad.shapes import Part
 
 
 def workplane(lens: Lens) -> cadquery.Workplane:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -32,16 +32,12 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from thbcad.cad.exchange import OCCT_ERRORS
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import Floats, Integers
-from thbcad.splines import BSplineSurface, KnotVector
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
-
-    from thbcad.splines import NURBSSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 QUARTER = np.pi / 2  # of a turn: arcs whose control points stay near
 ROUNDING = 1e-6  # of a spline's interval; OCCT widens the rectangles of parameters

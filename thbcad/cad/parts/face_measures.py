@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane, Geom_Surface
 from OCP.GeomAPI import GeomAPI_IntCS, GeomAPI_ProjectPointOnSurf
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.exchange import explore
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.checks import Floats
-    from thbcad.lens import FreeformSurface
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface
 
 PER_SPAN = 3  # points of a spline in every span and direction; its numbers are compared too
 ELSEWHERE = 33  # points of another surface in each direction

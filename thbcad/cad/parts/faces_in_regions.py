@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +20,13 @@ from OCP.Geom import Geom_Plane, Geom_RectangularTrimmedSurface
 from OCP.GeomAbs import GeomAbs_Line
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange import explore
 from thbcad.cad.parts.face_enclosures import Pieces, edge_pieces, face_pieces, split
 from thbcad.cad.shapes import TOLERANCE
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-
-    from thbcad.certified import ConvexRegion
-    from thbcad.checks import Floats
+from thbcad.certified import ConvexRegion
+from thbcad.checks import Floats
 
 HALVINGS = 24
 MOST = 4096  # pieces at once: what is not decided by then comes in for all that is known

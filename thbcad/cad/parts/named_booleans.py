@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape, TopTools_ListOfShape
@@ -18,9 +17,6 @@ from OCP.TopTools import TopTools_IndexedMapOfShape, TopTools_ListOfShape
 from thbcad.cad.exchange import explore
 from thbcad.cad.parts.search import OPTICAL
 from thbcad.cad.shapes import Part
-
-if TYPE_CHECKING:
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
 
 
 def named_part(solid: TopoDS_Shape, names: Sequence[str]) -> Part:

@@ -4,23 +4,18 @@ again."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from OCP.BRep import BRep_Builder, BRep_Tool
-from OCP.Geom import Geom_Plane
+from OCP.Geom import Geom_Plane, Geom_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.exchange import explore
 from thbcad.cad.parts.named_booleans import named_part, numbered
-from thbcad.cad.shapes import TOLERANCE
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-
-    from thbcad.cad.parts.search import PlacedLens
-    from thbcad.cad.shapes import Part
+from thbcad.cad.parts.search import PlacedLens
+from thbcad.cad.shapes import TOLERANCE, Part
 
 
 def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -11,7 +10,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools
 from OCP.GeomAbs import GeomAbs_Line
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from thbcad.cad.exchange import explore
@@ -19,12 +18,8 @@ from thbcad.cad.parts.faces_in_regions import on_face
 from thbcad.cad.parts.numbers_of_surfaces import surface_numbers
 from thbcad.cad.parts.search import APART, OPTICAL
 from thbcad.cad.shapes import lens_part
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-
-    from thbcad.checks import Floats
-    from thbcad.lens import Lens
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 ON_EDGE = 33  # points of an edge that show whether a face lies within another
 OF_CURVE = 512  # segments of a curved edge

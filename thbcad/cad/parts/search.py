@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy, BRepBuilderAPI_Transform
+from OCP.Geom import Geom_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange import explore, optical_form
 from thbcad.cad.parts.numbers_of_surfaces import SurfaceNumbers, matrix_of, rigid_motion, surface_numbers
 from thbcad.cad.shapes import TOLERANCE, Part, lens_part
 from thbcad.checks import Floats
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.lens import FreeformSurface, Lens, OpticalForm
+from thbcad.lens import FreeformSurface, Lens, OpticalForm
 
 OPTICAL = ("front", "rear")
 ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the rectangle of a lens

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thbcad.cad.exchange import part_step, step_bytes
+from thbcad.cad.parts.cadquery_lens import untagged
 from thbcad.cad.parts.own_surfaces import exact_part
 from thbcad.cad.parts.search import is_shape, placed_lens
 from thbcad.cad.shapes import Part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def write_step(
@@ -76,7 +75,5 @@ def _own_lens(part: Any) -> Lens | None:
 def _face_names(part: Any) -> Sequence[str]:
     """Return the names of the faces of a part, none where it knows none."""
     if hasattr(part, "ctx"):
-        from thbcad.cad.parts.cadquery_lens import untagged
-
         return untagged(part).names
     return part.names if isinstance(part, Part) else getattr(part, "face_names", ())

@@ -6,20 +6,22 @@ Front and rear keep their whole surface, trimmed by the ellipse.  Nothing is cut
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
-from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import EllipticWall
+from thbcad.checks import Floats
 from thbcad.lens import (
     Ellipse,
+    Lens,
     fitted_curve,
     optical_forms,
     require_aperture,
@@ -27,15 +29,7 @@ from thbcad.lens import (
     rim_curve,
 )
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.cad.shapes.part import Part
-    from thbcad.cad.shapes.rings import Ring
-    from thbcad.checks import Floats
-    from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, KnotVector
 
 HALVES = ("edge 1", "edge 2")
 

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_Conic, Geom_Plane
-from OCP.Geom2d import Geom2d_Line
+from OCP.Geom import Geom_Conic, Geom_Plane, Geom_Surface
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.topology import new_wire, turned_face
 from thbcad.checks import Floats
 from thbcad.lens import Side, Surfaces, fitted_curve, ruled_edge
 from thbcad.splines import BSplineSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.Geom2d import Geom2d_Curve
-    from OCP.TopoDS import TopoDS_Shape
 
 
 def face_on(

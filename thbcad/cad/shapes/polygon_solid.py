@@ -5,33 +5,24 @@ Front and rear keep their whole surface, trimmed by the polygon.  Nothing is cut
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
-from thbcad.cad.shapes.forms import FlatForm, conic_form
+from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
-from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import PlaneWall
-from thbcad.lens import fitted_curve, optical_forms, require_polygon, require_sound, side_curve
+from thbcad.checks import Floats
+from thbcad.lens import Lens, fitted_curve, optical_forms, require_polygon, require_sound, side_curve
 from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.cad.shapes.forms import ConicForm
-    from thbcad.cad.shapes.part import Part
-    from thbcad.cad.shapes.rings import Ring
-    from thbcad.checks import Floats
-    from thbcad.lens import Lens
 
 
 def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
