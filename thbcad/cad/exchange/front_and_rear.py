@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass import BRepClass_FaceClassifier
-from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface, Geom_Surface
+from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface
 from OCP.gp import gp_Ax3, gp_Pnt
-from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_OUT, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange.reading import explore
+from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import Floats
 from thbcad.lens import OpticalForm
@@ -38,7 +38,7 @@ def front_and_rear(
     ------
     ValueError : there are not two, or a face of these names is another surface.
     """
-    faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+    faces = faces_of(shape)
     if all(names.count(name) == 1 for name in OPTICAL):
         front, rear = (_named(faces[names.index(name)], name, path) for name in OPTICAL)
         return front, rear
@@ -80,13 +80,13 @@ def _named(face: TopoDS_Face, name: str, path: str | Path) -> OpticalForm:
 def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
     """Return the planes across z, spheres and patches of conics around z under the faces of a shape, in their
     order."""
-    faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
-    forms = [optical_form(face) for face in faces if not _is_polynomial(BRep_Tool.Surface_s(face))]
+    forms = []
+    for face in faces_of(shape):
+        geom = BRep_Tool.Surface_s(face)
+        # polynomials are left out before their poles are read
+        if not isinstance(geom, Geom_BSplineSurface) or geom.IsURational() or geom.IsVRational():
+            forms.append(optical_form(face))
     return [form for form in forms if isinstance(form, PlacedConic)]
-
-
-def _is_polynomial(geom: Geom_Surface) -> bool:
-    return isinstance(geom, Geom_BSplineSurface) and not (geom.IsURational() or geom.IsVRational())
 
 
 def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:

@@ -15,12 +15,12 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_Surface
-from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
+from OCP.Geom import Geom_BSplineSurface, Geom_Plane
+from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange.reading import explore
+from thbcad.cad.exchange.reading import faces_of
 from thbcad.cad.shapes import Part, spline_surface
 from thbcad.checks import Floats, Integers, require_number
 from thbcad.lens import Tessellation
@@ -60,7 +60,7 @@ def solid_mesh(
     names : of the faces in the order in which OCCT counts them; () numbers them.
     """
     require_number("chord", chord, least=LEAST, finite=True)
-    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    faces = faces_of(solid)
     deflection = chord / 2
     for _ in range(ROUNDS):
         BRepTools.Clean_s(solid)
@@ -143,18 +143,13 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
         np.einsum("kc,tcd->tkd", SAMPLES, rows[piece.triangles]).reshape(-1, rows.shape[1])
         for rows in (piece.points, piece.parameters)
     )
-    distances = np.linalg.norm(points - _evaluated(surface, parameters), axis=1)
-    return float(distances.max())
-
-
-def _evaluated(surface: Geom_Surface, parameters: Floats) -> Floats:
-    """Return the points of a surface, located as its face is, at parameters (n, 2)."""
     if isinstance(surface, Geom_BSplineSurface):
         spline = spline_surface(surface)
         u, v = (np.clip(row, kv.start, kv.stop) for row, kv in zip(parameters.T, (spline.kv_u, spline.kv_v)))
-        points: Floats = spline(u, v)
-        return points
-    return np.array([surface.Value(u, v).Coord() for u, v in parameters.tolist()])
+        exact = spline(u, v)
+    else:
+        exact = np.array([surface.Value(u, v).Coord() for u, v in parameters.tolist()])
+    return float(np.linalg.norm(points - exact, axis=1).max())
 
 
 def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tessellation:

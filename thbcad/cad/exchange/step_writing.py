@@ -73,8 +73,12 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
         writer = STEPControl_Writer()  # takes the schema when it is made
         if writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone:
             raise RuntimeError(f"OCCT could not translate the {product} to STEP")
-    _name_product(writer.Model(), product)
-    return model_text(writer.Model(), Product(product))
+    model = writer.Model()
+    for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
+        if isinstance(entity, StepBasic_Product):  # without the counter that OCCT appends
+            entity.SetId(TCollection_HAsciiString(product))
+            entity.SetName(TCollection_HAsciiString(product))
+    return model_text(model, Product(product))
 
 
 def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
@@ -153,12 +157,3 @@ def _encoded(beyond: re.Match[str]) -> str:
     wide = max(beyond[0]) > "\uffff"
     digits = "".join(f"{ord(c):0{8 if wide else 4}X}" for c in beyond[0])
     return f"\\X{4 if wide else 2}\\{digits}\\X0\\"
-
-
-def _name_product(model: Interface_InterfaceModel, product: str) -> None:
-    """Give the product a name without the counter that OCCT appends."""
-    for number in range(1, model.NbEntities() + 1):
-        entity = model.Value(number)
-        if isinstance(entity, StepBasic_Product):
-            entity.SetId(TCollection_HAsciiString(product))
-            entity.SetName(TCollection_HAsciiString(product))

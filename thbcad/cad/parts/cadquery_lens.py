@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from thbcad.cad.exchange import library
@@ -48,13 +47,6 @@ def tagged(part: Part, lens: Lens | None) -> cadquery.Workplane:
 def untagged(plane: cadquery.Workplane) -> Part:
     """Return the solid of a Workplane as a Part, its faces under the names of their tags."""
     solid = one_solid(plane)
-    names: Sequence[str] = [_tag_of(plane, face) for face in library("cadquery").Solid(solid).Faces()]
-    return named_part(solid, names)
-
-
-def _tag_of(plane: Any, face: cadquery.Face) -> str:
-    """Return the tag of a face, "" where it has none."""
-    for name, at in plane.ctx.tags.items():
-        if any(face.wrapped.IsSame(own.wrapped) for own in at.objects):
-            return str(name)
-    return ""
+    tags = [(name, own.wrapped) for name, at in plane.ctx.tags.items() for own in at.objects]
+    faces = library("cadquery").Solid(solid).Faces()
+    return named_part(solid, [next((n for n, own in tags if f.wrapped.IsSame(own)), "") for f in faces])
