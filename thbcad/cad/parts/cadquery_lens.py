@@ -47,6 +47,7 @@ def tagged(part: Part, lens: Lens | None) -> cadquery.Workplane:
 def untagged(plane: cadquery.Workplane) -> Part:
     """Return the solid of a Workplane as a Part, its faces under the names of their tags."""
     solid = one_solid(plane)
-    tags = [(name, own.wrapped) for name, at in plane.ctx.tags.items() for own in at.objects]
+    context: Any = plane.ctx
+    tags = [(name, own.wrapped) for name, at in context.tags.items() for own in at.objects]
     faces = library("cadquery").Solid(solid).Faces()
     return named_part(solid, [next((n for n, own in tags if f.wrapped.IsSame(own)), "") for f in faces])

@@ -40,12 +40,12 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
     polygon = require_polygon(require_sound(lens), corners)
     builder = BRep_Builder()
     wall = PlaneWall(polygon.corners)
-    (front, low), (rear, high) = (_optical_face(builder, lens, wall, polygon.sides, k) for k in (0, 1))
+    (front, low), (rear, high) = (_trimmed(builder, lens, wall, polygon.sides, k) for k in (0, 1))
     names = [f"edge {k + 1}" for k in range(len(polygon.corners))]
     return closed_part(("front", "rear", *names), (front, rear, *wall_faces(builder, wall, low, high)))
 
 
-def _optical_face(
+def _trimmed(
     builder: BRep_Builder, lens: Lens, wall: PlaneWall, sides: Floats, k: int
 ) -> tuple[TopoDS_Face, Ring]:
     """Return (face, ring of its rim) of the front (k = 0) or the rear (k = 1), its normal outward.
@@ -76,15 +76,14 @@ def _conic_face(
         ring = wall.level(builder, form.conic.vertex)
         return face_on(builder, form.surface(), ring.edges), ring
     unit, once = np.array([0.0, 1.0]), np.ones(2, dtype=np.int64)
-    rims = [partial(_above, form.conic, side) for side in sides]
+
+    def above(side: Floats, t: Floats) -> Floats:
+        x, y = (side[0] + np.outer(t, side[1] - side[0])).T
+        return np.column_stack([x, y, form.conic(x, y)])
+
+    rims = [partial(above, side) for side in sides]
     ring = wall.rim(builder, [fitted_curve(rim, unit, once) for rim in rims])
     face = face_on(builder, form.surface(), ring.edges, form.upward)
     for edge, rim in zip(ring.edges, rims):
         builder.UpdateEdge(TopoDS.Edge_s(edge), form.trace(rim, (0.0, 1.0)), face, TOLERANCE)
     return face, ring
-
-
-def _above(conic: PlacedConic, side: Floats, t: Floats) -> Floats:
-    """Return the points of a conic above a side at t from 0 to 1, (n, 3), mm."""
-    x, y = (side[0] + np.outer(t, side[1] - side[0])).T
-    return np.column_stack([x, y, conic(x, y)])
