@@ -10,7 +10,7 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.drawings.curves import Curve, Style, spline_chords
-from thbcad.drawings.cut_outlines import THINNEST, CutLens, Shape, box_of, intervals, ring_of, strips_of
+from thbcad.drawings.cut_outlines import THINNEST, CutLens, box_of, intervals, ring_of, strips_of
 from thbcad.drawings.cut_silhouettes import GraphOverStrips
 from thbcad.drawings.views import (
     NAMES,
@@ -133,24 +133,18 @@ def _upright(cut: CutLens, along: int) -> list[Piece]:
         nearest = {float(low): 0.0, float(high): 0.0}
     pieces: list[Piece] = []
     for v, u in nearest.items():
-        shown = v in (low, high) or u <= _least(cut.shape, along, v) + THINNEST
+        least = (start for start, _ in intervals(cut.shape, 1 - along, v))
+        shown = v in (low, high) or u <= min(least) + THINNEST
         heights = []
         for graph, vertex in zip(cut.lens.graphs(), (0.0, cut.lens.thickness)):
             turned = graph if along == 0 else transposed(graph)
             heights.append(vertex + float(turned(u, v)[0]))
-        levels = [heights] if cut.flange is None else _outside(heights, cut.flange.low, cut.flange.high)
+        levels = [heights]
+        if cut.flange is not None:
+            levels = [[heights[0], cut.flange.low], [cut.flange.high, heights[1]]]
         style = Style.OUTLINE if shown else Style.HIDDEN
         pieces += [("edge", np.column_stack([[v, v], ends]), style, 0.0) for ends in levels]
     return pieces
-
-
-def _outside(heights: list[float], low: float, high: float) -> list[list[float]]:
-    return [[heights[0], low], [high, heights[1]]]
-
-
-def _least(shape: Shape, along: int, v: float) -> float:
-    """Return the least u of an outline at some v within it."""
-    return min(low for low, _ in intervals(shape, 1 - along, v))
 
 
 def _flange_box(cut: CutLens, along: int) -> list[Piece]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import ezdxf
 from ezdxf import units
@@ -15,7 +13,7 @@ from ezdxf.layouts import Modelspace
 
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
-from thbcad.drawings.sheets import Label, Sheet, Stroke
+from thbcad.drawings.sheets import Sheet, Stroke
 from thbcad.drawings.svg_sheet import DASHES, WIDTHS
 
 APPLICATION = "THBCAD"  # of the extended data: view, curve, and where the view has its point (0, 0)
@@ -36,8 +34,12 @@ def dxf_bytes(sheet: Sheet) -> bytes:
     Curves of the views carry extended data of the application THBCAD: title of the view, name of the curve,
     and x and y of the view's point (0, 0).
     """
-    with _fixed_stamps():
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # fixed times and identifiers
+    try:
         return _text(sheet)
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before
 
 
 def _text(sheet: Sheet) -> bytes:
@@ -52,12 +54,16 @@ def _text(sheet: Sheet) -> bytes:
         x, y = (view.origin / sheet.scale).tolist()
         entity.set_xdata(APPLICATION, [(1000, view.view.title), (1000, name), (1040, x), (1040, y)])
     for label in sheet.labels:
-        _add_label(space, label, sheet.scale)
+        text = space.add_text(
+            label.text, height=label.height / sheet.scale, rotation=label.angle, dxfattribs={"layer": TEXTS}
+        )
+        x, y = label.position
+        text.set_placement((x / sheet.scale, y / sheet.scale), align=ALIGNMENTS[label.anchor])
     for name, corner in zip(MAXIMA, ((0.0, 0.0), sheet.size)):
         document.header[name] = (corner[0] / sheet.scale, corner[1] / sheet.scale, 0.0)
-    text = io.StringIO()
-    document.write(text)
-    return text.getvalue().encode(document.output_encoding)
+    whole = io.StringIO()
+    document.write(whole)
+    return whole.getvalue().encode(document.output_encoding)
 
 
 def _add_layers(document: Drawing, size: float) -> None:
@@ -78,22 +84,3 @@ def _add_stroke(space: Modelspace, stroke: Stroke, scale: float) -> DXFGraphic:
     if stroke.filled:
         return space.add_solid(points[:3], dxfattribs=attributes)
     return space.add_lwpolyline(points, dxfattribs=attributes)
-
-
-def _add_label(space: Modelspace, label: Label, scale: float) -> None:
-    text = space.add_text(
-        label.text, height=label.height / scale, rotation=label.angle, dxfattribs={"layer": TEXTS}
-    )
-    x, y = label.position
-    text.set_placement((x / scale, y / scale), align=ALIGNMENTS[label.anchor])
-
-
-@contextmanager
-def _fixed_stamps() -> Iterator[None]:
-    """Let ezdxf write fixed times and identifiers."""
-    before = ezdxf.options.write_fixed_meta_data_for_testing
-    ezdxf.options.write_fixed_meta_data_for_testing = True
-    try:
-        yield
-    finally:
-        ezdxf.options.write_fixed_meta_data_for_testing = before

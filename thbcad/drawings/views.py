@@ -94,7 +94,7 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         `require_sound`; more than 200,000 chords.
     """
     across = _axis_number(axis)
-    _require_chord(chord)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
     require_number("at", at, finite=True)
     reach = min(surface.half_width[across] for surface in (require_sound(lens).front, lens.rear))
     if abs(at) >= reach:
@@ -133,7 +133,7 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
     ValueError : another axis; a chord below 1e-8 mm; as `require_sound`; more than 200,000 chords.
     """
     along = _axis_number(axis)
-    _require_chord(chord)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
     require_sound(lens)
     allowed = chord - ALLOWANCE
     pieces = [
@@ -236,10 +236,6 @@ def _axis_number(axis: str) -> int:
     if axis not in AXES:
         raise ValueError(f"axis must be 'x' or 'y', got {axis!r}")
     return AXES.index(axis)
-
-
-def _require_chord(chord: float) -> None:
-    require_number("chord", chord, least=LEAST_CHORD, finite=True)
 
 
 def of_section(line: Floats, across: int) -> Floats:

@@ -32,7 +32,6 @@ from thbcad.checks import (
     require_orders,
     require_type,
 )
-from thbcad.hierarchy import prolongation as transfer
 from thbcad.hierarchy.admissibility import closure
 from thbcad.hierarchy.domains import MAX_LEVEL, Domains
 from thbcad.hierarchy.level_nets import Nets
@@ -224,9 +223,17 @@ class THBSpace:
         Raises
         ------
         ValueError : `finer` is not a refinement of this space.
+
+        Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
+        multilevel spline spaces, Adv. Comput. Math. 40 (2014).
         """
         self._require_nested(finer)
-        return transfer.prolongation(self.nets, finer.nets)
+        rows = [
+            fine.find(coarse.functions[coarse.active])
+            for coarse, fine in zip(self.hierarchy, finer.hierarchy)
+        ]
+        rows += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
+        return finer.nets.onto_active(finer.nets.operators(rows))
 
     def restriction(self, coarser: THBSpace) -> csr_array:
         """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
@@ -260,7 +267,7 @@ class THBSpace:
         The hierarchical basis (HB-splines) has the same functions, not truncated; it spans the same space.
         Source: R. Kraft, Adaptive and linearly independent multilevel B-splines (1997); thesis 3.3.3.
         """
-        return transfer.hierarchical(self.nets)
+        return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
     def extraction(self) -> csr_array:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).

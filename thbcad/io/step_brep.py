@@ -6,7 +6,6 @@ import gc
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
@@ -55,22 +54,14 @@ def parse_brep(path: str | Path) -> Brep:
     ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO
         10303-42 wants it.
     """
-    with _uncollected():
+    before = gc.isenabled()
+    gc.disable()  # Python would search the many values for reference cycles, of which there are none
+    try:
         header, entities = read_file(path)
         try:
             return brep(entities, header)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Keep Python from searching the many values of a file for reference cycles, again and again: there are
-    none."""
-    before = gc.isenabled()
-    gc.disable()
-    try:
-        yield
     finally:
         if before:
             gc.enable()

@@ -21,7 +21,6 @@ from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
-from thbcad.surfaces import THBSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
@@ -203,7 +202,10 @@ def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
     departure = None
     if surface.sag is not None:
-        departure = HeightRange(*value_range(_sag_graph(surface, surface.sag), tolerance=HEIGHT))
+        sag = surface.sag.to_bspline()
+        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width))
+        departures = BSplineSurface(kv_x, kv_y, sag.coefficients)
+        departure = HeightRange(*value_range(departures, tolerance=HEIGHT))
     square, error = area(graph)
     return SurfaceMetrics(
         slope=_slope_angle(graph),
@@ -244,13 +246,6 @@ def _at_rim(gap: BSplineSurface) -> Enclosure:
         sides += [replace(along_x, v=y), replace(along_y, u=x)]
     best = min(sides, key=lambda side: side.value)
     return replace(best, lower=min(side.lower for side in sides), upper=min(side.upper for side in sides))
-
-
-def _sag_graph(surface: FreeformSurface, sag: THBSurface) -> BSplineSurface:
-    """Return the sag alone over the rectangle of its surface, mm."""
-    spline = sag.to_bspline()
-    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((spline.kv_u, spline.kv_v), surface.half_width))
-    return BSplineSurface(kv_x, kv_y, spline.coefficients)
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:

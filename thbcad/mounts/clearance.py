@@ -75,7 +75,12 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
         for post in mount.posts
         if post.bore
     ]
-    _require_sinks(mount)
+    for hole in mount.holes:
+        if hole.sink > mount.flange.thickness:
+            raise ValueError(
+                f"a countersink of {hole.countersink:g} mm is {hole.sink:.6g} mm deep, more than the "
+                f"flange's thickness of {mount.flange.thickness:g} mm; lower holes.countersink"
+            )
     _require_gate(mount, aperture)
     return MountProof(low, high, framed, min(gaps, default=min(walls)), min(walls))
 
@@ -166,15 +171,6 @@ def _round_lens(mount: Mount, aperture: Point) -> float:
             f"least {needed} mm"
         )
     return width
-
-
-def _require_sinks(mount: Mount) -> None:
-    for hole in mount.holes:
-        if hole.sink > mount.flange.thickness:
-            raise ValueError(
-                f"a countersink of {hole.countersink:g} mm is {hole.sink:.6g} mm deep, more than the "
-                f"flange's thickness of {mount.flange.thickness:g} mm; lower holes.countersink"
-            )
 
 
 def _beside(spot: Spot, aperture: Point, clearance: float) -> float:
