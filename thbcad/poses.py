@@ -35,6 +35,14 @@ class Pose:
     Raises
     ------
     ValueError : R is no rotation; numbers that are not finite.
+
+    Examples
+    --------
+    >>> quarter = Pose.at((0, 0, 5), rotation_vector=(0, 0, np.pi / 2))
+    >>> quarter.points(np.array([1.0, 0.0, 0.0])).round(15).tolist()
+    [0.0, 1.0, 5.0]
+    >>> (quarter @ quarter.inverse()).points(np.array([1.0, 2.0, 3.0])).round(14).tolist()
+    [1.0, 2.0, 3.0]
     """
 
     rotation: Floats

@@ -15,14 +15,12 @@ from thbcad.drawings.cut_silhouettes import GraphOverStrips
 from thbcad.drawings.views import (
     NAMES,
     SECTION_AXES,
-    SIDE_AXES,
     Piece,
     View,
-    distinct,
     of_section,
-    of_side,
     scaled,
     transposed,
+    view_of_pieces,
 )
 from thbcad.lens import ALLOWANCE, Polygon
 
@@ -93,11 +91,7 @@ def cut_side(cut: CutLens, along: int, chord: float) -> View:
     front and rear, rims, corners and the flange."""
     allowed = chord - ALLOWANCE
     pieces = [*_silhouettes(cut, along, allowed), *_upright(cut, along), *_flange_box(cut, along)]
-    curves = tuple(
-        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
-    )
-    bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{'xy'[along]}", SIDE_AXES[along], curves, bound + ALLOWANCE)
+    return view_of_pieces(pieces, along, chord)
 
 
 def _silhouettes(cut: CutLens, along: int, chord: float) -> list[Piece]:

@@ -141,11 +141,7 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
         *_edge_outlines(lens, along, allowed),
         *_rims(lens, along, allowed),
     ]
-    curves = tuple(
-        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
-    )
-    bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{axis}", SIDE_AXES[along], curves, bound + ALLOWANCE)
+    return view_of_pieces(pieces, along, chord)
 
 
 Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
@@ -214,13 +210,17 @@ def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
     return pieces
 
 
-def distinct(pieces: list[Piece], chord: float) -> list[Piece]:
-    """Return the pieces without those that one before them covers within twice the chord; outlines first."""
+def view_of_pieces(pieces: list[Piece], along: int, chord: float) -> View:
+    """Return a lens as seen along x (0) or y (1): outlines first, and none of the pieces that one before them
+    covers within twice the chord."""
     kept: list[Piece] = []
     for piece in sorted(pieces, key=lambda item: item[2] is Style.HIDDEN):
         if not any(piece[0] == other[0] and _covers(other[1], piece[1], 2 * chord) for other in kept):
             kept.append(piece)
-    return kept
+    # seen from -y, z runs downwards and x to the left
+    lines = [(name, line[:, ::-1] if along == 0 else 0.0 - line, style) for name, line, style, _ in kept]
+    bound = max(piece[3] for piece in pieces) + ALLOWANCE
+    return View(f"SEEN FROM -{AXES[along]}", SIDE_AXES[along], tuple(Curve(*line) for line in lines), bound)
 
 
 def _covers(line: Floats, other: Floats, tolerance: float) -> bool:
@@ -241,11 +241,6 @@ def _axis_number(axis: str) -> int:
 def of_section(line: Floats, across: int) -> Floats:
     """Return points (y, z) or (x, z) along the axes of a section across x (0) or y (1)."""
     return line[:, ::-1] if across == 0 else line
-
-
-def of_side(line: Floats, along: int) -> Floats:
-    """Return points (y, z) or (x, z) along the axes of a view along x (0) or y (1)."""
-    return line[:, ::-1] if along == 0 else 0.0 - line
 
 
 def transposed(graph: BSplineSurface) -> BSplineSurface:

@@ -39,6 +39,14 @@ class Samples:
     ------
     ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 9)
+    >>> samples = Samples.grid(x, x, np.add.outer(x, x**2))
+    >>> kv = KnotVector.uniform(degree=2, spans=1)
+    >>> least_squares(THBSpace(kv, kv), samples)([0.5], [0.5]).round(12).tolist()
+    [0.75]
     """
 
     u: Floats

@@ -29,7 +29,16 @@ LEAST_EXPONENT = -511  # of four, among float64 numbers with all their digits
 
 
 class Underdetermined(ValueError):
-    """The samples do not determine every coefficient."""
+    """The samples do not determine every coefficient.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=1, spans=1)
+    >>> least_squares(THBSpace(kv, kv), Samples([0.5], [0.5], [1.0]))
+    Traceback (most recent call last):
+    ...
+    thbcad.fitting.normal_equations.Underdetermined: the samples do not determine ...
+    """
 
 
 @dataclass(frozen=True, eq=False)

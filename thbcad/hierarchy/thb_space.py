@@ -54,6 +54,15 @@ class THBSpace:
     Raises
     ------
     ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> space = THBSpace(kv, kv).refine({0: [(i, j) for i in (0, 1) for j in (0, 1)]})
+    >>> space.levels, len(space.cells), space.dim
+    (2, 28, 61)
+    >>> space.collocation([0.1, 0.6], [0.3, 0.6]).sum(axis=1).round(15).tolist()  # truncated: they sum to one
+    [1.0, 1.0]
     """
 
     kv_u: KnotVector

@@ -224,7 +224,7 @@ def _image(entities: Entities, image: Entity, radians: float) -> ParameterCurve:
     items = entity_of(entities, drawn, image)
     curves = list_of(items.parameters("DEFINITIONAL_REPRESENTATION", 3)[1], items)
     if len(curves) != 1:
-        raise ValueError(f"STEP entity #{items.number} must have one curve, got {len(curves)}")
+        raise items.wrong(f" must have one curve, got {len(curves)}")
     surface = entity_of(entities, carrier, image)
     shape = in_radians(curve_of(entities, entity_of(entities, curves[0], items), 2), surface, radians)
     return ParameterCurve(carrier=surface.number, **vars(shape))
@@ -251,7 +251,7 @@ def _poles(value: Value, spline: Entity) -> list[Value]:
     """Return a row of poles; raise ValueError for an empty one."""
     if poles := list_of(value, spline):
         return poles
-    raise ValueError(f"STEP entity #{spline.number} must have poles")
+    raise spline.wrong(" must have poles")
 
 
 def _apart(entities: Entities, user: Entity, ends: Sequence[Sequence[Value]]) -> bool:

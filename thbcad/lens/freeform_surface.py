@@ -33,6 +33,13 @@ class FreeformSurface:
     ------
     ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the
         rectangle.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> sag = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 0.1 * u)  # over [0, 1], whatever the size
+    >>> FreeformSurface((6.0, 7.0), Conic(10.0), sag)([6.0], [0.0]).round(12).tolist()
+    [2.1]
     """
 
     half_width: tuple[float, float]

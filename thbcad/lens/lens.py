@@ -24,6 +24,15 @@ class Lens:
     Raises
     ------
     ValueError : index at most 1 or not finite, thickness not positive.
+
+    Examples
+    --------
+    >>> flat = FreeformSurface((5.0, 4.0))
+    >>> round(Lens(flat, flat, thickness=2.0, index=1.5).volume(), 9)
+    160.0
+    >>> convex = Lens(flat, FreeformSurface((5.0, 4.0), Conic(-50.0, -1.0)), thickness=2.0, index=1.5)
+    >>> round(convex.least_thickness().value, 9)  # at the corner: 2 - (5^2 + 4^2) / 100
+    1.59
     """
 
     front: FreeformSurface

@@ -38,6 +38,15 @@ class ForeignLens:
     path : Path.  unit : of length in the file, such as "millimetre" or "INCH"; all numbers here are mm
     frame : Pose of the lens in the file; z is the axis, the origin the front's point on it
     thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
+
+    Examples
+    --------
+    >>> flat, ball = FreeformSurface((5.0, 4.0)), FreeformSurface((5.0, 4.0), Conic(-20.0))
+    >>> path = Path(mkdtemp()) / "lens.step"
+    >>> write_step(Lens(flat, ball, thickness=3.0, index=1.5), path)
+    >>> found = read_lens_solid(path)
+    >>> found.front.kind, found.rear.kind, round(found.rear.radius, 9), round(found.thickness, 9)
+    ('plane', 'sphere', 20.0, 3.0)
     """
 
     path: Path
@@ -107,7 +116,9 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
         raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
     frame = frame @ Pose.at((*front.centre, heights[0]))
     front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
-    return ForeignLens(path, _unit_of(entities), frame, heights[1] - heights[0], front, rear, solids[0])
+    return ForeignLens(
+        path, _unit_of(entities), frame, float(heights[1] - heights[0]), front, rear, solids[0]
+    )
 
 
 def _vector(vector: Floats) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 
 import numpy as np
@@ -21,17 +21,25 @@ from thbcad.splines import BSplineSurface
 
 
 def face_on(
-    builder: BRep_Builder, surface: Geom_Surface, loop: Sequence[TopoDS_Shape], upward: bool = True
+    builder: BRep_Builder,
+    surface: Geom_Surface,
+    loop: Sequence[TopoDS_Shape],
+    upward: bool = True,
+    images: Iterable[Geom2d_Curve | None] = (),
 ) -> TopoDS_Face:
     """Return the face of a surface within a loop of edges that runs counter-clockwise around its normal.
 
     upward : False where it runs clockwise
+    images : of the edges in the parameters of the surface, None where OCCT needs none
     """
     face = TopoDS_Face()
     wire = new_wire(builder, loop)
     builder.MakeFace(face, surface, TOLERANCE)
     builder.Add(face, wire if upward else wire.Reversed())
     draw_on_plane(builder, face, loop)
+    for edge, image in zip(loop, images):
+        if image is not None:
+            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
     return face
 
 

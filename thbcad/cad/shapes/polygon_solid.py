@@ -10,11 +10,11 @@ from functools import partial
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
+from thbcad.cad.shapes.occt_splines import geom_surface, trace
 from thbcad.cad.shapes.part import Part
 from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
@@ -60,11 +60,10 @@ def _trimmed(
     vertex = np.array([0.0, 0.0, k * lens.thickness])
     curves = [side_curve(lens.own_graphs()[k], *side) for side in sides]
     ring = wall.rim(builder, [(kv, poles + vertex) for kv, poles in curves])
-    face = face_on(builder, geom_surface(surface), ring.edges)
     # from x and y to parameters, which are those over the rear's rectangle
     scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
-    for edge, side in zip(ring.edges, sides):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(UNIT, side * scale), face, TOLERANCE)
+    images = [trace(UNIT, side * scale) for side in sides]
+    face = face_on(builder, geom_surface(surface), ring.edges, True, images)
     return turned_face(face, k == 0), ring
 
 
@@ -83,7 +82,5 @@ def _conic_face(
 
     rims = [partial(above, side) for side in sides]
     ring = wall.rim(builder, [fitted_curve(rim, unit, once) for rim in rims])
-    face = face_on(builder, form.surface(), ring.edges, form.upward)
-    for edge, rim in zip(ring.edges, rims):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), form.trace(rim, (0.0, 1.0)), face, TOLERANCE)
-    return face, ring
+    images = [form.trace(rim, (0.0, 1.0)) for rim in rims]
+    return face_on(builder, form.surface(), ring.edges, form.upward, images), ring
