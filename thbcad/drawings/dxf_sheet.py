@@ -10,6 +10,7 @@ from ezdxf.document import Drawing
 from ezdxf.entities import DXFGraphic
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts import Modelspace
+from ezdxf.sections.classes import REQ_R2004
 
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
@@ -18,6 +19,7 @@ from thbcad.drawings.svg_sheet import DASHES, WIDTHS
 
 APPLICATION = "THBCAD"  # of the extended data: view, curve, and where the view has its point (0, 0)
 TEXTS = "TEXT"
+CLASSES = (*REQ_R2004, "ACDBPLACEHOLDER", "LAYOUT")  # ezdxf itself adds the last two as a set orders them
 COLOURS = {Style.OUTLINE: 7, Style.HIDDEN: 8, Style.CENTRE: 1, Style.HATCH: 8, Style.DIMENSION: 5}
 WHITE = 7  # shown black on white
 ALIGNMENTS = {
@@ -44,6 +46,8 @@ def dxf_bytes(sheet: Sheet) -> bytes:
 
 def _text(sheet: Sheet) -> bytes:
     document = ezdxf.new("R2010", units=units.MM)
+    for kind in CLASSES:
+        document.classes.add_class(kind)
     document.appids.add(APPLICATION)
     _add_layers(document, 1 / sheet.scale)
     space = document.modelspace()
