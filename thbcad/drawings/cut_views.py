@@ -19,7 +19,7 @@ from thbcad.drawings.views import (
     View,
     of_section,
     scaled,
-    transposed,
+    turned_graphs,
     view_of_pieces,
 )
 from thbcad.lens import ALLOWANCE, Polygon
@@ -72,8 +72,7 @@ def _section_lines(
     """Return (front, rear) of every piece as points (n, 2) of (y or x, z), and the error of their chords."""
     surfaces = []
     bounds = []
-    for graph, vertex in zip(cut.lens.graphs(), (0.0, cut.lens.thickness)):
-        turned = graph if across == 0 else transposed(graph)
+    for _, turned, vertex in turned_graphs(cut.lens, across):
         line = (turned.kv_u.collocation([at]) @ turned.coefficients)[0]
         t, _, bound = spline_chords(turned.kv_v, line, chord)
         bounds.append(bound)
@@ -100,8 +99,7 @@ def _silhouettes(cut: CutLens, along: int, chord: float) -> list[Piece]:
     strips = strips_of(cut.shape, along)
     most = max(strip.at(np.array(strip.ends[:1]))[1].shape[1] for strip in strips)
     pieces: list[Piece] = []
-    for name, graph, vertex in zip(NAMES, cut.lens.graphs(), (0.0, cut.lens.thickness)):
-        turned = graph if along == 0 else transposed(graph)
+    for name, turned, vertex in turned_graphs(cut.lens, along):
         for sign in (1, -1):
             line, bound = GraphOverStrips(scaled(turned, sign), strips, chord).lowest()
             shown = (name == "front") == (sign == 1)
@@ -129,10 +127,8 @@ def _upright(cut: CutLens, along: int) -> list[Piece]:
     for v, u in nearest.items():
         least = (start for start, _ in intervals(cut.shape, 1 - along, v))
         shown = v in (low, high) or u <= min(least) + THINNEST
-        heights = []
-        for graph, vertex in zip(cut.lens.graphs(), (0.0, cut.lens.thickness)):
-            turned = graph if along == 0 else transposed(graph)
-            heights.append(vertex + float(turned(u, v)[0]))
+        graphs = turned_graphs(cut.lens, along)
+        heights = [vertex + float(graph(u, v)[0]) for _, graph, vertex in graphs]
         levels = [heights]
         if cut.flange is not None:
             levels = [[heights[0], cut.flange.low], [cut.flange.high, heights[1]]]

@@ -7,6 +7,7 @@ y = at it runs upwards and x to the right, as below the rear.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,10 +105,9 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         )
     bounds = []
     lines = []
-    for graph, vertex in zip(lens.graphs(), (0.0, lens.thickness)):
-        kv, other = (graph.kv_v, graph.kv_u) if across == 0 else (graph.kv_u, graph.kv_v)
-        net = graph.coefficients if across == 0 else graph.coefficients.T
-        t, z, bound = spline_chords(kv, (other.collocation([at]) @ net)[0], chord - ALLOWANCE)
+    for _, graph, vertex in turned_graphs(lens, across):
+        line = (graph.kv_u.collocation([at]) @ graph.coefficients)[0]
+        t, z, bound = spline_chords(graph.kv_v, line, chord - ALLOWANCE)
         lines.append(np.column_stack([t, vertex + z]))
         bounds.append(bound)
     for end in (0, -1):
@@ -150,10 +150,9 @@ Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, pro
 def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
     """Return the least and the greatest z of front and rear; inside the glass they are hidden."""
     pieces = []
-    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
-        turned = graph if along == 0 else transposed(graph)
+    for name, graph, vertex in turned_graphs(lens, along):
         for sign in (1, -1):
-            outline = lowest_outline(scaled(turned, sign), chord)
+            outline = lowest_outline(scaled(graph, sign), chord)
             line = np.column_stack([outline.v, vertex + sign * outline.z])
             shown = (name == "front") == (sign == 1)
             pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, outline.bound))
@@ -243,9 +242,13 @@ def of_section(line: Floats, across: int) -> Floats:
     return line[:, ::-1] if across == 0 else line
 
 
-def transposed(graph: BSplineSurface) -> BSplineSurface:
-    """Return z(y, x) of a graph z(x, y)."""
-    return BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
+def turned_graphs(lens: Lens, axis: int) -> Iterator[tuple[str, BSplineSurface, float]]:
+    """Yield name, graph and z of the vertex of front and rear; the first parameter of the graphs is x (0) or
+    y (1)."""
+    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
+        if axis == 1:
+            graph = BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
+        yield name, graph, vertex
 
 
 def scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:

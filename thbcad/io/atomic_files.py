@@ -36,7 +36,14 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             if path.exists() and not path.is_file() and not path.is_dir():
                 what = "this is a device or a pipe: give the name of a file"
                 raise OSError(errno.EINVAL, what, str(path))
-            _stage(path, data, staged)
+            handle, staged[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(staged[path], 0o666 & ~mask)
         for path in files:
             os.replace(staged[path], path)
             del staged[path]
@@ -46,18 +53,6 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)
         raise
-
-
-def _stage(path: Path, data: bytes, staged: dict[Path, str]) -> None:
-    """Write data to a temporary file beside a path; `staged` then holds its name."""
-    handle, staged[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    with os.fdopen(handle, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(staged[path], 0o666 & ~mask)
 
 
 def write_text(path: str | Path, text: str) -> None:

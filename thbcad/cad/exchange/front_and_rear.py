@@ -40,8 +40,16 @@ def front_and_rear(
     """
     faces = faces_of(shape)
     if all(names.count(name) == 1 for name in OPTICAL):
-        front, rear = (_named(faces[names.index(name)], name, path) for name in OPTICAL)
-        return front, rear
+        named = []
+        for name in OPTICAL:
+            form = optical_form(faces[names.index(name)])
+            if form is None:
+                raise ValueError(
+                    f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a "
+                    "sphere or another conic around z; export the lens again"
+                )
+            named.append(form)
+        return named[0], named[1]
     found = _across_the_middle(faces, _corners(shape))
     if len(found) != 2:
         raise ValueError(f"{path} holds {len(found)} optical faces where a lens has 2, front and rear")
@@ -65,16 +73,6 @@ def optical_form(face: TopoDS_Face) -> OpticalForm | None:
         return None
     spline = spline_surface(geom)
     return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)
-
-
-def _named(face: TopoDS_Face, name: str, path: str | Path) -> OpticalForm:
-    form = optical_form(face)
-    if form is None:
-        raise ValueError(
-            f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a sphere or "
-            "another conic around z; export the lens again"
-        )
-    return form
 
 
 def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:

@@ -11,7 +11,7 @@ from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it takes seconds to load
     import cadquery
 
 
