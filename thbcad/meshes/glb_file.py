@@ -57,10 +57,7 @@ def glb_bytes(mesh: Tessellation, name: str = "lens") -> bytes:
         "materials": [_material(face) for face in names],
         "accessors": [
             _positions(positions),
-            *(
-                {"componentType": UNSIGNED, "count": 3 * int(n), "type": "SCALAR", "bufferView": k + 1}
-                for k, n in enumerate(counts)
-            ),
+            *({**_indices(3 * int(n)), "bufferView": k + 1} for k, n in enumerate(counts)),
         ],
         "bufferViews": [
             {"buffer": 0, "byteLength": positions.nbytes, "target": VERTICES},
@@ -85,6 +82,10 @@ def _positions(positions: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> 
         "min": positions.min(axis=0).tolist(),
         "max": positions.max(axis=0).tolist(),
     }
+
+
+def _indices(count: int) -> dict[str, object]:
+    return {"componentType": UNSIGNED, "count": count, "type": "SCALAR"}
 
 
 def _material(face: str) -> dict[str, object]:
