@@ -63,7 +63,8 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
     """
     require_type("mount", mount, Mount)
     low, high, framed = _seat(mount.flange, require_sound(lens))
-    aperture = clear_aperture(lens)
+    x, y = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
+    aperture = x, y
     walls = [_require_wall(mount.flange.thickness, mount.wall, "as the thickness of the flange")]
     walls.append(_round_lens(mount, aperture))
     spots = list(spots_of(mount))
@@ -83,12 +84,6 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
             )
     _require_gate(mount, aperture)
     return MountProof(low, high, framed, min(gaps, default=min(walls)), min(walls))
-
-
-def clear_aperture(lens: Lens) -> Point:
-    """Return the half-widths of the clear aperture, mm: those of the larger surface."""
-    x, y = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
-    return x, y
 
 
 def spots_of(mount: Mount) -> Iterator[Spot]:

@@ -18,7 +18,7 @@ from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
 from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face
 
 from thbcad.cad.exchange.reading import faces_of
 from thbcad.cad.shapes import Part, spline_surface
@@ -49,18 +49,8 @@ def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     ValueError : a chord below 1e-5 mm, or one that OCCT does not keep with 100,000 triangles.
     RuntimeError : OCCT leaves a face without triangles.
     """
-    return solid_mesh(part.solid, chord, tuple(part.names), single)
-
-
-def solid_mesh(
-    solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = (), single: bool = False
-) -> Tessellation:
-    """Return a mesh of any closed OCCT shape in mm, as `part_mesh`.
-
-    names : of the faces in the order in which OCCT counts them; () numbers them.
-    """
     require_number("chord", chord, least=LEAST, finite=True)
-    faces = faces_of(solid)
+    solid, faces = part.solid, faces_of(part.solid)
     deflection = chord / 2
     for _ in range(ROUNDS):
         BRepTools.Clean_s(solid)
@@ -76,7 +66,7 @@ def solid_mesh(
         raise ValueError(
             f"OCCT's mesh of {count:,} triangles is {error:.2g} mm off; allow a chord error of more than that"
         )
-    return _joined(pieces, error, names or tuple(f"face {k + 1}" for k in range(len(faces))))
+    return _joined(pieces, error, tuple(part.names))
 
 
 def face_triangles(faces: Sequence[TopoDS_Face], chord: float) -> Floats:
