@@ -15,16 +15,7 @@ import numpy as np
 from thbcad.checks import Floats, require_number
 from thbcad.drawings.curves import Curve, Style, edge_cut, spline_chords
 from thbcad.drawings.envelopes import lowest_outline
-from thbcad.lens import (
-    ALLOWANCE,
-    LEAST_CHORD,
-    SIDES,
-    Lens,
-    placed_surfaces,
-    require_sound,
-    rim,
-    ruled_edge,
-)
+from thbcad.lens import ALLOWANCE, LEAST_CHORD, SIDES, Lens, placed_surfaces, require_sound, rim, ruled_edge
 from thbcad.splines import BSplineSurface
 
 NAMES = ("front", "rear")

@@ -8,15 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import (
-    Floats,
-    Integers,
-    floats,
-    read_only,
-    rebuilt,
-    require_number,
-    require_type,
-)
+from thbcad.checks import Floats, Integers, floats, read_only, rebuilt, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
 from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing

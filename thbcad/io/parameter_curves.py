@@ -26,16 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.io.brep_records import (
-    TURN,
-    Brep,
-    BrepCurve,
-    BrepEdge,
-    BrepFace,
-    Order,
-    ParameterCurve,
-    edge_span,
-)
+from thbcad.io.brep_records import TURN, Brep, BrepCurve, BrepEdge, BrepFace, Order, ParameterCurve, edge_span
 from thbcad.sags import axes, lobatto_nodes
 from thbcad.splines import KnotVector
 

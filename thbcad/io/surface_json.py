@@ -8,15 +8,7 @@ from typing import Any
 
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
-from thbcad.io.json_values import (
-    a_list,
-    a_row,
-    cells,
-    read_json,
-    require_keys,
-    require_schema,
-    write_json,
-)
+from thbcad.io.json_values import a_list, a_row, cells, read_json, require_keys, require_schema, write_json
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 

@@ -17,15 +17,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import (
-    Floats,
-    floats,
-    read_only,
-    rebuilt,
-    require_order,
-    require_orders,
-    require_type,
-)
+from thbcad.checks import Floats, floats, read_only, rebuilt, require_order, require_orders, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
