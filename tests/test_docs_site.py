@@ -100,11 +100,17 @@ Raises
 ------
 ValueError : a_i of another shape,
     or not finite.
+
+Examples
+--------
+>>> f(a_i)  # [*]
+1
 """
     assert as_markdown(text) == (
         "Return a\\_i \\* b &lt; c of `x_i`.\n\n    z = a * b_i\n\n"
         "- `a`: rows, (n,).\n- `b_2, c`: columns, which go on here.\n\n"
-        "**Raises**\n\n- `ValueError`: a\\_i of another shape, or not finite."
+        "**Raises**\n\n- `ValueError`: a\\_i of another shape, or not finite.\n\n"
+        "**Examples**\n\n```pycon\n>>> f(a_i)  # [*]\n1\n```"
     )
 
 

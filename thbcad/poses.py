@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, read_only, rebuilt
 
@@ -36,6 +35,14 @@ class Pose:
     Raises
     ------
     ValueError : R is no rotation; numbers that are not finite.
+
+    Examples
+    --------
+    >>> quarter = Pose.at((0, 0, 5), rotation_vector=(0, 0, np.pi / 2))
+    >>> quarter.points(np.array([1.0, 0.0, 0.0])).round(15).tolist()
+    [0.0, 1.0, 5.0]
+    >>> (quarter @ quarter.inverse()).points(np.array([1.0, 2.0, 3.0])).round(14).tolist()
+    [1.0, 2.0, 3.0]
     """
 
     rotation: Floats
@@ -72,8 +79,11 @@ class Pose:
         rotation_vector : rad; its direction is the axis, right-handed, its length the angle.
         about : mm, the point that the rotation leaves where it is.
         """
-        centre = np.asarray(about, dtype=float)
-        rotation = _of_vector(rotation_vector)
+        centre, rotation = np.asarray(about, dtype=float), np.eye(3)
+        if np.any(rotation_vector):
+            from scipy.spatial.transform import Rotation  # it takes a third of a second
+
+            rotation = np.array(Rotation.from_rotvec(rotation_vector).as_matrix())
         return cls(rotation, centre - rotation @ centre + np.asarray(position, dtype=float))
 
     @classmethod
@@ -82,9 +92,11 @@ class Pose:
 
         position : mm.  tilt : degrees, right-handed: `Rotation.from_euler("XYZ", tilt, degrees=True)`.
         """
-        from scipy.spatial.transform import Rotation
+        rotation = np.eye(3)
+        if any(tilt):
+            from scipy.spatial.transform import Rotation
 
-        rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix() if any(tilt) else np.eye(3)
+            rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix()
         return cls(rotation, np.asarray(position, dtype=float))
 
     def __matmul__(self, first: Pose) -> Pose:
@@ -134,15 +146,7 @@ class Pose:
 
         return np.array(Rotation.from_matrix(self.rotation).as_rotvec())
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return rebuilt(self)
-
-
-def _of_vector(vector: ArrayLike) -> Floats:
-    """Return the rotation of a rotation vector, (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.array(Rotation.from_rotvec(vector).as_matrix()) if np.any(vector) else np.eye(3)
+    __reduce__ = rebuilt
 
 
 IDENTITY = Pose.at()

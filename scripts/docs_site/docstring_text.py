@@ -13,13 +13,18 @@ SPECIAL = re.compile(r"([*_\[\]$\\])")
 
 
 def as_markdown(text: str) -> str:
-    """Return a docstring as Markdown: arguments and sections as lists, formulas as code."""
+    """Return a docstring as Markdown: arguments and sections as lists, formulas and examples as code."""
     body, *parts = SECTION.split(text)
     sections = [
-        f"**{title}**\n\n{_list(NEXT_LINE.split(part.strip()))}"
+        f"**{title}**\n\n{_session(part) if title == 'Examples' else _list(NEXT_LINE.split(part.strip()))}"
         for title, part in zip(parts[::2], parts[1::2], strict=True)
     ]
     return "\n\n".join([*map(_paragraph, body.strip().split("\n\n")), *sections])
+
+
+def _session(text: str) -> str:
+    """Return what was typed and printed as a block of code."""
+    return f"```pycon\n{text.strip()}\n```"
 
 
 def _paragraph(text: str) -> str:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         corners as corners,
         greatest as greatest,
         minimum as minimum,
+        reciprocal as reciprocal,
         value_range as value_range,
     )
     from thbcad.certified.intervals import (

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.checks import EPS, Floats, require_orders, require_type
-from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, tensor_apply
+from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, halves, tensor_apply
 from thbcad.surfaces import THBSurface
 
 STRIP = 4096  # cells that are assessed at once, so that their arrays fit in the cache
@@ -62,14 +62,16 @@ class Cells:
         cells = self
         for axis in (0, 1):
             degree = cells.coefficients.shape[axis + 1] - 1
-            half = np.array([[comb(i, j) / 2**i for j in range(degree + 1)] for i in range(degree + 1)])
-            halves = [_along(axis + 1, matrix, cells.coefficients) for matrix in (half, half[::-1, ::-1])]
+            parts = [
+                np.moveaxis(np.tensordot(half, cells.coefficients, (1, axis + 1)), 0, axis + 1)
+                for half in halves(degree)
+            ]
             low, high = cells.box.copy(), cells.box.copy()
             low[1, axis] = high[0, axis] = cells.box[0, axis] + (cells.box[1, axis] - cells.box[0, axis]) / 2
             error = cells.error + rounding(degree + 1, cells.magnitude)
             cells = replace(
                 cells,
-                coefficients=np.concatenate(halves, -1),
+                coefficients=np.concatenate(parts, -1),
                 box=np.concatenate([low, high], -1),
                 error=error,
             )
@@ -224,11 +226,6 @@ def _elevation(p: int, degree: int) -> Floats:
         [comb(p, j) * comb(rest, i - j) if i >= j else 0 for j in range(p + 1)] for i in range(degree + 1)
     ]
     return np.array(weights) / [[comb(degree, i)] for i in range(degree + 1)]
-
-
-def _along(axis: int, matrix: Floats, block: Floats) -> Floats:
-    """Return the product of a matrix with one axis of the coefficients."""
-    return np.moveaxis(np.tensordot(matrix, block, (1, axis)), 0, axis)
 
 
 def _roundings(p: int, q: int) -> int:

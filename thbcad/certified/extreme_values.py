@@ -30,6 +30,13 @@ class Enclosure:
     """lower <= true extreme value <= upper; `value` is the greatest or least value met, taken at (u, v).
 
     Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
+
+    Examples
+    --------
+    >>> sag = FreeformSurface((5.0, 5.0), Conic(50.0, -1.0)).graph()
+    >>> least, most = value_range(sag)
+    >>> (most.lower <= 0.5 <= most.upper, most.upper - most.lower < 1e-9, abs(most.u), abs(most.v))
+    (True, True, 5.0, 5.0)
     """
 
     lower: float
@@ -68,9 +75,9 @@ def minimum(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) 
     ------
     ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
-    return _negative(
-        greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance)
-    )
+    found = greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance)
+    # 0.0 - x is never -0.0
+    return replace(found, lower=0.0 - found.upper, upper=0.0 - found.lower, value=0.0 - found.value)
 
 
 def value_range(
@@ -112,7 +119,11 @@ def greatest(
             chosen = assessment.upper > least
             closed = max(closed, float(assessment.upper[~chosen].max(initial=-np.inf)))
             kept.append((cells.take(chosen), assessment.upper[chosen]))
-        cells = _joined([cells for cells, _ in kept])
+        coefficients, box = (
+            np.concatenate([getattr(cells, name) for cells, _ in kept], axis=-1)
+            for name in ("coefficients", "box")
+        )
+        cells = replace(kept[0][0], coefficients=coefficients, box=box)
         upper = np.concatenate([upper for _, upper in kept])
         chosen = upper > least
         closed = max(closed, float(upper[~chosen].max(initial=-np.inf)))
@@ -150,16 +161,9 @@ def _best_corner(cells: Cells, assessment: Assessment) -> tuple[float, float, fl
     )
 
 
-def _joined(pieces: list[Cells]) -> Cells:
-    coefficients, box = (
-        np.concatenate([getattr(cells, name) for cells in pieces], axis=-1)
-        for name in ("coefficients", "box")
-    )
-    return replace(pieces[0], coefficients=coefficients, box=box)
-
-
-def _negative(enclosure: Enclosure) -> Enclosure:
-    """Return the enclosure of the negative number; 0.0 - x is never -0.0."""
-    return Enclosure(
-        0.0 - enclosure.upper, 0.0 - enclosure.lower, 0.0 - enclosure.value, enclosure.u, enclosure.v
-    )
+def reciprocal(found: Enclosure) -> Enclosure:
+    """Return the enclosure of 1 / k from that of k, infinite for k <= 0; the quotients round once."""
+    lower, upper, value = (1 / k if k > 0 else np.inf for k in (found.upper, found.lower, found.value))
+    if found.upper > 0:
+        lower = float(np.nextafter(lower, 0))
+    return Enclosure(lower, float(np.nextafter(upper, np.inf)), value, found.u, found.v)

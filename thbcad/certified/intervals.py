@@ -22,8 +22,6 @@ from thbcad.splines import BSplineSurface, KnotVector, blossom_rows
 STRIP = 2**15  # pieces of rectangles that are assessed at once
 MOST_BOXES = 2**15  # about a second of work
 
-Rows = Integers
-
 
 @dataclass(frozen=True, eq=False)
 class Interval:
@@ -147,24 +145,20 @@ def positive(
         boxes = boxes[..., ~(lower(*(Interval(*boxes[:, axis]) for axis in (0, 1))) > 0)]
         for axis in (0, 1):
             if (boxes[0, axis] < boxes[1, axis]).any():
-                boxes = _halved(boxes, axis)
+                low, high = boxes.copy(), boxes.copy()
+                low[1, axis] = high[0, axis] = boxes[:, axis].mean(axis=0)
+                boxes = np.concatenate([low, high], axis=-1)
     return True, None
 
 
-def _halved(boxes: Floats, axis: int) -> Floats:
-    low, high = boxes.copy(), boxes.copy()
-    low[1, axis] = high[0, axis] = boxes[:, axis].mean(axis=0)
-    return np.concatenate([low, high], axis=-1)
-
-
-def _spans(kv: KnotVector, x: Interval) -> tuple[Rows, Rows]:
+def _spans(kv: KnotVector, x: Interval) -> tuple[Integers, Integers]:
     """Return the first non-empty span that every interval meets, and how many."""
     first = np.minimum(np.searchsorted(kv.breaks, x.low, "right") - 1, kv.spans - 1)
     last = np.maximum(np.searchsorted(kv.breaks, x.high, "left") - 1, first)
     return first, last - first + 1
 
 
-def _restricted(kv: KnotVector, x: Interval, span: Rows, order: int) -> tuple[Rows, Floats]:
+def _restricted(kv: KnotVector, x: Interval, span: Integers, order: int) -> tuple[Integers, Floats]:
     """Return (first, rows): rows @ c[first : first + p + 1] are the Bernstein coefficients of a derivative on
     parts of intervals in a span.
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thbcad.certified.bernstein_cells import Cells, Graph, bernstein, rounding, whole_graph
-from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest
+from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest, reciprocal
 from thbcad.checks import EPS, Floats
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
@@ -76,17 +76,7 @@ def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
     graph = whole_graph(graph)
     concave = greatest(bernstein(graph, DERIVATIVES), _curvature, tolerance)
     convex = greatest((cells.negated() for cells in bernstein(graph, DERIVATIVES)), _curvature, tolerance)
-    return LeastRadii(_radius(concave), _radius(convex))
-
-
-def _radius(curvature: Enclosure) -> Enclosure:
-    """Return the enclosure of 1 / k, infinite for k <= 0."""
-    lower, upper, value = (
-        1 / k if k > 0 else np.inf for k in (curvature.upper, curvature.lower, curvature.value)
-    )
-    if curvature.upper > 0:
-        lower = float(np.nextafter(lower, 0))
-    return Enclosure(lower, float(np.nextafter(upper, np.inf)), value, curvature.u, curvature.v)
+    return LeastRadii(reciprocal(concave), reciprocal(convex))
 
 
 def _slope(cells: Cells, best: float) -> Assessment:

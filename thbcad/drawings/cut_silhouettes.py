@@ -58,17 +58,14 @@ class GraphOverStrips:
             t = self._lines(strip, self.chord / 2)
             chosen = np.full(len(t), number), np.full(len(t), float(end))
             v, z = self._heights(strip, t, *chosen)
-            runs[-1].append((np.column_stack([v, z]), self._error(strip, t)))
+            bound = (self._bend(strip) + strip.speeds[3]) * np.diff(t).max() ** 2 / 8
+            runs[-1].append((np.column_stack([v, z]), float(bound)))
         return [_joined(run) for run in runs if run]
 
     def _bend(self, strip: Strip) -> float:
         uu, uv, vv, u, v = self._bounds
         u1, u2, v1, v2 = strip.speeds
         return float(uu * u1**2 + 2 * uv * u1 * v1 + vv * v1**2 + u * u2 + v * v2)
-
-    def _error(self, strip: Strip, t: Floats) -> float:
-        """Return the error of chords between parameters along a fixed s, in z and in v."""
-        return float((self._bend(strip) + strip.speeds[3]) * np.diff(t).max() ** 2 / 8)
 
     def _lines(self, strip: Strip, chord: float) -> Floats:
         """Return parameters whose chords keep an error along a fixed s."""

@@ -10,19 +10,17 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.drawings.curves import Curve, Style, spline_chords
-from thbcad.drawings.cut_outlines import THINNEST, CutLens, Shape, box_of, intervals, ring_of, strips_of
+from thbcad.drawings.cut_outlines import THINNEST, CutLens, box_of, intervals, ring_of, strips_of
 from thbcad.drawings.cut_silhouettes import GraphOverStrips
 from thbcad.drawings.views import (
     NAMES,
     SECTION_AXES,
-    SIDE_AXES,
     Piece,
     View,
-    distinct,
     of_section,
-    of_side,
     scaled,
-    transposed,
+    turned_graphs,
+    view_of_pieces,
 )
 from thbcad.lens import ALLOWANCE, Polygon
 
@@ -74,8 +72,7 @@ def _section_lines(
     """Return (front, rear) of every piece as points (n, 2) of (y or x, z), and the error of their chords."""
     surfaces = []
     bounds = []
-    for graph, vertex in zip(cut.lens.graphs(), (0.0, cut.lens.thickness)):
-        turned = graph if across == 0 else transposed(graph)
+    for _, turned, vertex in turned_graphs(cut.lens, across):
         line = (turned.kv_u.collocation([at]) @ turned.coefficients)[0]
         t, _, bound = spline_chords(turned.kv_v, line, chord)
         bounds.append(bound)
@@ -93,11 +90,7 @@ def cut_side(cut: CutLens, along: int, chord: float) -> View:
     front and rear, rims, corners and the flange."""
     allowed = chord - ALLOWANCE
     pieces = [*_silhouettes(cut, along, allowed), *_upright(cut, along), *_flange_box(cut, along)]
-    curves = tuple(
-        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
-    )
-    bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{'xy'[along]}", SIDE_AXES[along], curves, bound + ALLOWANCE)
+    return view_of_pieces(pieces, along, chord)
 
 
 def _silhouettes(cut: CutLens, along: int, chord: float) -> list[Piece]:
@@ -106,8 +99,7 @@ def _silhouettes(cut: CutLens, along: int, chord: float) -> list[Piece]:
     strips = strips_of(cut.shape, along)
     most = max(strip.at(np.array(strip.ends[:1]))[1].shape[1] for strip in strips)
     pieces: list[Piece] = []
-    for name, graph, vertex in zip(NAMES, cut.lens.graphs(), (0.0, cut.lens.thickness)):
-        turned = graph if along == 0 else transposed(graph)
+    for name, turned, vertex in turned_graphs(cut.lens, along):
         for sign in (1, -1):
             line, bound = GraphOverStrips(scaled(turned, sign), strips, chord).lowest()
             shown = (name == "front") == (sign == 1)
@@ -133,24 +125,16 @@ def _upright(cut: CutLens, along: int) -> list[Piece]:
         nearest = {float(low): 0.0, float(high): 0.0}
     pieces: list[Piece] = []
     for v, u in nearest.items():
-        shown = v in (low, high) or u <= _least(cut.shape, along, v) + THINNEST
-        heights = []
-        for graph, vertex in zip(cut.lens.graphs(), (0.0, cut.lens.thickness)):
-            turned = graph if along == 0 else transposed(graph)
-            heights.append(vertex + float(turned(u, v)[0]))
-        levels = [heights] if cut.flange is None else _outside(heights, cut.flange.low, cut.flange.high)
+        least = (start for start, _ in intervals(cut.shape, 1 - along, v))
+        shown = v in (low, high) or u <= min(least) + THINNEST
+        graphs = turned_graphs(cut.lens, along)
+        heights = [vertex + float(graph(u, v)[0]) for _, graph, vertex in graphs]
+        levels = [heights]
+        if cut.flange is not None:
+            levels = [[heights[0], cut.flange.low], [cut.flange.high, heights[1]]]
         style = Style.OUTLINE if shown else Style.HIDDEN
         pieces += [("edge", np.column_stack([[v, v], ends]), style, 0.0) for ends in levels]
     return pieces
-
-
-def _outside(heights: list[float], low: float, high: float) -> list[list[float]]:
-    return [[heights[0], low], [high, heights[1]]]
-
-
-def _least(shape: Shape, along: int, v: float) -> float:
-    """Return the least u of an outline at some v within it."""
-    return min(low for low, _ in intervals(shape, 1 - along, v))
 
 
 def _flange_box(cut: CutLens, along: int) -> list[Piece]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.drawings.curves import Style
-from thbcad.drawings.sheets import ARROW, SMALL, TEXT, Label, Stroke, arrowhead, line
+from thbcad.drawings.sheets import ARROW, TEXT, Label, Stroke, arrowhead, line
 
 EXTENSION = (1.0, 2.0)  # mm: before and beyond an extension line
 OVERHANG = 4.0  # mm of a centre line beyond the outline
@@ -90,13 +90,3 @@ def hatching(outline: Floats) -> list[Stroke]:
         for low, high in zip(x[::2], x[1::2]):
             lines.append(line(turn @ [low, row], turn @ [high, row], style=Style.HATCH))
     return lines
-
-
-def caption(text: str, place: tuple[float, float]) -> Label:
-    """Return the title of a view, centred."""
-    return Label(text, place, TEXT, "middle")
-
-
-def note(text: str, x: float, y: float) -> Label:
-    """Return a small text."""
-    return Label(text, (x, y), SMALL)

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import ezdxf
 from ezdxf import units
+from ezdxf.document import Drawing
+from ezdxf.entities import DXFGraphic
 from ezdxf.enums import TextEntityAlignment
+from ezdxf.layouts import Modelspace
+from ezdxf.sections.classes import REQ_R2004
 
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
-from thbcad.drawings.sheets import Label, Sheet, Stroke
+from thbcad.drawings.sheets import Sheet, Stroke
 from thbcad.drawings.svg_sheet import DASHES, WIDTHS
-
-if TYPE_CHECKING:
-    from ezdxf.document import Drawing
-    from ezdxf.entities import DXFGraphic
-    from ezdxf.layouts import Modelspace
 
 APPLICATION = "THBCAD"  # of the extended data: view, curve, and where the view has its point (0, 0)
 TEXTS = "TEXT"
+CLASSES = (*REQ_R2004, "ACDBPLACEHOLDER", "LAYOUT")  # ezdxf itself adds the last two as a set orders them
 COLOURS = {Style.OUTLINE: 7, Style.HIDDEN: 8, Style.CENTRE: 1, Style.HATCH: 8, Style.DIMENSION: 5}
 WHITE = 7  # shown black on white
 ALIGNMENTS = {
@@ -39,12 +36,18 @@ def dxf_bytes(sheet: Sheet) -> bytes:
     Curves of the views carry extended data of the application THBCAD: title of the view, name of the curve,
     and x and y of the view's point (0, 0).
     """
-    with _fixed_stamps():
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # fixed times and identifiers
+    try:
         return _text(sheet)
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before
 
 
 def _text(sheet: Sheet) -> bytes:
     document = ezdxf.new("R2010", units=units.MM)
+    for kind in CLASSES:
+        document.classes.add_class(kind)
     document.appids.add(APPLICATION)
     _add_layers(document, 1 / sheet.scale)
     space = document.modelspace()
@@ -55,12 +58,16 @@ def _text(sheet: Sheet) -> bytes:
         x, y = (view.origin / sheet.scale).tolist()
         entity.set_xdata(APPLICATION, [(1000, view.view.title), (1000, name), (1040, x), (1040, y)])
     for label in sheet.labels:
-        _add_label(space, label, sheet.scale)
+        text = space.add_text(
+            label.text, height=label.height / sheet.scale, rotation=label.angle, dxfattribs={"layer": TEXTS}
+        )
+        x, y = label.position
+        text.set_placement((x / sheet.scale, y / sheet.scale), align=ALIGNMENTS[label.anchor])
     for name, corner in zip(MAXIMA, ((0.0, 0.0), sheet.size)):
         document.header[name] = (corner[0] / sheet.scale, corner[1] / sheet.scale, 0.0)
-    text = io.StringIO()
-    document.write(text)
-    return text.getvalue().encode(document.output_encoding)
+    whole = io.StringIO()
+    document.write(whole)
+    return whole.getvalue().encode(document.output_encoding)
 
 
 def _add_layers(document: Drawing, size: float) -> None:
@@ -81,22 +88,3 @@ def _add_stroke(space: Modelspace, stroke: Stroke, scale: float) -> DXFGraphic:
     if stroke.filled:
         return space.add_solid(points[:3], dxfattribs=attributes)
     return space.add_lwpolyline(points, dxfattribs=attributes)
-
-
-def _add_label(space: Modelspace, label: Label, scale: float) -> None:
-    text = space.add_text(
-        label.text, height=label.height / scale, rotation=label.angle, dxfattribs={"layer": TEXTS}
-    )
-    x, y = label.position
-    text.set_placement((x / scale, y / scale), align=ALIGNMENTS[label.anchor])
-
-
-@contextmanager
-def _fixed_stamps() -> Iterator[None]:
-    """Let ezdxf write fixed times and identifiers."""
-    before = ezdxf.options.write_fixed_meta_data_for_testing
-    ezdxf.options.write_fixed_meta_data_for_testing = True
-    try:
-        yield
-    finally:
-        ezdxf.options.write_fixed_meta_data_for_testing = before

@@ -21,14 +21,13 @@ Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14 (convex hull p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 
 from thbcad.certified import cell_bounds
 from thbcad.checks import Floats, Integers
 from thbcad.lens import subdivided
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, halves
 
 MOST_LINES = 200_000
 BLOCK = 2**20  # Bernstein coefficients at a time
@@ -110,7 +109,7 @@ def _lowest(graph: BSplineSurface, v: Floats, slack: float) -> tuple[Floats, Flo
     ends = np.tile(np.stack([kv.breaks[:-1], kv.breaks[1:]], axis=1), (len(v), 1))
     best = np.full(len(v), np.inf)
     at = np.full(len(v), kv.start)
-    halves = _halves(kv)
+    both = halves(kv.degree)
     for _ in range(MOST_HALVINGS):
         for end in (0, -1):
             _lower(best, at, owner, nets[:, end], ends[:, end])
@@ -120,7 +119,7 @@ def _lowest(graph: BSplineSurface, v: Floats, slack: float) -> tuple[Floats, Flo
         middle = ends[open_].mean(axis=1)
         low, high = ends[open_].copy(), ends[open_].copy()
         low[:, 1] = high[:, 0] = middle
-        nets = np.concatenate([nets[open_] @ half.T for half in halves])
+        nets = np.concatenate([nets[open_] @ half.T for half in both])
         ends = np.concatenate([low, high])
         owner = np.tile(owner[open_], 2)
     return best, at
@@ -134,10 +133,3 @@ def _lower(best: Floats, at: Floats, owner: Integers, values: Floats, u: Floats)
     less = values[chosen] < best[lines]
     best[lines[less]] = values[chosen[less]]
     at[lines[less]] = u[chosen[less]]
-
-
-def _halves(kv: KnotVector) -> tuple[Floats, Floats]:
-    """Return de Casteljau's algorithm as matrices to the coefficients on the lower and the upper half."""
-    p = kv.degree
-    low = np.array([[comb(i, j) / 2**i for j in range(p + 1)] for i in range(p + 1)])
-    return low, low[::-1, ::-1]

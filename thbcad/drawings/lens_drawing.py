@@ -17,8 +17,8 @@ from thbcad.checks import Floats, require_number, require_type
 from thbcad.drawings.curves import Style
 from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
-from thbcad.drawings.dimensions import Marks, caption, centre_line, dimension, hatching, section_mark
-from thbcad.drawings.sheets import PlacedView, Sheet, Stroke, number
+from thbcad.drawings.dimensions import Marks, centre_line, dimension, hatching, section_mark
+from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, number
 from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
 from thbcad.drawings.views import View, plan_view, section_view, side_view
 from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
@@ -148,7 +148,8 @@ def _captions(placed: list[PlacedView], scale: float) -> Marks:
         low, high = _frame(one, scale)
         drop = 10.0 if one.view.axes[1] != "y" else 23.0  # below a dimension and a section mark
         title = one.view.title.replace("SECTION x", "A-A   x").replace("SECTION y", "B-B   y")
-        marks.append(caption(title, (float((low[0] + high[0]) / 2), float(low[1] - drop))))
+        place = float((low[0] + high[0]) / 2), float(low[1] - drop)
+        marks.append(Label(title, place, TEXT, "middle"))
     return marks
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from xml.sax.saxutils import escape, quoteattr
 
-from thbcad.checks import Floats
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
 from thbcad.drawings.sheets import Label, Sheet, Stroke
@@ -60,17 +59,14 @@ def _number(value: float) -> str:
     return f"{value + 0.0:.9f}".rstrip("0").rstrip(".")
 
 
-def _points(points: Floats, height: float) -> str:
-    return "M" + "L".join(f"{_number(x)} {_number(height - y)}" for x, y in points)
-
-
 def _path(stroke: Stroke, height: float, marks: str = "") -> str:
     dashes = DASHES.get(stroke.style)
     dashed = f' stroke-dasharray="{" ".join(map(str, dashes))}"' if dashes else ""
     fill = ' fill="#000"' if stroke.filled else ""
+    line = "M" + "L".join(f"{_number(x)} {_number(height - y)}" for x, y in stroke.points)
     return (
         f'<path class="{stroke.style}" stroke-width="{WIDTHS[stroke.style]}"{dashed}{fill}{marks} '
-        f'd="{_points(stroke.points, height)}"/>\n'
+        f'd="{line}"/>\n'
     )
 
 

@@ -6,12 +6,10 @@ surface).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from thbcad.drawings.curves import Style
-from thbcad.drawings.dimensions import Marks, note
+from thbcad.drawings.dimensions import Marks
 from thbcad.drawings.sheets import SMALL, TEXT, Label, line, number, rectangle
 from thbcad.lens import FreeformSurface, Lens, Product
 
@@ -34,19 +32,17 @@ def tables(lens: Lens, product: Product, scale: float, bound: float, outline: st
         line((split, low), (split, low + BAND), style=Style.FRAME),
     ]
     width = (split - left) / 3
-    columns = (_surface(lens.front, outline), _material(lens, product), _surface(lens.rear, outline))
+    material = [product.material or "material not stated", f"n = {lens.index:.6g}"]
+    if product.density:
+        material.append(f"density {product.density:g} g/cm3")
+    columns = (_surface(lens.front, outline), material, _surface(lens.rear, outline))
     for k, (head, rows) in enumerate(zip(("FRONT", "MATERIAL", "REAR"), columns)):
-        x = left + k * width
-        marks += _column(head, rows, x, low)
+        x, y = left + k * width, low + BAND - ROW
+        marks.append(Label(head, (x + 2, y), TEXT))
+        marks += [Label(_cut(row), (x + 2, y - (n + 1) * ROW), SMALL) for n, row in enumerate(rows)]
         if k:
             marks.append(line((x, low), (x, low + BAND), style=Style.FRAME))
     return [*marks, *_title(product, scale, bound, split, low)]
-
-
-def _column(head: str, rows: Sequence[str], x: float, low: float) -> Marks:
-    top = low + BAND - ROW
-    texts = [note(_cut(row), x + 2, top - (k + 1) * ROW) for k, row in enumerate(rows)]
-    return [Label(head, (x + 2, top), TEXT), *texts]
 
 
 def _surface(surface: FreeformSurface, outline: str) -> list[str]:
@@ -62,18 +58,12 @@ def _surface(surface: FreeformSurface, outline: str) -> list[str]:
     return [*rows, f"spans {net.kv_u.spans} x {net.kv_v.spans}", "exact shape: the STEP file"]
 
 
-def _material(lens: Lens, product: Product) -> list[str]:
-    rows = [product.material or "material not stated", f"n = {lens.index:.6g}"]
-    if product.density:
-        rows.append(f"density {product.density:g} g/cm3")
-    return rows
-
-
 def _title(product: Product, scale: float, bound: float, x: float, low: float) -> Marks:
     right, top = x + TITLE, low + BAND
+    ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
     rows = (
         (f"curves within {rounded_up(bound)} mm of the lens", 3),
-        (f"scale {scale_text(scale)}    lengths in mm    A3", 2),
+        (f"scale {ratio}    lengths in mm    A3", 2),
         (" / ".join(text for text in (product.author, product.organization) if text) or "thbcad", 1),
     )
     marks: Marks = [Label(_cut(product.name), (x + 3, top - 10), 5.0)]
@@ -99,11 +89,6 @@ def _projection_symbol(x: float, y: float) -> Marks:
         line((x - 5, y), (x + 17, y), style=Style.CENTRE),
         line((x, y - 5), (x, y + 5), style=Style.CENTRE),
     ]
-
-
-def scale_text(scale: float) -> str:
-    """Return a scale as drawings state it, such as 2:1."""
-    return f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
 
 
 def rounded_up(value: float) -> str:

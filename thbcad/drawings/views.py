@@ -7,6 +7,7 @@ y = at it runs upwards and x to the right, as below the rear.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +15,7 @@ import numpy as np
 from thbcad.checks import Floats, require_number
 from thbcad.drawings.curves import Curve, Style, edge_cut, spline_chords
 from thbcad.drawings.envelopes import lowest_outline
-from thbcad.lens import (
-    ALLOWANCE,
-    LEAST_CHORD,
-    SIDES,
-    Lens,
-    placed_surfaces,
-    require_sound,
-    rim,
-    ruled_edge,
-)
+from thbcad.lens import ALLOWANCE, LEAST_CHORD, SIDES, Lens, placed_surfaces, require_sound, rim, ruled_edge
 from thbcad.splines import BSplineSurface
 
 NAMES = ("front", "rear")
@@ -94,7 +86,7 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         `require_sound`; more than 200,000 chords.
     """
     across = _axis_number(axis)
-    _require_chord(chord)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
     require_number("at", at, finite=True)
     reach = min(surface.half_width[across] for surface in (require_sound(lens).front, lens.rear))
     if abs(at) >= reach:
@@ -104,10 +96,9 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         )
     bounds = []
     lines = []
-    for graph, vertex in zip(lens.graphs(), (0.0, lens.thickness)):
-        kv, other = (graph.kv_v, graph.kv_u) if across == 0 else (graph.kv_u, graph.kv_v)
-        net = graph.coefficients if across == 0 else graph.coefficients.T
-        t, z, bound = spline_chords(kv, (other.collocation([at]) @ net)[0], chord - ALLOWANCE)
+    for _, graph, vertex in turned_graphs(lens, across):
+        line = (graph.kv_u.collocation([at]) @ graph.coefficients)[0]
+        t, z, bound = spline_chords(graph.kv_v, line, chord - ALLOWANCE)
         lines.append(np.column_stack([t, vertex + z]))
         bounds.append(bound)
     for end in (0, -1):
@@ -133,7 +124,7 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
     ValueError : another axis; a chord below 1e-8 mm; as `require_sound`; more than 200,000 chords.
     """
     along = _axis_number(axis)
-    _require_chord(chord)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
     require_sound(lens)
     allowed = chord - ALLOWANCE
     pieces = [
@@ -141,11 +132,7 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
         *_edge_outlines(lens, along, allowed),
         *_rims(lens, along, allowed),
     ]
-    curves = tuple(
-        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
-    )
-    bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{axis}", SIDE_AXES[along], curves, bound + ALLOWANCE)
+    return view_of_pieces(pieces, along, chord)
 
 
 Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
@@ -154,10 +141,9 @@ Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, pro
 def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
     """Return the least and the greatest z of front and rear; inside the glass they are hidden."""
     pieces = []
-    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
-        turned = graph if along == 0 else transposed(graph)
+    for name, graph, vertex in turned_graphs(lens, along):
         for sign in (1, -1):
-            outline = lowest_outline(scaled(turned, sign), chord)
+            outline = lowest_outline(scaled(graph, sign), chord)
             line = np.column_stack([outline.v, vertex + sign * outline.z])
             shown = (name == "front") == (sign == 1)
             pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, outline.bound))
@@ -214,13 +200,17 @@ def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
     return pieces
 
 
-def distinct(pieces: list[Piece], chord: float) -> list[Piece]:
-    """Return the pieces without those that one before them covers within twice the chord; outlines first."""
+def view_of_pieces(pieces: list[Piece], along: int, chord: float) -> View:
+    """Return a lens as seen along x (0) or y (1): outlines first, and none of the pieces that one before them
+    covers within twice the chord."""
     kept: list[Piece] = []
     for piece in sorted(pieces, key=lambda item: item[2] is Style.HIDDEN):
         if not any(piece[0] == other[0] and _covers(other[1], piece[1], 2 * chord) for other in kept):
             kept.append(piece)
-    return kept
+    # seen from -y, z runs downwards and x to the left
+    lines = [(name, line[:, ::-1] if along == 0 else 0.0 - line, style) for name, line, style, _ in kept]
+    bound = max(piece[3] for piece in pieces) + ALLOWANCE
+    return View(f"SEEN FROM -{AXES[along]}", SIDE_AXES[along], tuple(Curve(*line) for line in lines), bound)
 
 
 def _covers(line: Floats, other: Floats, tolerance: float) -> bool:
@@ -238,23 +228,18 @@ def _axis_number(axis: str) -> int:
     return AXES.index(axis)
 
 
-def _require_chord(chord: float) -> None:
-    require_number("chord", chord, least=LEAST_CHORD, finite=True)
-
-
 def of_section(line: Floats, across: int) -> Floats:
     """Return points (y, z) or (x, z) along the axes of a section across x (0) or y (1)."""
     return line[:, ::-1] if across == 0 else line
 
 
-def of_side(line: Floats, along: int) -> Floats:
-    """Return points (y, z) or (x, z) along the axes of a view along x (0) or y (1)."""
-    return line[:, ::-1] if along == 0 else 0.0 - line
-
-
-def transposed(graph: BSplineSurface) -> BSplineSurface:
-    """Return z(y, x) of a graph z(x, y)."""
-    return BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
+def turned_graphs(lens: Lens, axis: int) -> Iterator[tuple[str, BSplineSurface, float]]:
+    """Yield name, graph and z of the vertex of front and rear; the first parameter of the graphs is x (0) or
+    y (1)."""
+    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
+        if axis == 1:
+            graph = BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
+        yield name, graph, vertex
 
 
 def scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:

@@ -59,6 +59,13 @@ class Fit:
         - "smallest cells": float64 cannot halve the cells above the tolerance.
 
     history : one Step for every fit, coarsest first.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> found = fit(THBSpace(kv, kv), lambda u, v: np.exp(-50 * (u**2 + v**2)), tolerance=1e-3)
+    >>> found.outcome, found.error <= 1e-3, found.surface.space.levels > 1
+    ('reached', True, True)
     """
 
     surface: THBSurface

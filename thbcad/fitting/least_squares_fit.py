@@ -8,15 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import (
-    Floats,
-    Integers,
-    floats,
-    read_only,
-    rebuilt,
-    require_number,
-    require_type,
-)
+from thbcad.checks import Floats, Integers, floats, read_only, rebuilt, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
 from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing
@@ -39,6 +31,14 @@ class Samples:
     ------
     ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 9)
+    >>> samples = Samples.grid(x, x, np.add.outer(x, x**2))
+    >>> kv = KnotVector.uniform(degree=2, spans=1)
+    >>> least_squares(THBSpace(kv, kv), samples)([0.5], [0.5]).round(12).tolist()
+    [0.75]
     """
 
     u: Floats

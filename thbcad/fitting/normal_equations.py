@@ -29,7 +29,16 @@ LEAST_EXPONENT = -511  # of four, among float64 numbers with all their digits
 
 
 class Underdetermined(ValueError):
-    """The samples do not determine every coefficient."""
+    """The samples do not determine every coefficient.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=1, spans=1)
+    >>> least_squares(THBSpace(kv, kv), Samples([0.5], [0.5], [1.0]))
+    Traceback (most recent call last):
+    ...
+    thbcad.fitting.normal_equations.Underdetermined: the samples do not determine ...
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,19 +140,14 @@ def thin_plate(space: THBSpace) -> csr_array:
     the integrals are products of those in u and in v.
     """
     if len(np.unique(space.cells[:, 0])) == 1:
-        return _tensor_energy(space.embedding.kv_u, space.embedding.kv_v)
+        by_u, by_v = (_integrals(kv) for kv in (space.embedding.kv_u, space.embedding.kv_v))
+        return csr_array(sum(factor * kron(by_u[a], by_v[b]) for (a, b), factor in THIN_PLATE))
     u, v, weights = gauss_points(space)
     total = csr_array((space.dim, space.dim))
     for derivative, factor in THIN_PLATE:
         d = space.collocation(u, v, derivative)
         total = total + d.T @ (diags_array(factor * weights) @ d)
     return csr_array(total)
-
-
-def _tensor_energy(kv_u: KnotVector, kv_v: KnotVector) -> csr_array:
-    """Return the energy matrix of the tensor-product splines of two knot vectors, functions in u first."""
-    by_u, by_v = (_integrals(kv) for kv in (kv_u, kv_v))
-    return csr_array(sum(factor * kron(by_u[a], by_v[b]) for (a, b), factor in THIN_PLATE))
 
 
 def _integrals(kv: KnotVector) -> list[csr_array]:

@@ -20,22 +20,17 @@ rest, there and for uneven weights.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 from thbcad.checks import Floats
-from thbcad.hierarchy import MultilevelBasis
+from thbcad.hierarchy import MultilevelBasis, THBSpace
+from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-    from thbcad.hierarchy import THBSpace
-    from thbcad.splines import KnotVector
 
 STEPS = 60  # of conjugate gradients, at most
 TOLERANCE = 3e-4  # of the residual, relative to the right side

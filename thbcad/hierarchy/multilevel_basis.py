@@ -14,14 +14,10 @@ Source: J. Bramble, J. Pasciak, J. Xu, Parallel multilevel preconditioners, Math
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from thbcad.checks import Floats
-
-if TYPE_CHECKING:
-    from thbcad.hierarchy.thb_space import THBSpace
+from thbcad.hierarchy.thb_space import THBSpace
 
 
 class MultilevelBasis:

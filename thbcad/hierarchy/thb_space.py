@@ -32,12 +32,12 @@ from thbcad.checks import (
     require_orders,
     require_type,
 )
-from thbcad.hierarchy import prolongation as transfer
 from thbcad.hierarchy.admissibility import closure
 from thbcad.hierarchy.domains import MAX_LEVEL, Domains
 from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
+from thbcad.hierarchy.mesh_picture import space_card
 from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
@@ -54,6 +54,15 @@ class THBSpace:
     Raises
     ------
     ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> space = THBSpace(kv, kv).refine({0: [(i, j) for i in (0, 1) for j in (0, 1)]})
+    >>> space.levels, len(space.cells), space.dim
+    (2, 28, 61)
+    >>> space.collocation([0.1, 0.6], [0.3, 0.6]).sum(axis=1).round(15).tolist()  # truncated: they sum to one
+    [1.0, 1.0]
     """
 
     kv_u: KnotVector
@@ -78,8 +87,6 @@ class THBSpace:
 
     def _repr_html_(self) -> str:
         """Return a picture of the mesh and some numbers for notebooks."""
-        from thbcad.hierarchy.mesh_picture import space_card
-
         return space_card(self)
 
     @property
@@ -225,9 +232,17 @@ class THBSpace:
         Raises
         ------
         ValueError : `finer` is not a refinement of this space.
+
+        Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
+        multilevel spline spaces, Adv. Comput. Math. 40 (2014).
         """
         self._require_nested(finer)
-        return transfer.prolongation(self.nets, finer.nets)
+        rows = [
+            fine.find(coarse.functions[coarse.active])
+            for coarse, fine in zip(self.hierarchy, finer.hierarchy)
+        ]
+        rows += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
+        return finer.nets.onto_active(finer.nets.operators(rows))
 
     def restriction(self, coarser: THBSpace) -> csr_array:
         """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
@@ -261,7 +276,7 @@ class THBSpace:
         The hierarchical basis (HB-splines) has the same functions, not truncated; it spans the same space.
         Source: R. Kraft, Adaptive and linearly independent multilevel B-splines (1997); thesis 3.3.3.
         """
-        return transfer.hierarchical(self.nets)
+        return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
     def extraction(self) -> csr_array:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).

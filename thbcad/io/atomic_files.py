@@ -33,8 +33,17 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     staged: dict[Path, str] = {}
     try:
         for path, data in files.items():
-            _require_replaceable(path)
-            _stage(path, data, staged)
+            if path.exists() and not path.is_file() and not path.is_dir():
+                what = "this is a device or a pipe: give the name of a file"
+                raise OSError(errno.EINVAL, what, str(path))
+            handle, staged[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(staged[path], 0o666 & ~mask)
         for path in files:
             os.replace(staged[path], path)
             del staged[path]
@@ -44,21 +53,6 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)
         raise
-
-
-def _require_replaceable(path: Path) -> None:
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise OSError(errno.EINVAL, "this is a device or a pipe: give the name of a file", str(path))
-
-
-def _stage(path: Path, data: bytes, staged: dict[Path, str]) -> None:
-    """Write data to a temporary file beside a path; `staged` then holds its name."""
-    handle, staged[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    with os.fdopen(handle, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.chmod(staged[path], 0o666 & ~_umask())
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -77,9 +71,3 @@ def _finite(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return [_finite(value) for value in data]
     return None if isinstance(data, float) and not math.isfinite(data) else data
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -64,11 +64,6 @@ def a_number(data: dict[str, Any], key: str) -> float:
     return float(a_row([data[key]], key)[0])
 
 
-def numbers(data: dict[str, Any], key: str) -> Floats:
-    """Return the list of numbers under a key."""
-    return a_row(data[key], key)
-
-
 def a_row(values: object, key: str) -> Floats:
     """Return a list of JSON numbers as floats; nothing else passes for a number."""
     if not isinstance(values, list) or not all(type(v) in (int, float) for v in values):

@@ -13,8 +13,8 @@ import numpy as np
 
 from thbcad.io.json_values import (
     a_number,
+    a_row,
     a_table,
-    numbers,
     read_json,
     require_keys,
     require_schema,
@@ -94,7 +94,7 @@ def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
     require_keys(data, SURFACE_KEYS, "lens")
     radius = np.inf if data["radius"] is None else a_number(data, "radius")
     sag = sag_from_dict(a_table(data, "sag")) if "sag" in data else None
-    half_width = numbers(data, "half_width")
+    half_width = a_row(data["half_width"], "half_width")
     if len(half_width) != 2:
         raise ValueError(f"the file's half_width must be 2 numbers, got {len(half_width)}")
     return FreeformSurface((half_width[0], half_width[1]), Conic(radius, a_number(data, "conic")), sag)

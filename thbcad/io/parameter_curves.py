@@ -26,16 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.io.brep_records import (
-    TURN,
-    Brep,
-    BrepCurve,
-    BrepEdge,
-    BrepFace,
-    Order,
-    ParameterCurve,
-    edge_span,
-)
+from thbcad.io.brep_records import TURN, Brep, BrepCurve, BrepEdge, BrepFace, Order, ParameterCurve, edge_span
 from thbcad.sags import axes, lobatto_nodes
 from thbcad.splines import KnotVector
 
@@ -64,7 +55,8 @@ def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
         if span is None:
             left["edges that are neither lines, splines nor conics"] += 1
             continue
-        greatest = max(greatest, _beside_ends(edge, span) if span[0] < span[1] else np.inf)
+        beside = _greatest(edge.points(np.array(span)) - edge.ends) if span[0] < span[1] else np.inf
+        greatest = max(greatest, beside)
         for image in edge.images:
             face = faces.get(image.carrier)
             if face is None or (image.carrier, edge.number) not in borders:
@@ -84,20 +76,18 @@ def turned_faces(brep: Brep) -> int:
     """Return how many faces lie to the right of their loops, seen from outside the solid.
 
     The area in the parameters, 1/2 the sum over the loops of the integral of u dv - v du, has the sign of the
-    surface's normal against the outward one.  Faces count whose edges all have images there, which close.
+    surface's normal against the outward one; loops count as polygons through some of their points.  Faces
+    count whose edges all have images there, which close.
     """
     edges = {edge.number: edge for edge in brep.edges}
     turned = 0
     for face in brep.faces:
-        twice = sum(map(_twice_area, boundary(face, edges) or ()))
+        twice = 0.0
+        for loop in boundary(face, edges) or ():
+            u, v = np.concatenate([passage.samples() for passage in loop]).T
+            twice += float(u @ np.roll(v, -1) - v @ np.roll(u, -1))
         turned += twice < 0 if face.outward else twice > 0
     return turned
-
-
-def _twice_area(loop: Sequence[Passage]) -> float:
-    """Return the integral of u dv - v du round a loop, by the polygon through some of its points."""
-    u, v = np.concatenate([passage.samples() for passage in loop]).T
-    return float(u @ np.roll(v, -1) - v @ np.roll(u, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +146,10 @@ def boundary(face: BrepFace, edges: Mapping[int, BrepEdge]) -> list[list[Passage
             known = [option for option in options if option is not None]
             if not known:
                 return None
-            passages.append(min(known, key=lambda option: _jump(passages, option)))
+            if passages:  # the one that begins nearest to where the edge before ends
+                end = passages[-1].ends()[1]
+                known.sort(key=lambda option: float(abs(end - option.ends()[0]).sum()))
+            passages.append(known[0])
         corners = np.array([passage.ends() for passage in passages])
         extent = np.ptp(np.concatenate([passage.samples() for passage in passages]), axis=0)
         if (abs(corners[:, 0] - np.roll(corners[:, 1], 1, axis=0)) > CLOSE * extent).any():
@@ -179,11 +172,6 @@ def _passage(
     return replace(passage, shift=TURN * turns * face.turns)
 
 
-def _jump(before: Sequence[Passage], passage: Passage) -> float:
-    """Return how far an edge begins from where the one before ends."""
-    return float(abs(before[-1].ends()[1] - passage.ends()[0]).sum()) if before else 0.0
-
-
 def image_span(edge: BrepEdge, image: ParameterCurve) -> tuple[float, float] | None:
     """Return the parameters of an edge's ends on an image of it, None where either is not known or the image
     lacks some of them."""
@@ -198,11 +186,6 @@ def image_span(edge: BrepEdge, image: ParameterCurve) -> tuple[float, float] | N
         span = float(span[0] + TURN * turns), float(span[1] + TURN * turns)
     inside = image.kv.start - slack <= span[0] and span[1] <= image.kv.stop + slack
     return span if inside else None
-
-
-def _beside_ends(edge: BrepEdge, span: tuple[float, float]) -> float:
-    """Return the distance of a curve's ends from the vertices."""
-    return _greatest(edge.points(np.array(span)) - edge.ends)
 
 
 def _distance(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:

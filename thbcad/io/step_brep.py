@@ -6,7 +6,6 @@ import gc
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
@@ -55,22 +54,14 @@ def parse_brep(path: str | Path) -> Brep:
     ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO
         10303-42 wants it.
     """
-    with _uncollected():
+    before = gc.isenabled()
+    gc.disable()  # Python would search the many values for reference cycles, of which there are none
+    try:
         header, entities = read_file(path)
         try:
             return brep(entities, header)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Keep Python from searching the many values of a file for reference cycles, again and again: there are
-    none."""
-    before = gc.isenabled()
-    gc.disable()
-    try:
-        yield
     finally:
         if before:
             gc.enable()
@@ -233,7 +224,7 @@ def _image(entities: Entities, image: Entity, radians: float) -> ParameterCurve:
     items = entity_of(entities, drawn, image)
     curves = list_of(items.parameters("DEFINITIONAL_REPRESENTATION", 3)[1], items)
     if len(curves) != 1:
-        raise ValueError(f"STEP entity #{items.number} must have one curve, got {len(curves)}")
+        raise items.wrong(f" must have one curve, got {len(curves)}")
     surface = entity_of(entities, carrier, image)
     shape = in_radians(curve_of(entities, entity_of(entities, curves[0], items), 2), surface, radians)
     return ParameterCurve(carrier=surface.number, **vars(shape))
@@ -260,7 +251,7 @@ def _poles(value: Value, spline: Entity) -> list[Value]:
     """Return a row of poles; raise ValueError for an empty one."""
     if poles := list_of(value, spline):
         return poles
-    raise ValueError(f"STEP entity #{spline.number} must have poles")
+    raise spline.wrong(" must have poles")
 
 
 def _apart(entities: Entities, user: Entity, ends: Sequence[Sequence[Value]]) -> bool:

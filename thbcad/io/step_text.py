@@ -119,14 +119,14 @@ class Entity:
         """Return the parameters under a keyword; raise ValueError for another type or number of them."""
         parameters = self.parts.get(keyword)
         if parameters is None:
-            raise ValueError(
-                f"STEP entity #{self.number} must be a {keyword}, got {' and '.join(self.parts)[:80]}"
-            )
+            raise self.wrong(f" must be a {keyword}, got {' and '.join(self.parts)[:80]}")
         if len(parameters) != count:
-            raise ValueError(
-                f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(parameters)}"
-            )
+            raise self.wrong(f": {keyword} must have {count} parameters, got {len(parameters)}")
         return parameters
+
+    def wrong(self, what: object) -> ValueError:
+        """Return the error of an entity that is not as it should be."""
+        return ValueError(f"STEP entity #{self.number}{what}")
 
 
 def read_part21(path: str | Path) -> dict[int, Entity]:

@@ -46,9 +46,7 @@ def direction_of(entities: Entities, value: Value, user: Entity, dimensions: int
     direction = entity_of(entities, value, user)
     row = reals_of(direction.parameters("DIRECTION", 2)[1], direction)
     if len(row) != dimensions or not np.isfinite(row).all() or not any(row):
-        raise ValueError(
-            f"STEP entity #{direction.number} must have {WORDS[dimensions]} finite components, not all zero"
-        )
+        raise direction.wrong(f" must have {WORDS[dimensions]} finite components, not all zero")
     if abs(math.hypot(*row) - 1) <= UNIT_LENGTH:
         return np.array(row)
     scaled = np.array(row) / max(map(abs, row))  # else squares leave the range of float64
@@ -64,9 +62,7 @@ def spline_row(entity: Entity, what: str, count: int) -> list[Value]:
     if base in entity.parts:
         row = [None, *entity.parts[base], *row]
     if len(row) != count:
-        raise ValueError(
-            f"STEP entity #{entity.number}: {with_knots} must have {count} parameters, got {len(row)}"
-        )
+        raise entity.wrong(f": {with_knots} must have {count} parameters, got {len(row)}")
     return row
 
 
@@ -77,13 +73,11 @@ def knots_of(entity: Entity, degree: Value, times: Value, values: Value) -> Knot
     # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
     whole = [n for n in [degree, *counts] if type(n) is int and 1 <= n <= 11]
     if len(whole) != 1 + len(counts) or len(counts) != len(knots):
-        raise ValueError(
-            f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots"
-        )
+        raise entity.wrong(" must have as many multiplicities, from 1 to 11, as knots")
     try:
         return KnotVector(whole[0], np.repeat(knots, whole[1:]))
     except ValueError as error:
-        raise ValueError(f"STEP entity #{entity.number}: {error}") from None
+        raise entity.wrong(f": {error}") from None
 
 
 def net_of(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list[Value]]:
@@ -93,9 +87,7 @@ def net_of(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[li
     widths = {len(line) for line in rows}
     if len(rows) != wanted[0] or widths != {wanted[1]}:
         got = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
-        raise ValueError(
-            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got {got}"
-        )
+        raise entity.wrong(f" must have {wanted[0]} x {wanted[1]} poles by its knots, got {got}")
     return rows
 
 
@@ -106,32 +98,28 @@ def points_of(entities: Entities, references: Sequence[Value], user: Entity, dim
     for point in points:
         found = POINTS[dimensions].fullmatch(point.text)
         if found is None:
-            raise ValueError(
-                f"STEP entity #{point.number} must be a CARTESIAN_POINT of {WORDS[dimensions]} reals, got "
-                f"{point.text[:60]!r}"
+            raise point.wrong(
+                f" must be a CARTESIAN_POINT of {WORDS[dimensions]} reals, got {point.text[:60]!r}"
             )
         coordinates.extend(found.groups())
     rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, dimensions)
     near = (np.abs(rows) <= FARTHEST).all(axis=1)
     if not near.all():
-        raise ValueError(
-            f"STEP entity #{points[int(np.argmin(near))].number} has a coordinate beyond {FARTHEST:g}, "
-            "farther than a part reaches"
+        raise points[int(np.argmin(near))].wrong(
+            f" has a coordinate beyond {FARTHEST:g}, farther than a part reaches"
         )
     return rows
 
 
 def entity_of(entities: Entities, value: Value, user: Entity) -> Entity:
     if not isinstance(value, Reference) or value not in entities:
-        raise ValueError(
-            f"STEP entity #{user.number} must refer to an entity of the file, got {str(value)[:40]}"
-        )
+        raise user.wrong(f" must refer to an entity of the file, got {str(value)[:40]}")
     return entities[value]
 
 
 def list_of(value: Value, user: Entity) -> list[Value]:
     if not isinstance(value, list):
-        raise ValueError(f"STEP entity #{user.number} must have a list, got {str(value)[:40]}")
+        raise user.wrong(f" must have a list, got {str(value)[:40]}")
     return value
 
 
@@ -139,19 +127,19 @@ def reals_of(value: Value, user: Entity) -> list[float]:
     values = list_of(value, user)
     reals = [v for v in values if type(v) is float]
     if len(reals) != len(values):
-        raise ValueError(f"STEP entity #{user.number} must have a list of reals")
+        raise user.wrong(" must have a list of reals")
     return reals
 
 
 def flag_of(value: Value, user: Entity) -> bool:
     if value not in ("T", "F"):
-        raise ValueError(f"STEP entity #{user.number} must have .T. or .F., got {str(value)[:40]}")
+        raise user.wrong(f" must have .T. or .F., got {str(value)[:40]}")
     return value == "T"
 
 
 def text_of(value: Value, user: Entity) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"STEP entity #{user.number} must have a name, got {str(value)[:40]}")
+        raise user.wrong(f" must have a name, got {str(value)[:40]}")
     return value
 
 
@@ -270,9 +258,7 @@ def _spline(entities: Entities, curve: Entity, dimensions: int) -> BrepCurve:
 
 def _require_as_many(curve: Entity, what: str, values: list[Value] | list[float], kv: KnotVector) -> None:
     if len(values) != kv.dim:
-        raise ValueError(
-            f"STEP entity #{curve.number} must have {kv.dim} {what} by its knots, got {len(values)}"
-        )
+        raise curve.wrong(f" must have {kv.dim} {what} by its knots, got {len(values)}")
 
 
 def _vector(entities: Entities, value: Value, user: Entity, dimensions: int) -> Floats:
@@ -280,9 +266,7 @@ def _vector(entities: Entities, value: Value, user: Entity, dimensions: int) -> 
     _, direction, magnitude = vector.parameters("VECTOR", 3)
     (length,) = reals_of([magnitude], vector)
     if not abs(length) <= FARTHEST:
-        raise ValueError(
-            f"STEP entity #{vector.number} must have a magnitude of at most {FARTHEST:g}, got {length:g}"
-        )
+        raise vector.wrong(f" must have a magnitude of at most {FARTHEST:g}, got {length:g}")
     return direction_of(entities, direction, vector, dimensions) * length
 
 
@@ -303,7 +287,7 @@ def _placement(entities: Entities, value: Value, user: Entity, dimensions: int) 
     else:
         along = direction_of(entities, first, placement)
     if not np.cross(normal, along).any():
-        raise ValueError(f"STEP entity #{placement.number} must have a first direction beside its axis")
+        raise placement.wrong(" must have a first direction beside its axis")
     return np.stack([points_of(entities, [point], placement)[0], normal, along])
 
 
@@ -312,7 +296,5 @@ def _sizes(values: list[Value], user: Entity) -> list[float]:
     sizes = reals_of(values, user)
     apex = "CONICAL_SURFACE" in user.parts and sizes[0] == 0
     if not (max(sizes) <= LARGEST and min(sizes[apex:]) > 0):
-        raise ValueError(
-            f"STEP entity #{user.number} must have positive sizes of at most {LARGEST:g}, got {sizes}"
-        )
+        raise user.wrong(f" must have positive sizes of at most {LARGEST:g}, got {sizes}")
     return sizes

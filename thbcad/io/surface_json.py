@@ -8,16 +8,7 @@ from typing import Any
 
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
-from thbcad.io.json_values import (
-    a_list,
-    a_row,
-    cells,
-    numbers,
-    read_json,
-    require_keys,
-    require_schema,
-    write_json,
-)
+from thbcad.io.json_values import a_list, a_row, cells, read_json, require_keys, require_schema, write_json
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 
@@ -113,7 +104,7 @@ def sag_from_dict(data: dict[str, Any]) -> THBSurface:
     ValueError : an unknown key, values of the wrong type or number, more cells than MOST_CELLS.
     """
     require_keys(data, SAG_KEYS, "surface")
-    return THBSurface(_space_from_dict(data), numbers(data, "coefficients"))
+    return THBSurface(_space_from_dict(data), a_row(data["coefficients"], "coefficients"))
 
 
 def _knots_to_dict(kv_u: KnotVector, kv_v: KnotVector) -> dict[str, Any]:
@@ -145,7 +136,7 @@ def _space_from_dict(data: dict[str, Any]) -> THBSpace:
 
 def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> Floats:
     """Return the numbers under a key in a shape that the file gives."""
-    row = numbers(data, key)
+    row = a_row(data[key], key)
     if not all(type(n) is int and n > 0 for n in shape) or prod(shape) != len(row):
         raise ValueError(f"the file's {key} are {len(row)} numbers, which is not the shape {shape}")
     return row.reshape(shape)

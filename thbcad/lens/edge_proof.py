@@ -149,7 +149,9 @@ class _Corner:
 
     def __call__(self, w: Floats, later: Floats) -> Floats:
         """Return the distance over later - w, and inf where w >= later."""
-        (s, t), (a, b), (c, d) = self._relative(w, later), self._ends(self.front, w), self._ends(self.gap, w)
+        (a, b), (c, d) = self._ends(self.front, w), self._ends(self.gap, w)
+        s = np.minimum(1, (a + w * self.da) / (a + later * self.da))
+        t = np.minimum(1, (b - later * self.db) / (b - w * self.db))
         low = self.front(a, t * b) + w * self.gap(c, t * d)
         high = self.front(s * a, b) + later * self.gap(s * c, d)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -177,13 +179,6 @@ class _Corner:
         x, y = a + later * da, b - w * db
         ratio = range_over(self.gap, c, d) - by_s * (da / x) + by_t * (db / y)
         return np.where(w.low < later.high, np.maximum((high - low).low, ratio.low), np.inf)
-
-    def _relative(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:
-        """Return s and t of the module."""
-        a, b = self._ends(self.front, w)
-        return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(
-            1, (b - later * self.db) / (b - w * self.db)
-        )
 
     @staticmethod
     def _ends(graph: BSplineSurface, like: Floats) -> tuple[Floats, Floats]:

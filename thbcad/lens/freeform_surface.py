@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, floats, half_widths, require_orders, require_type
+from thbcad.lens.lens_picture import surface_card
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -32,6 +33,13 @@ class FreeformSurface:
     ------
     ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the
         rectangle.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> sag = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 0.1 * u)  # over [0, 1], whatever the size
+    >>> FreeformSurface((6.0, 7.0), Conic(10.0), sag)([6.0], [0.0]).round(12).tolist()
+    [2.1]
     """
 
     half_width: tuple[float, float]
@@ -56,8 +64,6 @@ class FreeformSurface:
 
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""
-        from thbcad.lens.lens_picture import surface_card
-
         return surface_card(self)
 
     @property

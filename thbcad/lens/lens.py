@@ -9,6 +9,7 @@ from functools import cached_property
 from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens_picture import lens_card
 from thbcad.sags import gap_graph, volume_between
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
@@ -23,6 +24,15 @@ class Lens:
     Raises
     ------
     ValueError : index at most 1 or not finite, thickness not positive.
+
+    Examples
+    --------
+    >>> flat = FreeformSurface((5.0, 4.0))
+    >>> round(Lens(flat, flat, thickness=2.0, index=1.5).volume(), 9)
+    160.0
+    >>> convex = Lens(flat, FreeformSurface((5.0, 4.0), Conic(-50.0, -1.0)), thickness=2.0, index=1.5)
+    >>> round(convex.least_thickness().value, 9)  # at the corner: 2 - (5^2 + 4^2) / 100
+    1.59
     """
 
     front: FreeformSurface
@@ -42,8 +52,6 @@ class Lens:
 
     def _repr_html_(self) -> str:
         """Return two sections and some numbers for notebooks."""
-        from thbcad.lens.lens_picture import lens_card
-
         return lens_card(self)
 
     def least_thickness(self) -> Enclosure:

@@ -21,7 +21,6 @@ from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
-from thbcad.surfaces import THBSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
@@ -110,6 +109,13 @@ class Manufacturability:
     thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
     greatest_thickness : the greatest anywhere
     volume : mm^3.  density : g/cm^3 or None
+
+    Examples
+    --------
+    >>> flat = FreeformSurface((5.0, 4.0))
+    >>> made = manufacturability(Lens(flat, flat, thickness=2.0, index=1.5), density=1.25)
+    >>> round(made.mass, 12), round(made.front.area, 9), made.front.concave.value
+    (0.2, 80.0, inf)
     """
 
     thickness: Enclosure
@@ -203,7 +209,10 @@ def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
     departure = None
     if surface.sag is not None:
-        departure = HeightRange(*value_range(_sag_graph(surface, surface.sag), tolerance=HEIGHT))
+        sag = surface.sag.to_bspline()
+        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width))
+        departures = BSplineSurface(kv_x, kv_y, sag.coefficients)
+        departure = HeightRange(*value_range(departures, tolerance=HEIGHT))
     square, error = area(graph)
     return SurfaceMetrics(
         slope=_slope_angle(graph),
@@ -244,13 +253,6 @@ def _at_rim(gap: BSplineSurface) -> Enclosure:
         sides += [replace(along_x, v=y), replace(along_y, u=x)]
     best = min(sides, key=lambda side: side.value)
     return replace(best, lower=min(side.lower for side in sides), upper=min(side.upper for side in sides))
-
-
-def _sag_graph(surface: FreeformSurface, sag: THBSurface) -> BSplineSurface:
-    """Return the sag alone over the rectangle of its surface, mm."""
-    spline = sag.to_bspline()
-    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((spline.kv_u, spline.kv_v), surface.half_width))
-    return BSplineSurface(kv_x, kv_y, spline.coefficients)
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:

@@ -31,6 +31,15 @@ class Product:
     ValueError : a text that is no string of one line of at most 500 characters or has a blank at an end; an
         empty name; a density below 0; an index that is not positive; a density or an index without a
         material.
+
+    Examples
+    --------
+    >>> Product("window", material="PMMA", density=1.19, index=1.49).material
+    'PMMA'
+    >>> Product("window", density=1.19)
+    Traceback (most recent call last):
+    ...
+    ValueError: material must be named for a density or an index, got 1.19 g/cm^3 and index None
     """
 
     name: str = "lens"

@@ -69,7 +69,10 @@ def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotV
         x, y = inside(graph, *ellipse(t))
         return np.column_stack([x, y, graph(x, y)])
 
-    return fitted_curve(rim, *_crossings(graph, ellipse, half * np.pi, (half + 1) * np.pi))
+    (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv) for kv in (graph.kv_u, graph.kv_v))
+    angles, line = ellipse.crossings(lines_x, lines_y)
+    counts = np.concatenate([counts_x, counts_y])[line]
+    return fitted_curve(rim, *_merged(angles, counts, half * np.pi, (half + 1) * np.pi))
 
 
 def kinks(kv: KnotVector, degree: int = DEGREE) -> tuple[Floats, Integers]:
@@ -79,14 +82,6 @@ def kinks(kv: KnotVector, degree: int = DEGREE) -> tuple[Floats, Integers]:
     """
     values, repeats = np.unique(kv.knots[kv.degree + 1 : -kv.degree - 1], return_counts=True)
     return values, np.clip(degree - kv.degree + repeats, 1, degree)
-
-
-def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float) -> tuple[Floats, Integers]:
-    """Return the angles from start to stop at which the rim crosses knot lines, and how often each must be a
-    knot."""
-    (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv) for kv in (graph.kv_u, graph.kv_v))
-    angles, line = ellipse.crossings(lines_x, lines_y)
-    return _merged(angles, np.concatenate([counts_x, counts_y])[line], start, stop)
 
 
 def _merged(places: Floats, counts: Integers, start: float, stop: float) -> tuple[Floats, Integers]:

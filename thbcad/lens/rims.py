@@ -14,7 +14,7 @@ from thbcad.checks import Floats, Integers
 from thbcad.sags import PlacedConic, graph_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # tensor-product modules do not load the hierarchy
     from thbcad.lens.freeform_surface import FreeformSurface
     from thbcad.lens.lens import Lens
 

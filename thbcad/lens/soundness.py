@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from thbcad.certified import minimum
+from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_type
 from thbcad.lens.edge_proof import require_simple_edges
 from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
-
-if TYPE_CHECKING:
-    from thbcad.certified import Enclosure
-    from thbcad.splines import BSplineSurface
+from thbcad.splines import BSplineSurface
 
 LEAST_SIZE = 1e-6  # mm: ten times what CAD programs take for one point
 

@@ -10,16 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from math import hypot
-from typing import TYPE_CHECKING
 
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
 from thbcad.lens import SIDES, Lens, require_sound, rim
-from thbcad.mounts.records import LEAST, Mount, Point
+from thbcad.mounts.records import LEAST, Mount, MountFlange, Point
 from thbcad.splines import UNIT, BSplineSurface
-
-if TYPE_CHECKING:
-    from thbcad.mounts.records import MountFlange
 
 ROUNDINGS = 32  # of float64, more than there are operations from the numbers of a mount to a distance
 
@@ -67,7 +63,8 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
     """
     require_type("mount", mount, Mount)
     low, high, framed = _seat(mount.flange, require_sound(lens))
-    aperture = clear_aperture(lens)
+    x, y = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
+    aperture = x, y
     walls = [_require_wall(mount.flange.thickness, mount.wall, "as the thickness of the flange")]
     walls.append(_round_lens(mount, aperture))
     spots = list(spots_of(mount))
@@ -79,15 +76,14 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
         for post in mount.posts
         if post.bore
     ]
-    _require_sinks(mount)
+    for hole in mount.holes:
+        if hole.sink > mount.flange.thickness:
+            raise ValueError(
+                f"a countersink of {hole.countersink:g} mm is {hole.sink:.6g} mm deep, more than the "
+                f"flange's thickness of {mount.flange.thickness:g} mm; lower holes.countersink"
+            )
     _require_gate(mount, aperture)
     return MountProof(low, high, framed, min(gaps, default=min(walls)), min(walls))
-
-
-def clear_aperture(lens: Lens) -> Point:
-    """Return the half-widths of the clear aperture, mm: those of the larger surface."""
-    x, y = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
-    return x, y
 
 
 def spots_of(mount: Mount) -> Iterator[Spot]:
@@ -170,15 +166,6 @@ def _round_lens(mount: Mount, aperture: Point) -> float:
             f"least {needed} mm"
         )
     return width
-
-
-def _require_sinks(mount: Mount) -> None:
-    for hole in mount.holes:
-        if hole.sink > mount.flange.thickness:
-            raise ValueError(
-                f"a countersink of {hole.countersink:g} mm is {hole.sink:.6g} mm deep, more than the "
-                f"flange's thickness of {mount.flange.thickness:g} mm; lower holes.countersink"
-            )
 
 
 def _beside(spot: Spot, aperture: Point, clearance: float) -> float:

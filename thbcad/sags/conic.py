@@ -35,6 +35,12 @@ class Conic:
     Raises
     ------
     ValueError : radius 0, NaN or beyond 1e-40 to 1e40 in size; a constant that is not finite or beyond 1e40.
+
+    Examples
+    --------
+    >>> sphere, parabola = Conic(10.0), Conic(10.0, -1.0)
+    >>> round(float(sphere(6.0, 0.0)), 12), round(float(parabola(6.0, 0.0)), 12)  # 10 - 8 and 6^2 / 20
+    (2.0, 1.8)
     """
 
     radius: float = np.inf

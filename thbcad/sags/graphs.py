@@ -49,7 +49,8 @@ def conic_graph(
     if min(kv_x.degree, kv_y.degree) < 2:
         raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
     if conic.is_paraboloid:
-        heights = _paraboloid(conic, kv_x, kv_y)
+        x2, y2 = square_coefficients(kv_x), square_coefficients(kv_y)
+        heights = 0.5 / conic.radius * (x2[:, None] + y2[None, :])
         return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
     tolerance = max(CONIC_TOLERANCE, CONIC_SHARE * max(kv_x.stop, kv_y.stop))
     own = BSplineSurface(kv_x, kv_y, np.zeros((kv_x.dim, kv_y.dim)) if sag is None else sag)
@@ -81,10 +82,6 @@ def _of_higher_degree(conic: Conic, over: BSplineSurface, tolerance: float) -> B
         f"points per direction of degree {over.kv_u.degree}: the corner of the surface lies at r = "
         f"{corner:.6g} mm{where}; make the half-width smaller, or the radius larger"
     )
-
-
-def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> Floats:
-    return 0.5 / conic.radius * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
 
 
 def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) -> BSplineSurface:

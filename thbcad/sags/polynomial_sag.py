@@ -45,6 +45,12 @@ class PolynomialSag:
     Raises
     ------
     ValueError : half-widths that are not positive, coefficients that are not a finite table.
+
+    Examples
+    --------
+    >>> sag = PolynomialSag.zernike((5.0, 5.0), radius=5.0, terms={(2, 0): 0.1})  # defocus
+    >>> (sag([5.0], [0.0]) / (0.1 * np.sqrt(3))).round(14).tolist()  # 2 rho^2 - 1 at the rim
+    [1.0]
     """
 
     half_width: tuple[float, float]

@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.splines.bspline_surface import BSplineSurface as BSplineSurface
-    from thbcad.splines.gauss import gauss_rule as gauss_rule
     from thbcad.splines.interpolation import interpolate as interpolate
     from thbcad.splines.knot_removal import (
         remove_knots as remove_knots,
@@ -27,8 +26,13 @@ if TYPE_CHECKING:
         blossom as blossom,
         blossom_rows as blossom_rows,
         greville_abscissae as greville_abscissae,
+        halves as halves,
     )
-    from thbcad.splines.region_quadrature import Primitive as Primitive, grid_integral as grid_integral
+    from thbcad.splines.region_quadrature import (
+        Primitive as Primitive,
+        gauss_rule as gauss_rule,
+        grid_integral as grid_integral,
+    )
     from thbcad.splines.sparse_operators import (
         band_matrix as band_matrix,
         banded_least_squares as banded_least_squares,

@@ -21,6 +21,13 @@ class BSplineSurface:
     Raises
     ------
     ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=2, spans=2)
+    >>> plane = BSplineSurface(kv, kv, kv.greville()[:, None] + kv.greville())  # z = u + v
+    >>> plane([0.25], [0.5]).tolist(), round(float(plane.integral()), 12)
+    ([0.75], 1.0)
     """
 
     kv_u: KnotVector

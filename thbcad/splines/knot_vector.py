@@ -40,6 +40,15 @@ class KnotVector:
     ------
     ValueError : degree outside 1..10; knots that are not finite, not sorted, not clamped or
         repeated too often.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> c = kv.greville() ** 2
+    >>> finer = kv.insert([0.3, 0.7])  # the same spline with more knots
+    >>> u = [0.1, 0.5, 0.9]
+    >>> np.allclose(finer.collocation(u) @ (kv.prolongation(finer) @ c), kv.collocation(u) @ c, rtol=1e-15)
+    True
     """
 
     degree: int

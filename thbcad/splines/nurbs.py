@@ -17,15 +17,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import (
-    Floats,
-    floats,
-    read_only,
-    rebuilt,
-    require_order,
-    require_orders,
-    require_type,
-)
+from thbcad.checks import Floats, floats, read_only, rebuilt, require_order, require_orders, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
@@ -60,6 +52,14 @@ class NURBSCurve:
     Raises
     ------
     ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+
+    Examples
+    --------
+    >>> quarter = NURBSCurve(
+    ...     KnotVector.uniform(degree=2, spans=1), [[2, 0], [2, 2], [0, 2]], [1, np.sqrt(0.5), 1]
+    ... )
+    >>> np.hypot(*quarter([0.2, 0.5, 0.9]).T).round(15).tolist()  # a circle of radius 2
+    [2.0, 2.0, 2.0]
     """
 
     kv: KnotVector
@@ -125,6 +125,13 @@ class NURBSSurface:
     Raises
     ------
     ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+
+    Examples
+    --------
+    >>> cone = revolved(line([1.0, 0.0], [0.0, 3.0]))  # of (r, z)
+    >>> x, y, z = cone([0.25], [0.4])[0]
+    >>> round(float(np.hypot(x, y)), 15), float(z)
+    (0.75, 0.75)
     """
 
     kv_u: KnotVector

@@ -48,6 +48,12 @@ class PeriodicKnotVector:
     ------
     ValueError : degree outside 1..10; knots that are not finite, not sorted or repeated too
         often, `stop` written twice.
+
+    Examples
+    --------
+    >>> kv = PeriodicKnotVector.uniform(degree=3, spans=4)
+    >>> np.array_equal(kv.collocation([0.25]).toarray(), kv.collocation([7.25]).toarray())
+    True
     """
 
     degree: int

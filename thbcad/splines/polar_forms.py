@@ -14,6 +14,8 @@ Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 an
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from thbcad.checks import Floats, Integers
@@ -89,6 +91,13 @@ def bezier_rows(near: Floats) -> Floats:
     late = np.arange(p) >= p - np.arange(p + 1)[:, None]
     arguments = np.moveaxis(near[p - 1 + late], -1, 0).reshape(n * (p + 1), p)
     return blossom(np.repeat(near, p + 1, axis=1), arguments).reshape(n, p + 1, p + 1)
+
+
+def halves(degree: int) -> tuple[Floats, Floats]:
+    """Return de Casteljau's algorithm as matrices, (degree + 1, degree + 1), from the Bernstein coefficients
+    on an interval to those on its lower and its upper half."""
+    low = np.array([[comb(i, j) / 2**i for j in range(degree + 1)] for i in range(degree + 1)])
+    return low, low[::-1, ::-1]
 
 
 def greville_abscissae(knots: Floats, degree: int) -> Floats:

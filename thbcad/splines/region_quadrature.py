@@ -1,4 +1,4 @@
-"""Integrals over regions in the parameters of a surface, by Green's theorem.
+"""Gauss quadrature: on the spans of splines, and by Green's theorem over regions in a surface's parameters.
 
     integral of f over a region = integral of G dv round it,  G(u, v) = integral of f(., v) from u_0 to u.
 
@@ -17,8 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from thbcad.checks import Floats, Integers
-from thbcad.splines.gauss import gauss_rule
+from thbcad.checks import Floats
 
 STRIP = 2**18  # nodes that are taken at once
 
@@ -31,6 +30,16 @@ class Integrand(Protocol):
 
     def grid(self, u: Floats, v: Floats) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v))."""
+
+
+def gauss_rule(breaks: Floats, n: int) -> tuple[Floats, Floats]:
+    """Return nodes and weights of the Gauss rule with n nodes on every span between breaks, (spans n,) each.
+
+    It is exact for piecewise polynomials of degree 2 n - 1.
+    """
+    nodes, weights = leggauss(n)
+    half = np.diff(breaks)[:, None] / 2
+    return (breaks[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
 
 
 def grid_integral(f: Integrand, u: Floats, v: Floats, nodes: tuple[int, int]) -> float:
@@ -63,7 +72,10 @@ class Primitive:
 
     def __call__(self, u: Floats, v: Floats) -> Floats:
         """Return G at points between the first and the last lines, (n,) each, as (n,)."""
-        i, j = (_cell(lines, x) for lines, x in zip(self._lines, (u, v)))
+        i, j = (
+            np.clip(np.searchsorted(lines, x, side="right") - 1, 0, len(lines) - 2)
+            for lines, x in zip(self._lines, (u, v))
+        )
         lines, (count, order) = self._lines, self._nodes
         local = 2 * (v - lines[1][j]) / (lines[1][j + 1] - lines[1][j]) - 1
         at_nodes = legvander(leggauss(order)[0], order - 1)
@@ -75,8 +87,3 @@ class Primitive:
         values = self._f(inner.ravel(), np.repeat(v, count)).reshape(inner.shape)
         result: Floats = whole + half * (values @ w)
         return result
-
-
-def _cell(lines: Floats, x: Floats) -> Integers:
-    """Return the cell between lines in which every x lies."""
-    return np.clip(np.searchsorted(lines, x, side="right") - 1, 0, len(lines) - 2)

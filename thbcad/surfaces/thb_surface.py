@@ -14,6 +14,7 @@ from thbcad.hierarchy import THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
+from thbcad.surfaces.surface_picture import surface_card
 
 STRIP = 1 << 18  # points that are evaluated at once
 
@@ -26,6 +27,14 @@ class THBSurface:
     Raises
     ------
     ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
+
+    Examples
+    --------
+    >>> kv = KnotVector.uniform(degree=3, spans=4)
+    >>> surface = quasi_interpolate(THBSpace(kv, kv), lambda u, v: u**3 * v)
+    >>> finer = surface.refine({0: [(1, 1)]})  # the same surface
+    >>> np.allclose([surface([0.3], [0.4]), finer([0.3], [0.4])], 0.3**3 * 0.4, rtol=1e-13)
+    True
     """
 
     space: THBSpace
@@ -51,8 +60,6 @@ class THBSurface:
 
     def _repr_html_(self) -> str:
         """Return a map of the values with the mesh, and some numbers, for notebooks."""
-        from thbcad.surfaces.surface_picture import surface_card
-
         return surface_card(self)
 
     @cached_property

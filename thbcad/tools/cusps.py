@@ -24,7 +24,7 @@ import numpy as np
 
 from thbcad.checks import Floats, require_number
 from thbcad.splines import BSplineSurface
-from thbcad.tools.spiral_motion import round_axis
+from thbcad.tools.spiral_motion import DERIVATIVES, round_axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def ball_cusps(graph: BSplineSurface, x: Floats, y: Floats, ball: float, step: f
         raise ValueError(f'rows must run along "x" or "y", got {rows!r}')
     for name, number in (("ball", ball), ("step", step)):
         require_number(name, number, above=0, finite=True)
-    z_x, z_y, z_xx, z_xy, z_yy = (graph(x, y, o) for o in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+    z_x, z_y, z_xx, z_xy, z_yy = (graph(x, y, orders) for orders in DERIVATIVES)
     w = np.sqrt(1 + z_x**2 + z_y**2) / ball
     m_xx, m_xy, m_yy = w * (1 + z_x**2) - z_xx, w * z_x * z_y - z_xy, w * (1 + z_y**2) - z_yy
     along, across = (m_xx, m_yy) if rows == "x" else (m_yy, m_xx)

@@ -69,13 +69,12 @@ def _side(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (x, y, t, |t_theta_theta|) over the gaps beside one side; middle : angle of its normal."""
     along = np.linspace(0, half, SIDE)[1:]
-    out, back = (_jets(graph, nose, middle, end, sign * along) for sign in (-1.0, 1.0))
+    jets = (_jets(graph, nose, middle, end, sign * along) for sign in (-1.0, 1.0))
+    out, back = (jet[:, np.argsort(jet[0])] for jet in jets)
     # of equal radius of the tool: both ends of a gap lie on one circle
     low, high = max(out[0].min(), back[0].min()), min(out[0].max(), back[0].max())
     rho = np.linspace(low, high, len(along))
-    start, stop = (
-        np.stack([np.interp(rho, *_rising(jet[0], row)) for row in jet[1:]]) for jet in (out, back)
-    )
+    start, stop = (np.stack([np.interp(rho, jet[0], row) for row in jet[1:]]) for jet in (out, back))
     width = stop[0] - start[0]
     scale = np.stack([np.ones_like(width), width, width**2])
     ends = np.concatenate([start[1:] * scale, stop[1:] * scale])
@@ -98,9 +97,3 @@ def _jets(graph: BSplineSurface, nose: float, middle: float, end: float, along: 
     gap = (1 + at.slope**2) ** 1.5 - nose * at.bend
     turn = at.turn + nose * at.mixed**2 / gap
     return np.stack([rho, np.arctan2(along, end), graph(x, y) + lift, at.rho * at.across, turn])
-
-
-def _rising(rho: Floats, row: Floats) -> tuple[Floats, Floats]:
-    """Return points of interpolation in rising order of the radius."""
-    order = np.argsort(rho)
-    return rho[order], row[order]

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.certified import Enclosure, least_radii
+from thbcad.certified import Enclosure, least_radii, reciprocal
 from thbcad.checks import Floats, require_number
 from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface
 from thbcad.tools.spiral_bounds import greatest_section_curvature
-from thbcad.tools.spiral_motion import round_axis
+from thbcad.tools.spiral_motion import DERIVATIVES, round_axis
 
 SURFACES = ("front", "rear")
 RADII = 1e-4  # relative tolerance: 0.3 um of 3 mm, finer than tools are ground
@@ -79,12 +79,7 @@ def nose_fit(graph: BSplineSurface, radius: float) -> Fit:
     ValueError : as `ball_fit`.
     """
     require_number("the radius of a nose", radius, above=0, finite=True)
-    found = greatest_section_curvature(graph)
-    lower, upper, value = (1 / k if k > 0 else np.inf for k in (found.upper, found.lower, found.value))
-    if found.upper > 0:  # the quotients round once
-        lower = float(np.nextafter(lower, 0))
-    upper = float(np.nextafter(upper, np.inf))
-    return Fit(float(radius), Enclosure(lower, upper, value, found.u, found.v))
+    return Fit(float(radius), reciprocal(greatest_section_curvature(graph)))
 
 
 def concavity(graph: BSplineSurface, x: Floats, y: Floats, spiral: bool) -> Floats:
@@ -96,7 +91,7 @@ def concavity(graph: BSplineSurface, x: Floats, y: Floats, spiral: bool) -> Floa
     if spiral:
         at = round_axis(graph, x, y)
         return np.asarray(at.bend / (1 + at.slope**2) ** 1.5)
-    z_x, z_y, z_xx, z_xy, z_yy = (graph(x, y, o) for o in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+    z_x, z_y, z_xx, z_xy, z_yy = (graph(x, y, orders) for orders in DERIVATIVES)
     square = 1 + z_x**2 + z_y**2
     mean = ((1 + z_y**2) * z_xx - 2 * z_x * z_y * z_xy + (1 + z_x**2) * z_yy) / (2 * square**1.5)
     gauss = (z_xx * z_yy - z_xy**2) / square**2

@@ -20,7 +20,7 @@ from optics.exchange.assemblies.light_samples import (
     stopped_light,
     straight_paths,
 )
-from thbcad.cad.exchange import SolidState, face_triangles
+from thbcad.cad.exchange import SolidState, face_triangles, faces_of
 from thbcad.cad.parts import (
     edges_within,
     faces_within,
@@ -29,7 +29,6 @@ from thbcad.cad.parts import (
     outline_segments,
     own_edges,
     rim_faces,
-    solid_faces,
 )
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ class PartLight:
 
     @cached_property
     def faces(self) -> list[Face]:
-        return solid_faces(self.solid)
+        return faces_of(self.solid)
 
     @cached_property
     def heights(self) -> tuple[float, float]:

@@ -1,11 +1,15 @@
 """Sheets: SVG and DXF in mm with the bound and the dimensions of the lens, the same bytes every time."""
 
+import os
+import subprocess
+import sys
 from xml.etree import ElementTree
 
 import ezdxf
 import numpy as np
 import pytest
 
+from tests.cases import ROOT
 from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER
 from thbcad import Product, write_drawing
 from thbcad.drawings import Style, drawing_bytes, lens_sheet, section_view
@@ -70,6 +74,26 @@ def test_an_svg_is_in_millimetres_and_a_dxf_passes_the_audit_at_true_size(tmp_pa
 @pytest.mark.parametrize("name", ["svg", "dxf"])
 def test_the_same_lens_gives_the_same_bytes(name):
     assert drawing_bytes(lens_sheet(PLAIN), name) == drawing_bytes(lens_sheet(PLAIN), name)
+
+
+def test_another_process_gives_the_same_dxf():
+    """Whatever the order of its sets: of the seeds 0 and 4, ezdxf makes two orders of classes."""
+    program = (
+        "import sys; from thbcad.drawings import drawing_bytes, lens_sheet; "
+        "from tests.thbcad.drawings.cases import PLAIN; "
+        "sys.stdout.buffer.write(drawing_bytes(lens_sheet(PLAIN), 'dxf'))"
+    )
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "4")
+    )
+    assert first == second != b""
 
 
 def test_names_are_text_and_not_markup(tmp_path):

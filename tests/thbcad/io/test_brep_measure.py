@@ -22,7 +22,8 @@ from scipy.integrate import dblquad
 from tests.thbcad.cad.shapes.cases import CASES
 from tests.thbcad.cases import LENSES, lenses
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
-from thbcad.cad.exchange import part_step, solid_volume, step_bytes, write_step
+from thbcad import write_step
+from thbcad.cad.exchange import part_step, solid_volume, step_bytes
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
 from thbcad.io.brep_measure import ACCURACY, Density, NotMeasured, areas, volume
 from thbcad.io.parameter_curves import image_distance

@@ -13,7 +13,8 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeTorus
 from tests.cases import ROOT
 from tests.thbcad.cases import LENSES, assert_same_surface, bits
 from tests.thbcad.io.cases import written
-from thbcad.cad.exchange import read_faces, read_step, step_bytes, write_step
+from thbcad import write_step
+from thbcad.cad.exchange import read_faces, read_step, step_bytes
 from thbcad.cad.shapes import lens_solid
 from thbcad.io.brep_records import MILLIMETRE
 from thbcad.io.step_brep import brep, brep_of_text, length_unit, parse_brep

@@ -5,6 +5,7 @@ from functools import partial
 
 import pytest
 
+from thbcad import write_step
 from thbcad.cad.exchange import (
     SolidState,
     brep_bytes,
@@ -13,7 +14,6 @@ from thbcad.cad.exchange import (
     step_bytes,
     step_shape,
     to_build123d,
-    write_step,
 )
 from thbcad.cad.shapes import flanged_part, lens_part, lens_solid, patched_part, trimmed_part
 from thbcad.io import lens_from_dict, lens_to_dict, read_lens, write_lens

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from thbcad.cad.exchange.reading import (
         OCCT_ERRORS as OCCT_ERRORS,
         brep_shape as brep_shape,
+        edges_of as edges_of,
         explore as explore,
+        faces_of as faces_of,
         iges_shape as iges_shape,
         step_shape as step_shape,
     )
@@ -40,9 +42,9 @@ if TYPE_CHECKING:
     )
     from thbcad.cad.exchange.step import (
         part_step as part_step,
+        product_of as product_of,
         read_step as read_step,
         step_bytes as step_bytes,
-        write_step as write_step,
     )
     from thbcad.cad.exchange.step_writing import compact as compact, silence as silence
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from OCP.BRep import BRep_Tool
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopAbs import TopAbs_REVERSED
+from OCP.TopoDS import TopoDS_Shape
 
-from thbcad.cad.exchange.reading import explore
+from thbcad.cad.exchange.reading import faces_of
 from thbcad.checks import Floats
 
 
@@ -31,10 +31,11 @@ def face_nodes(shape: TopoDS_Shape, number: int, u: ArrayLike, v: ArrayLike) -> 
 
     number : of the face in the shape, from 0.
     """
-    face = TopoDS.Face_s(explore(shape, TopAbs_FACE)[number])
+    face = faces_of(shape)[number]
     evaluate = BRep_Tool.Surface_s(face).D1
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
-    pairs = np.stack(np.broadcast_arrays(*_pairs(u, v)), axis=-1)
+    a, b = (np.asarray(row, dtype=np.float64) for row in (u, v))
+    pairs = np.stack(np.broadcast_arrays(*((a[:, None], b) if a.ndim == 1 else (a, b))), axis=-1)
     rows = []
     for line in pairs.tolist():
         row = []
@@ -46,9 +47,3 @@ def face_nodes(shape: TopoDS_Shape, number: int, u: ArrayLike, v: ArrayLike) -> 
     normals = np.cross(jet[..., 3:6], jet[..., 6:])
     outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
     return FaceNodes(jet[..., :3], outward * normals / np.linalg.norm(normals, axis=-1, keepdims=True))
-
-
-def _pairs(u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-    """Return arrays that broadcast to the pairs of parameters."""
-    a, b = (np.asarray(row, dtype=np.float64) for row in (u, v))
-    return (a[:, None], b[None, :]) if a.ndim == 1 else (a, b)

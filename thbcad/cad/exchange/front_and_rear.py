@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface
-from OCP.gp import gp_Pnt
-from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS
+from OCP.gp import gp_Ax3, gp_Pnt
+from OCP.TopAbs import TopAbs_OUT, TopAbs_VERTEX
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange.reading import explore
+from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import Floats
 from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.gp import gp_Ax3
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 OPTICAL = ("front", "rear")
 
@@ -44,10 +38,18 @@ def front_and_rear(
     ------
     ValueError : there are not two, or a face of these names is another surface.
     """
-    faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+    faces = faces_of(shape)
     if all(names.count(name) == 1 for name in OPTICAL):
-        front, rear = (_named(faces[names.index(name)], name, path) for name in OPTICAL)
-        return front, rear
+        named = []
+        for name in OPTICAL:
+            form = optical_form(faces[names.index(name)])
+            if form is None:
+                raise ValueError(
+                    f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a "
+                    "sphere or another conic around z; export the lens again"
+                )
+            named.append(form)
+        return named[0], named[1]
     found = _across_the_middle(faces, _corners(shape))
     if len(found) != 2:
         raise ValueError(f"{path} holds {len(found)} optical faces where a lens has 2, front and rear")
@@ -73,26 +75,16 @@ def optical_form(face: TopoDS_Face) -> OpticalForm | None:
     return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)
 
 
-def _named(face: TopoDS_Face, name: str, path: str | Path) -> OpticalForm:
-    form = optical_form(face)
-    if form is None:
-        raise ValueError(
-            f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a sphere or "
-            "another conic around z; export the lens again"
-        )
-    return form
-
-
 def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
     """Return the planes across z, spheres and patches of conics around z under the faces of a shape, in their
     order."""
-    faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
-    forms = [optical_form(face) for face in faces if not _is_polynomial(BRep_Tool.Surface_s(face))]
+    forms = []
+    for face in faces_of(shape):
+        geom = BRep_Tool.Surface_s(face)
+        # polynomials are left out before their poles are read
+        if not isinstance(geom, Geom_BSplineSurface) or geom.IsURational() or geom.IsVRational():
+            forms.append(optical_form(face))
     return [form for form in forms if isinstance(form, PlacedConic)]
-
-
-def _is_polynomial(geom: Geom_Surface) -> bool:
-    return isinstance(geom, Geom_BSplineSurface) and not (geom.IsURational() or geom.IsVRational())
 
 
 def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:

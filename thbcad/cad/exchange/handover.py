@@ -14,7 +14,7 @@ from thbcad.checks import require_type
 from thbcad.doors import pip_command
 from thbcad.lens import Lens
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # they take seconds to load
     import build123d
     import cadquery
 

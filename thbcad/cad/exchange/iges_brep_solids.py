@@ -7,7 +7,6 @@ and the time stamp is fixed: poles and knots read back bit for bit, the same len
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from OCP.IGESControl import IGESControl_Controller
 
@@ -15,12 +14,8 @@ from thbcad.cad.exchange.iges_writing import SOLID, brep_text, iges_text
 from thbcad.cad.exchange.reading import brep_shape, iges_shape
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
 from thbcad.cad.exchange.step_writing import silence
-from thbcad.cad.shapes import lens_part, lens_solid
-from thbcad.lens import Product
-
-if TYPE_CHECKING:
-    from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens
+from thbcad.cad.shapes import Part, lens_part, lens_solid
+from thbcad.lens import Lens, Product
 
 
 def iges_bytes(lens: Lens, product: Product | None = None) -> bytes:

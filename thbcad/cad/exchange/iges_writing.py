@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from OCP.BRepTools import BRepTools
 from OCP.IGESBasic import IGESBasic_Name
@@ -12,13 +11,11 @@ from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
 from OCP.IGESData import IGESData_IGESEntity, IGESData_IGESWriter
 from OCP.IGESSolid import IGESSolid, IGESSolid_Face, IGESSolid_ManifoldSolid
 from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopoDS import TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
 from thbcad.cad.exchange.step_writing import printed, silence
 from thbcad.lens import Product
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 STAMP = "20000101.000000"
 FACES, SOLID = 0, 1  # modes of OCCT's writer: loose trimmed surfaces, or a solid as entity 186
@@ -43,7 +40,12 @@ def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequ
     writer.ComputeModel()
     model = writer.Model()
     if face_names:
-        _name_entities(writer, product.name, face_names)
+        entities = [model.Value(k) for k in range(1, model.NbEntities() + 1)]
+        for solid in (e for e in entities if isinstance(e, IGESSolid_ManifoldSolid)):
+            _name(writer, solid, product.name)
+        faces = [e for e in entities if isinstance(e, IGESSolid_Face)]
+        for face, name in zip(faces, face_names, strict=True):
+            _name(writer, face, name)
     head = model.GlobalSection()
     for setter, value in (
         (head.SetAuthorName, product.author),
@@ -65,17 +67,8 @@ def brep_text(shape: TopoDS_Shape) -> bytes:
     return buffer.getvalue()
 
 
-def _name_entities(writer: IGESControl_Writer, solid: str, faces: Sequence[str]) -> None:
-    """Name the solid and its faces: a name property (entity 406, form 15) and, of 8 characters, the label."""
-    model = writer.Model()
-    entities = [model.Value(k) for k in range(1, model.NbEntities() + 1)]
-    for entity in (e for e in entities if isinstance(e, IGESSolid_ManifoldSolid)):
-        _name(writer, entity, solid)
-    for entity, name in zip((e for e in entities if isinstance(e, IGESSolid_Face)), faces, strict=True):
-        _name(writer, entity, name)
-
-
 def _name(writer: IGESControl_Writer, entity: IGESData_IGESEntity, name: str) -> None:
+    """Name an entity: a name property (entity 406, form 15) and, of 8 characters, the label."""
     property_ = IGESBasic_Name()
     property_.Init(1, _ascii(name))
     entity.AddProperty(property_)

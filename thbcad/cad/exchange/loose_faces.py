@@ -8,15 +8,15 @@ equal weights come back as a polynomial surface, in IGES also those that differ 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface
+from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface, Geom_Surface
 from OCP.GeomAbs import (
     GeomAbs_BezierSurface,
     GeomAbs_BSplineSurface,
@@ -31,20 +31,15 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.TopAbs import TopAbs_FACE
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.iges_writing import FACES, brep_text, iges_text
-from thbcad.cad.exchange.reading import OCCT_ERRORS, brep_shape, explore, iges_shape, step_shape
+from thbcad.cad.exchange.reading import OCCT_ERRORS, brep_shape, faces_of, iges_shape, step_shape
 from thbcad.cad.exchange.step_writing import silence, step_text
 from thbcad.cad.shapes import TOLERANCE, rational_geom, spline_surface
 from thbcad.io import write_bytes
 from thbcad.lens import Product
 from thbcad.splines import BSplineSurface, NURBSSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
 
 IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynomial
 EXACT = (
@@ -81,7 +76,11 @@ def write_faces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | P
     if not surfaces:
         raise ValueError("surfaces must hold at least one surface")
     least = 0.0 if path.suffix.lower() == ".brep" else LEAST_SIZE
-    write_bytes(path, write([_checked(k, surface, least) for k, surface in enumerate(surfaces)]))
+    checked = [_checked(k, surface, least) for k, surface in enumerate(surfaces)]
+    lightest = min(surface.weights.min() for surface in checked)
+    if write is IGES[0] and lightest < IGES_LEAST_WEIGHT:
+        raise ValueError(f"weights must be at least {IGES_LEAST_WEIGHT} in IGES, got {lightest}")
+    write_bytes(path, write(_compound(checked)))
 
 
 def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
@@ -103,12 +102,12 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
         pass
     silence()
     try:
-        faces = explore(read(path), TopAbs_FACE)
+        faces = faces_of(read(path))
     except OCCT_ERRORS as error:
         raise ValueError(f"{path} is not readable: {error}") from error
     if not faces:
         raise ValueError(f"{path} holds no faces")
-    return [_read_face(path, k, TopoDS.Face_s(face)) for k, face in enumerate(faces)]
+    return [_read_face(path, k, face) for k, face in enumerate(faces)]
 
 
 def _checked(number: int, surface: object, least: float) -> NURBSSurface:
@@ -129,29 +128,15 @@ def _checked(number: int, surface: object, least: float) -> NURBSSurface:
     return NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
 
 
-def _step_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
-    return step_text(_compound(surfaces), "surfaces")
-
-
-def _brep_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
-    return brep_text(_compound(surfaces))
-
-
-def _iges_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
-    least = min(surface.weights.min() for surface in surfaces)
-    if least < IGES_LEAST_WEIGHT:
-        raise ValueError(f"weights must be at least {IGES_LEAST_WEIGHT} in IGES, got {least}")
-    return iges_text(_compound(surfaces), FACES, Product("surfaces"))
-
-
-FORMATS: dict[str, tuple[Callable[[Sequence[NURBSSurface]], bytes], Callable[[Path], TopoDS_Shape]]] = {
-    **dict.fromkeys((".step", ".stp"), (_step_bytes, step_shape)),
-    **dict.fromkeys((".iges", ".igs"), (_iges_bytes, iges_shape)),
-    ".brep": (_brep_bytes, brep_shape),
+STEP = partial(step_text, product="surfaces"), step_shape
+IGES = partial(iges_text, mode=FACES, product=Product("surfaces")), iges_shape
+FORMATS: dict[str, tuple[Callable[[TopoDS_Shape], bytes], Callable[[Path], TopoDS_Shape]]] = {
+    **{".step": STEP, ".stp": STEP, ".iges": IGES, ".igs": IGES},
+    ".brep": (brep_text, brep_shape),
 }
 
 
-def _format(path: Path) -> tuple[Callable[[Sequence[NURBSSurface]], bytes], Callable[[Path], TopoDS_Shape]]:
+def _format(path: Path) -> tuple[Callable[[TopoDS_Shape], bytes], Callable[[Path], TopoDS_Shape]]:
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"{path} must end in {', '.join(FORMATS)}")
     return FORMATS[path.suffix.lower()]

@@ -10,27 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
-from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
+from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS_Face
 
-from thbcad.cad.exchange.reading import explore
-from thbcad.cad.shapes import spline_surface
+from thbcad.cad.exchange.reading import faces_of
+from thbcad.cad.shapes import Part, spline_surface
 from thbcad.checks import Floats, Integers, require_number
 from thbcad.lens import Tessellation
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-
-    from thbcad.cad.shapes import Part
 
 LEAST = 1e-5  # mm; finer meshes take OCCT hours
 ANGLE = 0.35  # rad between neighbouring chords: 18 to a turn, so that small bores stay round
@@ -56,18 +49,8 @@ def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     ValueError : a chord below 1e-5 mm, or one that OCCT does not keep with 100,000 triangles.
     RuntimeError : OCCT leaves a face without triangles.
     """
-    return solid_mesh(part.solid, chord, tuple(part.names), single)
-
-
-def solid_mesh(
-    solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = (), single: bool = False
-) -> Tessellation:
-    """Return a mesh of any closed OCCT shape in mm, as `part_mesh`.
-
-    names : of the faces in the order in which OCCT counts them; () numbers them.
-    """
     require_number("chord", chord, least=LEAST, finite=True)
-    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    solid, faces = part.solid, faces_of(part.solid)
     deflection = chord / 2
     for _ in range(ROUNDS):
         BRepTools.Clean_s(solid)
@@ -83,7 +66,7 @@ def solid_mesh(
         raise ValueError(
             f"OCCT's mesh of {count:,} triangles is {error:.2g} mm off; allow a chord error of more than that"
         )
-    return _joined(pieces, error, names or tuple(f"face {k + 1}" for k in range(len(faces))))
+    return _joined(pieces, error, tuple(part.names))
 
 
 def face_triangles(faces: Sequence[TopoDS_Face], chord: float) -> Floats:
@@ -150,18 +133,13 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
         np.einsum("kc,tcd->tkd", SAMPLES, rows[piece.triangles]).reshape(-1, rows.shape[1])
         for rows in (piece.points, piece.parameters)
     )
-    distances = np.linalg.norm(points - _evaluated(surface, parameters), axis=1)
-    return float(distances.max())
-
-
-def _evaluated(surface: Geom_Surface, parameters: Floats) -> Floats:
-    """Return the points of a surface, located as its face is, at parameters (n, 2)."""
     if isinstance(surface, Geom_BSplineSurface):
         spline = spline_surface(surface)
         u, v = (np.clip(row, kv.start, kv.stop) for row, kv in zip(parameters.T, (spline.kv_u, spline.kv_v)))
-        points: Floats = spline(u, v)
-        return points
-    return np.array([surface.Value(u, v).Coord() for u, v in parameters.tolist()])
+        exact = spline(u, v)
+    else:
+        exact = np.array([surface.Value(u, v).Coord() for u, v in parameters.tolist()])
+    return float(np.linalg.norm(points - exact, axis=1).max())
 
 
 def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tessellation:

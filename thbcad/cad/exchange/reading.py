@@ -6,12 +6,11 @@ import re
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from OCP import Standard, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
-from OCP.IFSelect import IFSelect_RetDone, IFSelect_ReturnStatus
+from OCP.IFSelect import IFSelect_RetDone
 from OCP.IGESControl import IGESControl_Reader
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
@@ -29,14 +28,12 @@ from OCP.StepVisual import (
 )
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.complex_splines import common_splines
 from thbcad.cad.exchange.step_writing import occt_settings
-
-if TYPE_CHECKING:
-    from OCP.TopAbs import TopAbs_ShapeEnum
 
 EXCEPTIONS = [
     e
@@ -80,6 +77,16 @@ def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     return shapes
 
 
+def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
+    """Return the faces of a shape in their order."""
+    return [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+
+
+def edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
+    """Return the edges of a shape in their order; the seam of a face comes twice."""
+    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE)]
+
+
 def step_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of a STEP file, in mm.
 
@@ -117,20 +124,18 @@ def _transfer(
     common = common_splines(data)
     try:
         with occt_settings({"xstep.cascade.unit": "MM"}):
-            if _read(reader, path, None if common == data else common) == IFSelect_RetDone:
+            status = (
+                reader.ReadFile(str(path))
+                if common == data
+                else reader.ReadStream(str(path), BytesIO(common))
+            )
+            if status == IFSelect_RetDone:
                 _require_filled(path, reader, kinds)
                 if transfer():
                     return
     except OCCT_ERRORS as error:
         raise ValueError(f"{path} is not a readable STEP file: {error}") from error
     raise ValueError(f"{path} is not a readable STEP file")
-
-
-def _read(reader: STEPControl_Reader, path: Path, instead: bytes | None) -> IFSelect_ReturnStatus:
-    """Read a file, or what comes instead of its bytes."""
-    if instead is None:
-        return reader.ReadFile(str(path))
-    return reader.ReadStream(str(path), BytesIO(instead))
 
 
 def _require_harmless(path: Path, data: bytes) -> None:

@@ -22,7 +22,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from thbcad.cad.exchange.front_and_rear import front_and_rear
-from thbcad.cad.exchange.reading import explore
+from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import spline_surface
 from thbcad.lens import OpticalForm
 from thbcad.splines import BSplineSurface, NURBSSurface
@@ -47,7 +47,7 @@ class SolidState:
     @property
     def faces(self) -> int:
         """The number of faces."""
-        return len(explore(self.shape, TopAbs_FACE))
+        return len(faces_of(self.shape))
 
     @property
     def free_edges(self) -> int:
@@ -132,12 +132,12 @@ def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ())
     ValueError : as `front_and_rear`.
     """
     front, rear = front_and_rear(shape, path, names)
-    return SolidFile(shape, front, rear, names or ("",) * len(explore(shape, TopAbs_FACE)))
+    return SolidFile(shape, front, rear, names or ("",) * len(faces_of(shape)))
 
 
 def spline_faces(shape: TopoDS_Shape) -> list[BSplineSurface | NURBSSurface]:
     """Return the spline surfaces under the faces of a shape, in their order; other faces are left out."""
-    geoms = (BRep_Tool.Surface_s(TopoDS.Face_s(face)) for face in explore(shape, TopAbs_FACE))
+    geoms = map(BRep_Tool.Surface_s, faces_of(shape))
     return [spline_surface(geom) for geom in geoms if isinstance(geom, Geom_BSplineSurface)]
 
 

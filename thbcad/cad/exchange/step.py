@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
@@ -28,20 +27,16 @@ from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_FACE
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
 
-from thbcad.cad.exchange.reading import explore, step_document
+from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
 from thbcad.cad.exchange.step_writing import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
-from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product, face_colour, require_line
-
-if TYPE_CHECKING:
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Shape
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 SCHEMA_STARTS = {
@@ -52,30 +47,20 @@ SCHEMA_STARTS = {
 UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 
 
-def write_step(lens: Lens, path: str | Path, product: Product | None = None, schema: str = "AP242") -> None:
-    """Write the lens as one closed solid of six faces with names and colours, in mm.
-
-    product : names and material for the file; None is Product().  A material without an index gets the index
-        of the lens.
-    schema : AP242, AP214 or AP203.
-
-    Raises
-    ------
-    OSError : the file cannot be written.
-    ValueError : another schema; as `require_sound`.
-    RuntimeError : OCCT refuses the solid.
-    """
-    require_type("lens", lens, Lens)
-    write_bytes(path, step_bytes(lens, product, schema))
-
-
 def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242") -> bytes:
-    """Return the STEP file of a lens, as `write_step`; the same lens gives the same bytes."""
+    """Return the STEP file of a lens, one closed solid of six faces with names and colours, in mm.
+
+    product, schema : as `thbcad.write_step`, which also raises.  The same lens gives the same bytes.
+    """
+    return part_step(lens_part(lens), product_of(lens, product), schema)
+
+
+def product_of(lens: Lens, product: Product | None) -> Product:
+    """Return the Product of a file of a lens; None is Product().  A material without an index gets that of
+    the lens."""
     product = Product() if product is None else product
     require_type("product", product, Product)
-    if product.material and product.index is None:
-        product = replace(product, index=lens.index)
-    return part_step(lens_part(lens), product, schema)
+    return replace(product, index=lens.index) if product.material and product.index is None else product
 
 
 def part_step(
@@ -135,15 +120,19 @@ def read_step(path: str | Path) -> SolidFile:
     reader, document = step_document(path)
     shape = reader.OneShape()
     solid = solid_file(shape, path, _face_names(reader, shape))
+    labels, materials = TDF_LabelSequence(), TDF_LabelSequence()
+    name, material = TDataStd_Name(), XCAFDoc_Material()
+    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
+    XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(materials)
     header = APIHeaderSection_MakeHeader(reader.WS().Model())
     schema = header.SchemaIdentifiersValue(1).ToCString() if header.NbSchemaIdentifiers() else ""
     return replace(
         solid,
-        product=_product_name(document),
+        product=name.Get().ToExtString() if _found(labels, name) else "",
         author=header.AuthorValue(1).ToCString() if header.NbAuthor() else "",
         organization=header.OrganizationValue(1).ToCString() if header.NbOrganization() else "",
         schema=next((name for name, start in SCHEMA_STARTS.items() if schema.startswith(start)), schema),
-        material=_material_name(document),
+        material=material.GetName().ToCString() if _found(materials, material) else "",
     )
 
 
@@ -204,25 +193,9 @@ def _declare(entity: object, product: Product) -> None:
 def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, ...]:
     """Return the names of the entities from which the faces of a shape come."""
     origin = reader.WS().TransferReader()
-    entities = [origin.EntityFromShapeResult(face, 1) for face in explore(shape, TopAbs_FACE)]
+    entities = [origin.EntityFromShapeResult(face, 1) for face in faces_of(shape)]
     names = (e.Name() if isinstance(e, StepShape_AdvancedFace) else None for e in entities)
     return tuple("" if name is None else name.ToCString() for name in names)
-
-
-def _product_name(document: TDocStd_Document) -> str:
-    """Return the name of the first free shape."""
-    labels = TDF_LabelSequence()
-    name = TDataStd_Name()
-    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
-    return name.Get().ToExtString() if _found(labels, name) else ""
-
-
-def _material_name(document: TDocStd_Document) -> str:
-    """Return the name of the first material."""
-    labels = TDF_LabelSequence()
-    material = XCAFDoc_Material()
-    XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(labels)
-    return material.GetName().ToCString() if _found(labels, material) else ""
 
 
 def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:

@@ -10,24 +10,20 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_InterfaceModel, Interface_Static
+from OCP.IGESData import IGESData_IGESWriter
+from OCP.Interface import Interface_InterfaceModel, Interface_Protocol, Interface_Static
 from OCP.Message import Message
 from OCP.StepAP214 import StepAP214
 from OCP.StepBasic import StepBasic_Product
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.lens import Product
-
-if TYPE_CHECKING:
-    from OCP.IGESData import IGESData_IGESWriter
-    from OCP.Interface import Interface_Protocol
-    from OCP.TopoDS import TopoDS_Shape
 
 STAMP = "2000-01-01T00:00:00"
 REALS = "%#.17G"  # every float64 reads back bit for bit
@@ -77,8 +73,12 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
         writer = STEPControl_Writer()  # takes the schema when it is made
         if writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone:
             raise RuntimeError(f"OCCT could not translate the {product} to STEP")
-    _name_product(writer.Model(), product)
-    return model_text(writer.Model(), Product(product))
+    model = writer.Model()
+    for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
+        if isinstance(entity, StepBasic_Product):  # without the counter that OCCT appends
+            entity.SetId(TCollection_HAsciiString(product))
+            entity.SetName(TCollection_HAsciiString(product))
+    return model_text(model, Product(product))
 
 
 def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
@@ -157,12 +157,3 @@ def _encoded(beyond: re.Match[str]) -> str:
     wide = max(beyond[0]) > "\uffff"
     digits = "".join(f"{ord(c):0{8 if wide else 4}X}" for c in beyond[0])
     return f"\\X{4 if wide else 2}\\{digits}\\X0\\"
-
-
-def _name_product(model: Interface_InterfaceModel, product: str) -> None:
-    """Give the product a name without the counter that OCCT appends."""
-    for number in range(1, model.NbEntities() + 1):
-        entity = model.Value(number)
-        if isinstance(entity, StepBasic_Product):
-            entity.SetId(TCollection_HAsciiString(product))
-            entity.SetName(TCollection_HAsciiString(product))

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
 from thbcad.cad.foreign.axial_heights import axial_heights
@@ -25,9 +25,6 @@ from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
 from thbcad.checks import Floats
 from thbcad.io import Entity, entity_of, having, list_of, read_part21
 from thbcad.poses import Pose
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
 LEAST_FACING = 0.2  # cosine of the normal with the axis, from which a face can be optical
@@ -41,6 +38,15 @@ class ForeignLens:
     path : Path.  unit : of length in the file, such as "millimetre" or "INCH"; all numbers here are mm
     frame : Pose of the lens in the file; z is the axis, the origin the front's point on it
     thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
+
+    Examples
+    --------
+    >>> flat, ball = FreeformSurface((5.0, 4.0)), FreeformSurface((5.0, 4.0), Conic(-20.0))
+    >>> path = Path(mkdtemp()) / "lens.step"
+    >>> write_step(Lens(flat, ball, thickness=3.0, index=1.5), path)
+    >>> found = read_lens_solid(path)
+    >>> found.front.kind, found.rear.kind, round(found.rear.radius, 9), round(found.thickness, 9)
+    ('plane', 'sphere', 20.0, 3.0)
     """
 
     path: Path
@@ -110,7 +116,9 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
         raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
     frame = frame @ Pose.at((*front.centre, heights[0]))
     front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
-    return ForeignLens(path, _unit_of(entities), frame, heights[1] - heights[0], front, rear, solids[0])
+    return ForeignLens(
+        path, _unit_of(entities), frame, float(heights[1] - heights[0]), front, rear, solids[0]
+    )
 
 
 def _vector(vector: Floats) -> str:

@@ -39,7 +39,8 @@ def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
     points to where that axis of the file grows that it is nearest to; x is as near as it can to the file's.
     """
     mean = _unit(main.samples[1].mean(axis=0))
-    exact = [*_axial(faces), *_of_planes(faces)]
+    round_ = sorted((f for f in faces if not f.is_flat), key=lambda f: -f.area)
+    exact = [*(d for f in round_ if (d := f.direction) is not None), *_of_planes(faces)]
     axis = next((d for d in (*_graph_directions(main)[:1], *exact) if abs(d @ mean) > NEAR), mean)
     axis = next((d for d in exact if abs(d @ axis) > ALIKE), axis)
     size = np.round(np.abs(axis[::-1]), 9)
@@ -70,12 +71,6 @@ def _graph_directions(face: SurveyedFace) -> list[Floats]:
         return []
     n = rows[0]
     return [n, *(_unit(row - (row @ n) * n) for row in affine[1:])]
-
-
-def _axial(faces: Sequence[SurveyedFace]) -> list[Floats]:
-    """Return the axes of faces that have one, those of large faces first."""
-    ordered = sorted((f for f in faces if not f.is_flat), key=lambda f: -f.area)
-    return [d for f in ordered if (d := f.direction) is not None]
 
 
 def _of_planes(faces: Sequence[SurveyedFace]) -> list[Floats]:

@@ -63,6 +63,10 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     low, high = reach * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
     spline = group[0].spline if len(group) == 1 else None
+    deviation = None
+    if isinstance(spline, BSplineSurface):  # between those of the poles
+        _, rest = graph_residual(spline)
+        deviation = float(np.linalg.norm(rest @ axes.T, axis=1).max())
     kind = group[0].kind
     if isinstance(group[0].spline, NURBSSurface):
         kind = "rational spline"
@@ -77,15 +81,8 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
         control_points=None if spline is None else (spline.kv_u.dim, spline.kv_v.dim),
         knots=None if spline is None else (spline.kv_u.knots, spline.kv_v.knots),
         periodic=group[0].periodic,
-        graph_deviation=_graph_deviation(spline, frame) if isinstance(spline, BSplineSurface) else None,
+        graph_deviation=deviation,
     )
-
-
-def _graph_deviation(spline: BSplineSurface, frame: Pose) -> float:
-    """Return a bound of the distance of x and y from affine functions of the parameters: the greatest of the
-    poles, between which the difference lies."""
-    _, rest = graph_residual(spline)
-    return float(np.linalg.norm(rest @ frame.rotation[:, :2], axis=1).max())
 
 
 def _outline_kind(relative: Floats) -> str:

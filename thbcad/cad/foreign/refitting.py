@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -23,18 +22,16 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from thbcad.cad.foreign.axial_heights import axial_heights
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.lens_frame import in_frame
+from thbcad.cad.foreign.optical_surface import OpticalFace
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
-from thbcad.checks import EPS, Floats, require_number
+from thbcad.checks import EPS, require_number
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from thbcad.cad.foreign.optical_surface import OpticalFace
-    from thbcad.poses import Pose
 
 LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
 DEGREE = 5
@@ -207,12 +204,10 @@ def _conic_bound(frame: Pose, face: OpticalFace, vertex: float, conic: Conic) ->
     spline = face.faces[0].exact_spline
     if len(face.faces) > 1 or spline is None:
         return None
-    if isinstance(spline, NURBSSurface):
-        poles, weights = spline.points, spline.weights
-    else:
-        poles, weights = spline.coefficients, np.ones(spline.coefficients.shape[:2])
-    points = in_frame(frame, poles) - np.array([0.0, 0.0, vertex])
-    bound = conic_deviation(spline.kv_u, spline.kv_v, points, weights, conic)
+    if isinstance(spline, BSplineSurface):
+        spline = NURBSSurface.from_bspline(spline)
+    points = in_frame(frame, spline.points) - np.array([0.0, 0.0, vertex])
+    bound = conic_deviation(spline.kv_u, spline.kv_v, points, spline.weights, conic)
     if bound is None:
         return None
     reach = float(np.hypot(*points[..., :2].reshape(-1, 2).T).max())
@@ -240,7 +235,8 @@ def _meshes(frame: Pose, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVe
 def _fitted(frame: Pose, face: OpticalFace, vertex: float, tolerance: float) -> _Surface:
     """Return a spline that interpolates a face, with spans until it is met."""
     for kv_x, kv_y in _meshes(frame, face):
-        x, y = np.meshgrid(*(_inside(kv.greville()) for kv in (kv_x, kv_y)), indexing="ij")
+        # the outermost a little within the rim, where OCCT finds the face
+        x, y = np.meshgrid(*((1 - 1e-9) * kv.greville() for kv in (kv_x, kv_y)), indexing="ij")
         z = axial_heights(face.faces, frame, x.ravel(), y.ravel()) - vertex
         if not np.isfinite(z).all():
             raise ValueError("a line along the axis within the outline misses the optical face")
@@ -259,9 +255,3 @@ def _measured(frame: Pose, face: OpticalFace, vertex: float, surface: FreeformSu
     x, y = (a.ravel() for a in np.meshgrid(*(h * steps for h in surface.half_width)))
     z = axial_heights(face.faces, frame, x, y) - vertex
     return float(np.nanmax(np.abs(z - surface(x, y))))
-
-
-def _inside(positions: Floats) -> Floats:
-    """Return positions with the outermost a little within the rim, where OCCT finds the face."""
-    inner: Floats = positions * (1 - 1e-9)
-    return inner

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -30,17 +29,14 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from scipy.optimize import minimize_scalar
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, NURBSSurface
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 KINDS = {
     GeomAbs_Plane: "plane",
@@ -108,7 +104,8 @@ class SurveyedFace:
         u0, u1, v0, v1 = BRepTools.UVBounds_s(self.face)
         steps = (np.arange(GRID) + 0.5) / GRID
         pairs = [(u, v) for u in u0 + (u1 - u0) * steps for v in v0 + (v1 - v0) * steps]
-        inside = [pair for pair in pairs if _is_inside(self.face, pair)] or pairs
+        states = [BRepClass_FaceClassifier(self.face, gp_Pnt2d(*pair), 1e-9).State() for pair in pairs]
+        inside = [pair for pair, state in zip(pairs, states) if state == TopAbs_IN] or pairs
         jets = np.array([_point_and_normal(self.face, *pair) for pair in inside])
         return jets[:, 0], jets[:, 1]
 
@@ -186,7 +183,7 @@ class SurveyedFace:
     def _edges(self) -> list[tuple[BRepAdaptor_Curve, Floats, Floats]]:
         """The curves of its edges, with parameters from end to end (n,) and the points there (n, 3)."""
         found = []
-        for edge in map(TopoDS.Edge_s, explore(self.face, TopAbs_EDGE)):
+        for edge in edges_of(self.face):
             if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
                 continue
             curve = BRepAdaptor_Curve(edge)
@@ -197,7 +194,7 @@ class SurveyedFace:
 
 def surveyed(solid: TopoDS_Shape) -> list[SurveyedFace]:
     """Return the faces of a solid in the order of OCCT."""
-    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    faces = faces_of(solid)
     kinds = [KINDS.get(BRepAdaptor_Surface(face).GetType(), "other") for face in faces]
     return [SurveyedFace(face, k, kind) for k, (face, kind) in enumerate(zip(faces, kinds))]
 
@@ -212,18 +209,14 @@ def continued(solid: TopoDS_Shape, faces: Sequence[SurveyedFace], start: Surveye
     found, waiting = {start.number}, [start]
     while waiting:
         own = waiting.pop()
-        for edge in explore(own.face, TopAbs_EDGE):
+        for edge in edges_of(own.face):
             beside = list(owners.FindFromKey(edge))
             for other in (f for f in faces if f.number not in found):
                 shared = any(other.face.IsSame(face) for face in beside)
-                if shared and _is_smooth(TopoDS.Edge_s(edge), own.face, other.face):
+                if shared and _is_smooth(edge, own.face, other.face):
                     found.add(other.number)
                     waiting.append(other)
     return [face for face in faces if face.number in found]
-
-
-def _is_inside(face: TopoDS_Face, parameters: tuple[float, float]) -> bool:
-    return BRepClass_FaceClassifier(face, gp_Pnt2d(*parameters), 1e-9).State() == TopAbs_IN
 
 
 def _point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:

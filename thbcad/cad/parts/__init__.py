@@ -26,7 +26,6 @@ if TYPE_CHECKING:
         outline_segments as outline_segments,
         own_edges as own_edges,
         rim_faces as rim_faces,
-        solid_faces as solid_faces,
     )
     from thbcad.cad.parts.search import PlacedLens as PlacedLens, placed_lens as placed_lens
     from thbcad.cad.parts.writing import placed_step as placed_step, write_step as write_step

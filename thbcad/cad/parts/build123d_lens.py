@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import build123d as bd
 from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import GLASS
 from thbcad.cad.parts.mount_solids import mounted_part
@@ -15,11 +16,7 @@ from thbcad.cad.parts.search import occt_shape, one_solid
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
-
-    from thbcad.mounts import Mount
+from thbcad.mounts import Mount
 
 
 class LensPart(bd.BasePartObject):

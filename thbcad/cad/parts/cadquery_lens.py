@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from thbcad.cad.exchange import library
 from thbcad.cad.parts.named_booleans import named_part
 from thbcad.cad.parts.search import one_solid
-from thbcad.cad.shapes import lens_part
+from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it takes seconds to load
     import cadquery
-
-    from thbcad.cad.shapes import Part
 
 
 def workplane(lens: Lens) -> cadquery.Workplane:
@@ -50,13 +47,7 @@ def tagged(part: Part, lens: Lens | None) -> cadquery.Workplane:
 def untagged(plane: cadquery.Workplane) -> Part:
     """Return the solid of a Workplane as a Part, its faces under the names of their tags."""
     solid = one_solid(plane)
-    names: Sequence[str] = [_tag_of(plane, face) for face in library("cadquery").Solid(solid).Faces()]
-    return named_part(solid, names)
-
-
-def _tag_of(plane: Any, face: cadquery.Face) -> str:
-    """Return the tag of a face, "" where it has none."""
-    for name, at in plane.ctx.tags.items():
-        if any(face.wrapped.IsSame(own.wrapped) for own in at.objects):
-            return str(name)
-    return ""
+    context: Any = plane.ctx
+    tags = [(name, own.wrapped) for name, at in context.tags.items() for own in at.objects]
+    faces = library("cadquery").Solid(solid).Faces()
+    return named_part(solid, [next((n for n, own in tags if f.wrapped.IsSame(own)), "") for f in faces])

@@ -9,18 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepTools import BRepTools
-from OCP.Geom import (
-    Geom_BSplineSurface,
-    Geom_RectangularTrimmedSurface,
-    Geom_TrimmedCurve,
-)
+from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface, Geom_TrimmedCurve
 from OCP.GeomAbs import (
     GeomAbs_BSplineCurve,
     GeomAbs_Circle,
@@ -32,16 +27,12 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from thbcad.cad.exchange import OCCT_ERRORS
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import Floats, Integers
-from thbcad.splines import BSplineSurface, KnotVector
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
-
-    from thbcad.splines import NURBSSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 QUARTER = np.pi / 2  # of a turn: arcs whose control points stay near
 ROUNDING = 1e-6  # of a spline's interval; OCCT widens the rectangles of parameters
@@ -67,7 +58,11 @@ def edge_pieces(edge: TopoDS_Edge) -> Pieces | None:
     kind, ends = curve.GetType(), (curve.FirstParameter(), curve.LastParameter())
     if kind == GeomAbs_Line:
         points = np.array([curve.Value(t).Coord() for t in ends])
-        return Pieces(np.array([ends]), partial(_line, np.array(ends), points))
+        low, high = ends
+        along = points[1] - points[0]
+        return Pieces(
+            np.array([ends]), lambda cells: points[0] + ((cells - low) / (high - low))[..., None] * along
+        )
     if kind in (GeomAbs_Circle, GeomAbs_Ellipse):
         conic = curve.Circle() if kind == GeomAbs_Circle else curve.Ellipse()
         radii = (
@@ -128,11 +123,6 @@ def _cells(across: Floats, along: Floats) -> Floats:
     return np.array([[*u, *v] for u in across.tolist() for v in along.tolist()]).reshape(-1, 4)
 
 
-def _line(ends: Floats, points: Floats, cells: Floats) -> Floats:
-    share = (cells - ends[0]) / (ends[1] - ends[0])
-    return points[0] + share[..., None] * (points[1] - points[0])
-
-
 def _arcs(cells: Floats) -> Floats:
     """Return the control points of unit circles over intervals of the angle, (n, 3, 2)."""
     low, high = cells.T
@@ -181,11 +171,9 @@ def _spline_pieces(
     surface: BSplineSurface | NURBSSurface, box: tuple[float, ...] | None, own: bool
 ) -> Pieces | None:
     if isinstance(surface, BSplineSurface):
-        net, weights = surface.coefficients, np.ones(surface.coefficients.shape[:2])
-    else:
-        net, weights = surface.points, surface.weights
+        surface = NURBSSurface.from_bspline(surface)
     kvs = surface.kv_u, surface.kv_v
-    full = np.concatenate([net * weights[..., None], weights[..., None]], axis=-1)
+    full = surface.homogeneous.coefficients
     limits = box or (kvs[0].start, kvs[0].stop, kvs[1].start, kvs[1].stop)
     ends = limits[:2], limits[2:]
     if not all(_within(kv, *pair) for kv, pair in zip(kvs, ends)):

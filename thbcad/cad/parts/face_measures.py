@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane, Geom_Surface
 from OCP.GeomAPI import GeomAPI_IntCS, GeomAPI_ProjectPointOnSurf
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
-from OCP.TopoDS import TopoDS
+from OCP.TopAbs import TopAbs_REVERSED
+from OCP.TopoDS import TopoDS_Face
 
-from thbcad.cad.exchange import explore
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.checks import Floats
-    from thbcad.lens import FreeformSurface
+from thbcad.cad.exchange import edges_of
+from thbcad.cad.parts.part_topology import ON_EDGE, edge_points
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface
 
 PER_SPAN = 3  # points of a spline in every span and direction; its numbers are compared too
 ELSEWHERE = 33  # points of another surface in each direction
-ON_EDGE = 33  # points of an edge
 
 
 def face_deviation(geometry: Geom_Surface, surface: FreeformSurface, vertex: float) -> float:
@@ -74,7 +67,7 @@ def edge_deviation(face: TopoDS_Face) -> float:
     """
     surface = BRep_Tool.Surface_s(face)
     greatest = 0.0
-    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
+    for edge in edges_of(face):
         curve = BRepAdaptor_Curve(edge)
         plane = isinstance(surface, Geom_Plane)
         image = None if plane else BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
@@ -95,10 +88,8 @@ def projected_area(face: TopoDS_Face) -> float:
     Edges are straight between 33 points; the rims of a rectangular lens are straight anyway.
     """
     area = 0.0
-    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
-        curve = BRepAdaptor_Curve(edge)
-        steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE)
-        x, y, _ = np.array([curve.Value(t).Coord() for t in steps.tolist()]).T
+    for edge in edges_of(face):
+        x, y, _ = edge_points(edge, ON_EDGE).T
         along = -1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0
         area += along * float((x[1:] + x[:-1]) @ np.diff(y)) / 2
     return abs(area)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +19,14 @@ from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.Geom import Geom_Plane, Geom_RectangularTrimmedSurface
 from OCP.GeomAbs import GeomAbs_Line
 from OCP.gp import gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT
-from OCP.TopoDS import TopoDS
+from OCP.TopAbs import TopAbs_OUT
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.parts.face_enclosures import Pieces, edge_pieces, face_pieces, split
 from thbcad.cad.shapes import TOLERANCE
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-
-    from thbcad.certified import ConvexRegion
-    from thbcad.checks import Floats
+from thbcad.certified import ConvexRegion
+from thbcad.checks import Floats
 
 HALVINGS = 24
 MOST = 4096  # pieces at once: what is not decided by then comes in for all that is known
@@ -49,9 +44,9 @@ def faces_within(
     left_out : numbers of faces that are not looked at.
     """
     found = {}
-    for number, face in enumerate(explore(solid, TopAbs_FACE)):
+    for number, face in enumerate(faces_of(solid)):
         if number not in left_out:
-            points = _face_within(TopoDS.Face_s(face), region)
+            points = _face_within(face, region)
             if points is not None:
                 found[number] = points
     return found
@@ -59,8 +54,12 @@ def faces_within(
 
 def edges_within(face: TopoDS_Face, region: ConvexRegion) -> bool:
     """Return whether an edge of a face may come into a region."""
-    edges = map(TopoDS.Edge_s, explore(face, TopAbs_EDGE))
-    return any(_edge_within(edge, region) is not None for edge in edges if not BRep_Tool.Degenerated_s(edge))
+    return any(_edge_within(edge, region) is not None for edge in real_edges(face))
+
+
+def real_edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
+    """Return the edges of a face but those that are a point, as at the poles of a sphere."""
+    return [edge for edge in edges_of(face) if not BRep_Tool.Degenerated_s(edge)]
 
 
 def on_face(face: TopoDS_Face, points: Floats) -> NDArray[np.bool_]:
@@ -131,8 +130,7 @@ def _plane_within(face: TopoDS_Face, plane: Geom_Plane, region: ConvexRegion) ->
     middle = corners.mean(axis=0)
     steps = np.linspace(0.0, 1.0, SECTION)[:-1, None, None]
     points = (middle + steps * (corners - middle)).reshape(-1, 3)
-    edges = map(TopoDS.Edge_s, explore(face, TopAbs_EDGE))
-    crossing = [found for edge in edges if (found := _edge_within(edge, region)) is not None]
+    crossing = [found for edge in edges_of(face) if (found := _edge_within(edge, region)) is not None]
     if not crossing and not on_face(face, middle[None])[0]:
         return None
     points = points[region.holds(points)]
@@ -144,7 +142,7 @@ class _Inside:
 
     def __init__(self, face: TopoDS_Face, pieces: Pieces) -> None:
         self._face, self._nets, self._own = face, pieces.nets, pieces.own
-        self._boxes = _boxes(face) if pieces.own else np.empty((0, 4))
+        self._boxes = _edge_boxes(face) if pieces.own else np.empty((0, 4))
 
     def kept(self, cells: Floats) -> Floats:
         """Return the cells that may hold a part of the face: no edge crosses the others, which lie beside."""
@@ -172,10 +170,10 @@ class _Inside:
         return BRepClass_FaceClassifier(self._face, gp_Pnt2d(u, v), TOLERANCE).State() != TopAbs_OUT
 
 
-def _boxes(face: TopoDS_Face) -> Floats:
+def _edge_boxes(face: TopoDS_Face) -> Floats:
     """Return rectangles of parameters that hold the edges of a face, (n, 4): low and high of u, then of v."""
     rows = []
-    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
+    for edge in edges_of(face):
         curve = BRepAdaptor_Curve2d(edge, face)
         steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), OF_EDGE + 1).tolist()
         for low, high in pairwise(steps):

@@ -14,10 +14,9 @@ from OCP.BRepBuilderAPI import (
 )
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeRevol
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pln, gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_FACE
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+from OCP.TopoDS import TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import faces_of
 from thbcad.cad.parts.named_booleans import fused, named_part, without
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.lens import Lens
@@ -39,7 +38,8 @@ def mounted_part(lens: Lens, mount: Mount) -> Part:
 
 def mount_part(mount: Mount, proof: MountProof, lens: Lens) -> Part:
     """Return the mount alone as a Part; where it is a plate, the glass that it crosses belongs to it."""
-    part = _named(_flange_body(mount, proof), "flange")
+    body = _flange_body(mount, proof)
+    part = named_part(body, ["flange"] * len(faces_of(body)))
     if proof.framed:
         x, y = lens.front.half_width
         part = without(part, _box((-x, -y, proof.low - 1), (x, y, proof.high + 1)), "flange")
@@ -57,10 +57,6 @@ def mount_part(mount: Mount, proof: MountProof, lens: Lens) -> Part:
     return part
 
 
-def _named(solid: TopoDS_Shape, name: str) -> Part:
-    return named_part(solid, [name] * len(explore(solid, TopAbs_FACE)))
-
-
 def _flange_body(mount: Mount, proof: MountProof) -> TopoDS_Shape:
     """Return the flange without anything on it: a stack of cones or of pyramid stumps."""
     flange = mount.flange
@@ -71,15 +67,14 @@ def _flange_body(mount: Mount, proof: MountProof) -> TopoDS_Shape:
     if flange.outline == "round":
         rim = [(x - inset, z) for z, inset in levels]
         return _turned([(0.0, rim[0][1]), *rim, (0.0, rim[-1][1])], (0.0, 0.0))
-    loops = [_rectangle(x - inset, y - inset, z) for z, inset in levels]
+    loops = [
+        [(a * (x - inset), b * (y - inset), z) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        for z, inset in levels
+    ]
     sides = [
         [low[k - 1], low[k], high[k], high[k - 1]] for low, high in pairwise(loops) for k in range(len(low))
     ]
     return _polyhedron([loops[0][::-1], loops[-1], *sides])
-
-
-def _rectangle(x: float, y: float, z: float) -> list[Point3]:
-    return [(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)]
 
 
 def _hole_profile(hole: Hole, proof: MountProof) -> list[tuple[float, float]]:
@@ -129,15 +124,6 @@ def _box(low: Point3, high: Point3) -> TopoDS_Shape:
     return BRepPrimAPI_MakeBox(gp_Pnt(*low), gp_Pnt(*high)).Solid()
 
 
-def _polygon(points: Sequence[Point3]) -> TopoDS_Face:
-    """Return the plane face within a loop of points."""
-    polygon = BRepBuilderAPI_MakePolygon()
-    for point in points:
-        polygon.Add(gp_Pnt(*point))
-    polygon.Close()
-    return BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face()
-
-
 def _polyhedron(loops: Sequence[Sequence[Point3]]) -> TopoDS_Shape:
     """Return the solid within plane faces that share their edges; loops run counter-clockwise, seen from
     outside."""
@@ -165,5 +151,9 @@ def _polyhedron(loops: Sequence[Sequence[Point3]]) -> TopoDS_Shape:
 def _turned(profile: Sequence[tuple[float, float]], place: tuple[float, float]) -> TopoDS_Shape:
     """Return the solid that a closed profile of (radius, z) makes round a vertical axis."""
     x, y = place
-    face = _polygon([(x + r, y, z) for r, z in profile])
+    polygon = BRepBuilderAPI_MakePolygon()
+    for r, z in profile:
+        polygon.Add(gp_Pnt(x + r, y, z))
+    polygon.Close()
+    face = BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face()
     return BRepPrimAPI_MakeRevol(face, gp_Ax1(gp_Pnt(x, y, 0.0), gp_Dir(0, 0, 1))).Shape()

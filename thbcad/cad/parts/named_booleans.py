@@ -8,26 +8,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
-from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape, TopTools_ListOfShape
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import explore, faces_of
 from thbcad.cad.parts.search import OPTICAL
 from thbcad.cad.shapes import Part
-
-if TYPE_CHECKING:
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
 
 
 def named_part(solid: TopoDS_Shape, names: Sequence[str]) -> Part:
     """Return the Part of a shape with one solid, whose faces have names in their order."""
     (own,) = explore(solid, TopAbs_SOLID)
-    faces = [TopoDS.Face_s(face) for face in explore(own, TopAbs_FACE)]
-    return Part(TopoDS.Solid_s(own), tuple(names), tuple(faces))
+    return Part(TopoDS.Solid_s(own), tuple(names), tuple(faces_of(own)))
 
 
 def numbered(names: Sequence[str]) -> list[str]:
@@ -78,12 +73,14 @@ def _operated(
         raise ValueError(f"{what}: OpenCASCADE finds no result for this tool; move it by more than 1e-6 mm")
     solids = explore(operation.Shape(), TopAbs_SOLID)
     for own, face in zip(part.names, part.faces):
-        if own in OPTICAL and len(_images(operation, face)) != 1:
-            raise ValueError(_destroyed(what, own, len(_images(operation, face))))
+        pieces = len(_images(operation, face))
+        if own in OPTICAL and pieces != 1:
+            done = f"cuts the {own} into {pieces} pieces" if pieces else f"leaves nothing of the {own}"
+            raise ValueError(f"{what}: the tool {done}; keep it out of the {own}")
     if len(solids) != 1:
         raise ValueError(f"{what}: the part would fall into {len(solids)} solids, where one is wanted")
-    added = tool.names if isinstance(tool, Part) else [name] * len(explore(shape, TopAbs_FACE))
-    origins = [*zip(added, explore(shape, TopAbs_FACE)), *zip(part.names, part.faces)]
+    added = tool.names if isinstance(tool, Part) else [name] * len(faces_of(shape))
+    origins = [*zip(added, faces_of(shape)), *zip(part.names, part.faces)]
     return _renamed(operation, solids[0], origins)
 
 
@@ -92,7 +89,7 @@ def _renamed(
 ) -> Part:
     """Return the result of an operation with the names of the faces from which its faces come; of two, the
     last one counts."""
-    faces = explore(solid, TopAbs_FACE)
+    faces = faces_of(solid)
     numbers = TopTools_IndexedMapOfShape()
     for face in faces:
         numbers.Add(face)
@@ -109,9 +106,3 @@ def _images(operation: BRepAlgoAPI_BooleanOperation, face: TopoDS_Shape) -> list
     if operation.IsDeleted(face):
         return []
     return list(operation.Modified(face)) or [face]
-
-
-def _destroyed(what: str, name: str, pieces: int) -> str:
-    if pieces:
-        return f"{what}: the tool cuts the {name} into {pieces} pieces; keep it out of the {name}"
-    return f"{what}: the tool leaves nothing of the {name}; keep it out of the {name}"

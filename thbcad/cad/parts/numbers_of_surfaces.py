@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.Geom import (
@@ -11,14 +10,11 @@ from OCP.Geom import (
     Geom_ElementarySurface,
     Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
+    Geom_Surface,
 )
 from OCP.gp import gp_Trsf
 
 from thbcad.checks import Floats
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-
 
 SPLINE, PLANE, SPHERE = "Geom_BSplineSurface", "Geom_Plane", "Geom_SphericalSurface"
 LEFT_OUT = 1e-9  # of knots, weights and radii: STEP files of other programs have 10 digits or more

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from OCP.TopoDS import TopoDS_Shape
+
+from thbcad.cad.parts.cadquery_lens import tagged, untagged
 from thbcad.cad.parts.named_booleans import fused, without
 from thbcad.cad.parts.search import occt_shape
 from thbcad.cad.shapes import Part
 
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
-
-    Operation = Callable[[Part, TopoDS_Shape, str], Part]
+Operation = Callable[[Part, TopoDS_Shape, str], Part]
 
 
 def join(part: Any, tool: Any, name: str = "") -> Any:
@@ -45,11 +45,9 @@ def _operated(operation: Operation, part: Any, tool: Any, name: str) -> Any:
     if isinstance(part, Part):
         return operation(part, shape, name)
     if hasattr(part, "ctx"):
-        from thbcad.cad.parts.cadquery_lens import tagged, untagged
-
         return tagged(operation(untagged(part), shape, name), getattr(part.ctx, "lens", None))
     if hasattr(part, "face_names"):
-        from thbcad.cad.parts.build123d_lens import operated
+        from thbcad.cad.parts.build123d_lens import operated  # it loads build123d
 
         return operated(operation, part, shape, name or getattr(tool, "label", ""))
     raise ValueError(

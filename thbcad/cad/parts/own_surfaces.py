@@ -4,23 +4,17 @@ again."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from OCP.BRep import BRep_Builder, BRep_Tool
-from OCP.Geom import Geom_Plane
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
+from OCP.Geom import Geom_Plane, Geom_Surface
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.parts.named_booleans import named_part, numbered
-from thbcad.cad.shapes import TOLERANCE
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-
-    from thbcad.cad.parts.search import PlacedLens
-    from thbcad.cad.shapes import Part
+from thbcad.cad.parts.search import PlacedLens
+from thbcad.cad.shapes import TOLERANCE, Part
 
 
 def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:
@@ -31,7 +25,7 @@ def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:
         anyhow.
     """
     copied = placed.in_lens_frame()
-    faces = [TopoDS.Face_s(face) for face in explore(copied, TopAbs_FACE)]
+    faces = faces_of(copied)
     own_names = list(names) if len(names) == len(faces) else [""] * len(faces)
     for number, (name, surface) in zip(placed.numbers, placed.surfaces.items(), strict=True):
         own_names[number] = name
@@ -48,8 +42,8 @@ def _without_images(face: TopoDS_Face) -> None:
         return
     builder = BRep_Builder()
     none: Any = None
-    for edge in explore(face, TopAbs_EDGE):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), none, face, TOLERANCE)
+    for edge in edges_of(face):
+        builder.UpdateEdge(edge, none, face, TOLERANCE)
 
 
 def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
@@ -58,7 +52,7 @@ def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
     location = TopLoc_Location()
     if BRep_Tool.Surface_s(face, location) is surface and location.IsIdentity():
         return
-    edges = [TopoDS.Edge_s(edge) for edge in explore(face, TopAbs_EDGE)]
+    edges = edges_of(face)
     images = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for edge in edges]
     builder.UpdateFace(face, surface, TopLoc_Location(), BRep_Tool.Tolerance_s(face))
     if isinstance(surface, Geom_Plane):

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy, BRepBuilderAPI_Transform
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
+from OCP.Geom import Geom_Surface
+from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange import explore, optical_form
+from thbcad.cad.exchange import edges_of, explore, faces_of, optical_form
 from thbcad.cad.parts.numbers_of_surfaces import SurfaceNumbers, matrix_of, rigid_motion, surface_numbers
 from thbcad.cad.shapes import TOLERANCE, Part, lens_part
 from thbcad.checks import Floats
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.lens import FreeformSurface, Lens, OpticalForm
+from thbcad.lens import FreeformSurface, Lens, OpticalForm
 
 OPTICAL = ("front", "rear")
 ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the rectangle of a lens
@@ -59,7 +55,7 @@ class PlacedLens:
     @property
     def numbers(self) -> tuple[int, int]:
         """The numbers of front and rear among the faces of the solid, from 0."""
-        faces = explore(self.solid, TopAbs_FACE)
+        faces = faces_of(self.solid)
         front, rear = (
             next(k for k, face in enumerate(faces) if face.IsSame(self.faces[name])) for name in OPTICAL
         )
@@ -77,8 +73,8 @@ class PlacedLens:
         ------
         ValueError : a surface that no lens has.
         """
-        faces = explore(self.in_lens_frame(), TopAbs_FACE)
-        front, rear = (optical_form(TopoDS.Face_s(faces[number])) for number in self.numbers)
+        faces = faces_of(self.in_lens_frame())
+        front, rear = (optical_form(faces[number]) for number in self.numbers)
         if front is None or rear is None:
             name = OPTICAL[front is not None]
             raise ValueError(f"the {name} of the part is no spline over x and y and no conic around z")
@@ -151,15 +147,16 @@ def placed_lens(part: object, lens: Lens) -> PlacedLens:
         name: BRep_Tool.Surface_s(face) for name, face in zip(own.names, own.faces) if name in OPTICAL
     }
     wanted = {name: surface_numbers(surface) for name, surface in surfaces.items()}
-    faces = [_numbered(TopoDS.Face_s(face)) for face in explore(solid, TopAbs_FACE)]
-    best = [_missing(name) for name in OPTICAL]
+    faces = [_NumberedFace.of(face) for face in faces_of(solid)]
+    best = missing = [_missing(name) for name in OPTICAL]
     for placement in _placements(faces, wanted):
         found, wrong = _faces_at(faces, wanted, placement, lens)
         if not wrong:
             if placement.Transformation().VectorialPart().Determinant() < 0:
                 raise ValueError("the part is mirrored, which no placement in a file can do; mirror the lens")
             return PlacedLens(solid, placement, found, surfaces)
-        best = min(best, wrong, key=lambda sentences: sum(_weight(s) for s in sentences))
+        # a missing face is farther from a lens that is found than a large one
+        best = min(best, wrong, key=lambda sentences: sum(1 + (s in missing) for s in sentences))
     raise ValueError("; ".join(best))
 
 
@@ -170,19 +167,14 @@ class _NumberedFace(NamedTuple):
     numbers: SurfaceNumbers
     location: TopLoc_Location
 
+    @classmethod
+    def of(cls, face: TopoDS_Face) -> _NumberedFace:
+        location = TopLoc_Location()
+        return cls(face, surface_numbers(BRep_Tool.Surface_s(face, location)), location)
+
     @property
     def placed(self) -> SurfaceNumbers:
         return self.numbers.moved_by(matrix_of(self.location.Transformation()))
-
-
-def _numbered(face: TopoDS_Face) -> _NumberedFace:
-    location = TopLoc_Location()
-    return _NumberedFace(face, surface_numbers(BRep_Tool.Surface_s(face, location)), location)
-
-
-def _weight(sentence: str) -> int:
-    """Return how far a sentence is from a lens that is found: a missing face is farther than a large one."""
-    return 2 if sentence in map(_missing, OPTICAL) else 1
 
 
 def _missing(name: str) -> str:
@@ -234,9 +226,9 @@ def _beyond(face: TopoDS_Face, back: Any, surface: FreeformSurface) -> Floats | 
     """Return the point of a face's edges, in the lens's frame, that lies farthest outside of the rectangle
     of a surface, None where none does."""
     points = []
-    for edge in explore(face, TopAbs_EDGE):
-        if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
-            curve = BRepAdaptor_Curve(TopoDS.Edge_s(edge))
+    for edge in edges_of(face):
+        if not BRep_Tool.Degenerated_s(edge):
+            curve = BRepAdaptor_Curve(edge)
             steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE)
             points += [curve.Value(t).Transformed(back).Coord() for t in steps.tolist()]
     rows = np.array(points).reshape(-1, 3)

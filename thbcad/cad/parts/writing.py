@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thbcad.cad.exchange import part_step, step_bytes
+from thbcad.cad.exchange import part_step, product_of, step_bytes
+from thbcad.cad.parts.cadquery_lens import untagged
 from thbcad.cad.parts.own_surfaces import exact_part
 from thbcad.cad.parts.search import is_shape, placed_lens
 from thbcad.cad.shapes import Part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def write_step(
@@ -47,7 +44,8 @@ def write_step(
             raise ValueError("lens must be left out where a Lens is written")
         write_bytes(path, step_bytes(part, product, schema))
         return
-    lens = _own_lens(part) if lens is None else lens
+    if lens is None:
+        lens = getattr(part, "lens", None) or getattr(getattr(part, "ctx", None), "lens", None)
     if lens is None:
         if not is_shape(part):
             require_type("lens", part, Lens)
@@ -58,25 +56,8 @@ def write_step(
 
 def placed_step(part: Any, lens: Lens, product: Product | None = None, schema: str = "AP242") -> bytes:
     """Return the STEP file of a part with a lens, as `write_step`; the same part gives the same bytes."""
-    product = Product() if product is None else product
-    require_type("product", product, Product)
-    if product.material and product.index is None:
-        product = replace(product, index=lens.index)
+    product = product_of(lens, product)
     placed = placed_lens(part, lens)
-    return part_step(
-        exact_part(placed, _face_names(part)), product, schema, placed.placement if placed.moved else None
-    )
-
-
-def _own_lens(part: Any) -> Lens | None:
-    """Return the lens that a part knows to be its own."""
-    return getattr(part, "lens", None) or getattr(getattr(part, "ctx", None), "lens", None)
-
-
-def _face_names(part: Any) -> Sequence[str]:
-    """Return the names of the faces of a part, none where it knows none."""
-    if hasattr(part, "ctx"):
-        from thbcad.cad.parts.cadquery_lens import untagged
-
-        return untagged(part).names
-    return part.names if isinstance(part, Part) else getattr(part, "face_names", ())
+    known = untagged(part) if hasattr(part, "ctx") else part
+    names = known.names if isinstance(known, Part) else getattr(part, "face_names", ())
+    return part_step(exact_part(placed, names), product, schema, placed.placement if placed.moved else None)

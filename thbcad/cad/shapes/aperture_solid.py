@@ -5,37 +5,20 @@ Front and rear keep their whole surface, trimmed by the ellipse.  Nothing is cut
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
-from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.occt_splines import geom_surface, trace
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import EllipticWall
-from thbcad.lens import (
-    Ellipse,
-    fitted_curve,
-    optical_forms,
-    require_aperture,
-    require_sound,
-    rim_curve,
-)
+from thbcad.checks import Floats
+from thbcad.lens import Ellipse, Lens, fitted_curve, optical_forms, require_aperture, require_sound, rim_curve
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.cad.shapes.part import Part
-    from thbcad.cad.shapes.rings import Ring
-    from thbcad.checks import Floats
-    from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface, KnotVector
 
 HALVES = ("edge 1", "edge 2")
 
@@ -71,8 +54,12 @@ def elliptic_faces(builder: BRep_Builder, lens: Lens, ellipse: Ellipse) -> list[
             upward = form.upward
         else:
             curves = [rim_curve(lens.own_graphs()[k], ellipse, half) for half in (0, 1)]
+            # from x and y to parameters, which are those over the rear's rectangle
             scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
-            face, ring = _spline_face(builder, surface, ellipse, curves, k * lens.thickness, scale)
+            lift = np.array([0.0, 0.0, k * lens.thickness])
+            ring = EllipticWall(ellipse).rim(builder, [(kv, poles + lift) for kv, poles in curves])
+            images = [trace(kv, poles[:, :2] * scale) for kv, poles in curves]
+            face = face_on(builder, geom_surface(surface), ring.edges, True, images)
             upward = True
         optical.append((turned_face(face, upward != (k == 1)), ring))
     return optical
@@ -94,29 +81,5 @@ def _conic_face(
     else:
         ends = (np.array(pair) for pair in wall.ends)
         ring = wall.rim(builder, [fitted_curve(points, pair, np.array([1, 1])) for pair in ends])
-    face = face_on(builder, form.surface(), ring.edges, form.upward)
-    for edge, pair in zip(ring.edges, wall.ends):
-        image = form.trace(points, pair)
-        if image is not None:
-            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
-    return face, ring
-
-
-def _spline_face(
-    builder: BRep_Builder,
-    surface: BSplineSurface,
-    ellipse: Ellipse,
-    curves: Sequence[tuple[KnotVector, Floats]],
-    vertex: float,
-    scale: Floats,
-) -> tuple[TopoDS_Face, Ring]:
-    """Return face and ring on a spline.
-
-    curves : of its graph above the ellipse, as `rim_curve`.  scale : of its parameters to x and y, (2,)
-    """
-    lift = np.array([0.0, 0.0, vertex])
-    ring = EllipticWall(ellipse).rim(builder, [(kv, poles + lift) for kv, poles in curves])
-    face = face_on(builder, geom_surface(surface), ring.edges)
-    for edge, (kv, poles) in zip(ring.edges, curves):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(kv, poles[:, :2] * scale), face, TOLERANCE)
-    return face, ring
+    images = [form.trace(points, pair) for pair in wall.ends]
+    return face_on(builder, form.surface(), ring.edges, form.upward, images), ring

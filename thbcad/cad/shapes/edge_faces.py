@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_Conic, Geom_Plane
-from OCP.Geom2d import Geom2d_Line
+from OCP.Geom import Geom_Conic, Geom_Plane, Geom_Surface
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.topology import new_wire, turned_face
@@ -20,24 +19,27 @@ from thbcad.checks import Floats
 from thbcad.lens import Side, Surfaces, fitted_curve, ruled_edge
 from thbcad.splines import BSplineSurface
 
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Surface
-    from OCP.Geom2d import Geom2d_Curve
-    from OCP.TopoDS import TopoDS_Shape
-
 
 def face_on(
-    builder: BRep_Builder, surface: Geom_Surface, loop: Sequence[TopoDS_Shape], upward: bool = True
+    builder: BRep_Builder,
+    surface: Geom_Surface,
+    loop: Sequence[TopoDS_Shape],
+    upward: bool = True,
+    images: Iterable[Geom2d_Curve | None] = (),
 ) -> TopoDS_Face:
     """Return the face of a surface within a loop of edges that runs counter-clockwise around its normal.
 
     upward : False where it runs clockwise
+    images : of the edges in the parameters of the surface, None where OCCT needs none
     """
     face = TopoDS_Face()
     wire = new_wire(builder, loop)
     builder.MakeFace(face, surface, TOLERANCE)
     builder.Add(face, wire if upward else wire.Reversed())
     draw_on_plane(builder, face, loop)
+    for edge, image in zip(loop, images):
+        if image is not None:
+            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
     return face
 
 

@@ -6,32 +6,26 @@ The flange is a frame round the lens: its two planes cut the edges of the lens, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.aperture_solid import HALVES, elliptic_faces
 from thbcad.cad.shapes.forms import form_of, optical_face
-from thbcad.cad.shapes.rings import plane_face, wall_faces
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, Wall, plane_face, wall_faces
 from thbcad.cad.shapes.topology import NAMES, closed_part, turned
 from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, form_ring
 from thbcad.lens import (
     SIDES,
     Flange,
+    Lens,
     optical_forms,
     require_aperture,
     require_clear,
     require_sound,
     ruled_edges,
 )
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.cad.shapes.part import Part
-    from thbcad.cad.shapes.rings import Ring, Wall
-    from thbcad.lens import Lens
 
 
 def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> Part:

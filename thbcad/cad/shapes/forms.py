@@ -4,36 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from OCP.BRep import BRep_Builder
 from OCP.Geom import (
     Geom_Circle,
+    Geom_Curve,
     Geom_Ellipse,
     Geom_Hyperbola,
     Geom_Line,
     Geom_Plane,
     Geom_SphericalSurface,
+    Geom_Surface,
 )
+from OCP.Geom2d import Geom2d_Curve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
 from thbcad.cad.shapes.topology import side_line, turned, turned_face
-from thbcad.lens import SIDES, Corner, Side, fitted_curve, rim
+from thbcad.checks import Floats
+from thbcad.lens import SIDES, Corner, OpticalForm, Side, fitted_curve, rim
+from thbcad.sags import ConicSection, PlacedConic
 from thbcad.splines import BSplineSurface
 
-if TYPE_CHECKING:
-    from OCP.BRep import BRep_Builder
-    from OCP.Geom import Geom_Curve, Geom_Surface
-    from OCP.Geom2d import Geom2d_Curve
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
-
-    from thbcad.checks import Floats
-    from thbcad.lens import OpticalForm
-    from thbcad.sags import ConicSection, PlacedConic
-
-    Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
+Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Pln, gp_Pnt
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
@@ -15,9 +15,6 @@ from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom2d import Geom2d_BSplineCurve
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a mesh is handed over without OpenCASCADE
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from thbcad.cad.shapes.edge_faces import edge_face, face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
@@ -36,9 +35,6 @@ from thbcad.lens import (
 from thbcad.sags import conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 NEAR = 1e-12  # of the half-width: knots that differ by rounding only
 

@@ -6,21 +6,16 @@ Nothing is sewn.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
+from OCP.TopoDS import TopoDS_Solid
 
 from thbcad.cad.shapes.edge_faces import plane_edge_face, ruled_edge_face
 from thbcad.cad.shapes.forms import form_of, optical_face, ruled_trace
+from thbcad.cad.shapes.part import Part
 from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, strut
-from thbcad.lens import CORNERS, SIDES, optical_forms, require_sound, ruled_edges
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Solid
-
-    from thbcad.cad.shapes.part import Part
-    from thbcad.lens import Lens, OpticalForm
-    from thbcad.splines import BSplineSurface
+from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, require_sound, ruled_edges
+from thbcad.splines import BSplineSurface
 
 
 def lens_solid(lens: Lens) -> TopoDS_Solid:

@@ -5,33 +5,24 @@ Front and rear keep their whole surface, trimmed by the polygon.  Nothing is cut
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS_Face
 
 from thbcad.cad.shapes.edge_faces import face_on
-from thbcad.cad.shapes.forms import FlatForm, conic_form
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
-from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
+from thbcad.cad.shapes.occt_splines import geom_surface, trace
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import PlaneWall
-from thbcad.lens import fitted_curve, optical_forms, require_polygon, require_sound, side_curve
+from thbcad.checks import Floats
+from thbcad.lens import Lens, fitted_curve, optical_forms, require_polygon, require_sound, side_curve
 from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from OCP.TopoDS import TopoDS_Face
-
-    from thbcad.cad.shapes.forms import ConicForm
-    from thbcad.cad.shapes.part import Part
-    from thbcad.cad.shapes.rings import Ring
-    from thbcad.checks import Floats
-    from thbcad.lens import Lens
 
 
 def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
@@ -49,12 +40,12 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
     polygon = require_polygon(require_sound(lens), corners)
     builder = BRep_Builder()
     wall = PlaneWall(polygon.corners)
-    (front, low), (rear, high) = (_optical_face(builder, lens, wall, polygon.sides, k) for k in (0, 1))
+    (front, low), (rear, high) = (_trimmed(builder, lens, wall, polygon.sides, k) for k in (0, 1))
     names = [f"edge {k + 1}" for k in range(len(polygon.corners))]
     return closed_part(("front", "rear", *names), (front, rear, *wall_faces(builder, wall, low, high)))
 
 
-def _optical_face(
+def _trimmed(
     builder: BRep_Builder, lens: Lens, wall: PlaneWall, sides: Floats, k: int
 ) -> tuple[TopoDS_Face, Ring]:
     """Return (face, ring of its rim) of the front (k = 0) or the rear (k = 1), its normal outward.
@@ -69,11 +60,10 @@ def _optical_face(
     vertex = np.array([0.0, 0.0, k * lens.thickness])
     curves = [side_curve(lens.own_graphs()[k], *side) for side in sides]
     ring = wall.rim(builder, [(kv, poles + vertex) for kv, poles in curves])
-    face = face_on(builder, geom_surface(surface), ring.edges)
     # from x and y to parameters, which are those over the rear's rectangle
     scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
-    for edge, side in zip(ring.edges, sides):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(UNIT, side * scale), face, TOLERANCE)
+    images = [trace(UNIT, side * scale) for side in sides]
+    face = face_on(builder, geom_surface(surface), ring.edges, True, images)
     return turned_face(face, k == 0), ring
 
 
@@ -85,15 +75,12 @@ def _conic_face(
         ring = wall.level(builder, form.conic.vertex)
         return face_on(builder, form.surface(), ring.edges), ring
     unit, once = np.array([0.0, 1.0]), np.ones(2, dtype=np.int64)
-    rims = [partial(_above, form.conic, side) for side in sides]
+
+    def above(side: Floats, t: Floats) -> Floats:
+        x, y = (side[0] + np.outer(t, side[1] - side[0])).T
+        return np.column_stack([x, y, form.conic(x, y)])
+
+    rims = [partial(above, side) for side in sides]
     ring = wall.rim(builder, [fitted_curve(rim, unit, once) for rim in rims])
-    face = face_on(builder, form.surface(), ring.edges, form.upward)
-    for edge, rim in zip(ring.edges, rims):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), form.trace(rim, (0.0, 1.0)), face, TOLERANCE)
-    return face, ring
-
-
-def _above(conic: PlacedConic, side: Floats, t: Floats) -> Floats:
-    """Return the points of a conic above a side at t from 0 to 1, (n, 3), mm."""
-    x, y = (side[0] + np.outer(t, side[1] - side[0])).T
-    return np.column_stack([x, y, conic(x, y)])
+    images = [form.trace(rim, (0.0, 1.0)) for rim in rims]
+    return face_on(builder, form.surface(), ring.edges, form.upward, images), ring

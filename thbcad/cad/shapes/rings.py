@@ -8,22 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from OCP.BRep import BRep_Builder
-from OCP.Geom import Geom_Plane
-from OCP.Geom2d import Geom2d_Line
+from OCP.Geom import Geom_Curve, Geom_Plane, Geom_Surface
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from thbcad.cad.shapes.edge_faces import draw_on_plane
 from thbcad.cad.shapes.occt_splines import TOLERANCE
 from thbcad.cad.shapes.topology import new_edge, new_wire
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Curve, Geom_Surface
-    from OCP.Geom2d import Geom2d_Curve
-    from OCP.TopoDS import TopoDS_Shape, TopoDS_Vertex
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.Geom import Geom_Line
+from OCP.Geom import Geom_Curve, Geom_Line
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_REVERSED
@@ -15,6 +14,7 @@ from OCP.TopoDS import (
     TopoDS,
     TopoDS_Edge,
     TopoDS_Face,
+    TopoDS_Shape,
     TopoDS_Shell,
     TopoDS_Solid,
     TopoDS_Vertex,
@@ -26,10 +26,6 @@ from thbcad.cad.shapes.part import Part
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Side, rim_parameter
 from thbcad.splines import UNIT, BSplineSurface
-
-if TYPE_CHECKING:
-    from OCP.Geom import Geom_Curve
-    from OCP.TopoDS import TopoDS_Shape
 
 NAMES = ("front", "rear", *(side.name for side in SIDES))
 

@@ -4,33 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from OCP.BRep import BRep_Builder
 from OCP.Geom import (
     Geom_Circle,
+    Geom_Curve,
     Geom_CylindricalSurface,
     Geom_Ellipse,
     Geom_Line,
     Geom_Plane,
+    Geom_Surface,
     Geom_SurfaceOfLinearExtrusion,
 )
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 
-from thbcad.cad.shapes.forms import ruled_trace
+from thbcad.cad.shapes.forms import Form, ruled_trace
 from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, trace
 from thbcad.cad.shapes.rings import Ring
 from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
 from thbcad.checks import Floats
 from thbcad.lens import CORNERS, SIDES, Ellipse, Side, fitted_curve, kinks
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
-
-if TYPE_CHECKING:
-    from OCP.BRep import BRep_Builder
-    from OCP.Geom import Geom_Curve, Geom_Surface
-
-    from thbcad.cad.shapes.forms import Form
 
 UP = gp_Dir(0, 0, 1)
 

@@ -7,7 +7,7 @@ from OCP.STEPControl import STEPControl_Writer
 
 from tests.thbcad.cad.exchange.cases import KINDS
 from tests.thbcad.cases import LENSES
-from thbcad.cad.exchange.step import write_step
+from thbcad import write_step
 
 SETTINGS = (
     "write.step.schema",

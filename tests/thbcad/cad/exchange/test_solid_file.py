@@ -30,7 +30,7 @@ from OCP.XCAFDoc import (
 )
 
 from tests.thbcad.cases import LENSES, assert_same_surface
-from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
+from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, write_step
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
@@ -39,7 +39,6 @@ from thbcad.cad.exchange.step import (
     part_step,
     read_step,
     step_bytes,
-    write_step,
 )
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part

@@ -13,7 +13,8 @@ from OCP.GProp import GProp_GProps
 
 from oracles.spline_definitions import flux_volume
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
-from thbcad.cad.exchange.step import read_step, write_step
+from thbcad import write_step
+from thbcad.cad.exchange.step import read_step
 from thbcad.cad.exchange.step_writing import compact
 from thbcad.cad.shapes import lens_solid
 from thbcad.hierarchy import THBSpace

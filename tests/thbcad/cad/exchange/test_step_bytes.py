@@ -10,7 +10,8 @@ from OCP.Interface import Interface_Static
 
 from tests.cases import ROOT
 from tests.thbcad.cases import LENSES
-from thbcad.cad.exchange.step import read_step, step_bytes, write_step
+from thbcad import write_step
+from thbcad.cad.exchange.step import read_step, step_bytes
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

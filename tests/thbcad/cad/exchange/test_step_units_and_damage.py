@@ -11,7 +11,8 @@ from OCP.Interface import Interface_Static
 
 from tests.cases import DATA, ROOT
 from tests.thbcad.cases import LENSES
-from thbcad.cad.exchange.step import read_step, write_step
+from thbcad import write_step
+from thbcad.cad.exchange.step import read_step
 from thbcad.lens import optical_forms
 
 # ---- units and damaged files ----

@@ -7,8 +7,8 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from scipy.spatial import ConvexHull
 
 from tests.thbcad.cad.parts.cases import LENSES, box, located, motions, rod
-from thbcad.cad.exchange import face_triangles
-from thbcad.cad.parts import faces_within, solid_faces
+from thbcad.cad.exchange import face_triangles, faces_of
+from thbcad.cad.parts import faces_within
 from thbcad.cad.parts.face_enclosures import face_pieces, split
 from thbcad.cad.shapes import lens_part
 from thbcad.certified import Stack, rectangle_supports, region_between
@@ -26,7 +26,7 @@ SOLIDS = {
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_hulls_of_the_pieces_hold_the_face(name):
-    for face in solid_faces(SOLIDS[name]):
+    for face in faces_of(SOLIDS[name]):
         pieces = face_pieces(face)
         cells = split(pieces.roots)
         points = pieces.nets(np.repeat(cells.reshape(-1, 2, 2).mean(axis=2), 2, axis=1))[:, 0]
