@@ -135,16 +135,19 @@ def shape_lens(
     )
     crossing = 0.0
     for stage in run.plan[state.stage :]:
-        listener.progress(run.plan, stage, state.dof, None)
-        task = run.task(stage, state)
-        lens = task.lens
-        if stage.iterations:
-            lens, state, crossed = run.optimised(task, state, listener)
-            crossing = max(crossing, crossed)
-        listener.seen(stage, lens, task.target)
-        state, new_fit = run.refined(task, lens, state)
-        fit = new_fit or fit
-        listener.checkpoint(state)
+        try:
+            listener.progress(run.plan, stage, state.dof, None)
+            task = run.task(stage, state)
+            lens = task.lens
+            if stage.iterations:
+                lens, state, crossed = run.optimised(task, state, listener)
+                crossing = max(crossing, crossed)
+            listener.seen(stage, lens, task.target)
+            state, new_fit = run.refined(task, lens, state)
+            fit = new_fit or fit
+            listener.checkpoint(state)
+        except KeyboardInterrupt:
+            raise Interrupted(state) from None
     if start and fit and not start.within(fit):
         listener.note(start.note(fit))
     lens = with_sags(system.lens, state.sags)
@@ -243,15 +246,12 @@ class _Run:
     def refined(self, task: _Task, lens: Lens, state: State) -> tuple[State, TransportFit | None]:
         """Return the state of the next stage, with the marked cells refined, and the fit of a new level."""
         indicators = Indicators(self.system, self.engine, task.target, self.guide, task.background)
-        try:
-            marked = marked_cells(self.system, lens, task.stage, self.axes, indicators)
-            sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
-            following = replace(state, stage=state.stage + 1, sags=sags)
-            further = self.plan[following.stage :]
-            if self.guide and further and further[0].level > task.stage.level:
-                return fitted(following, self.guide)
-        except KeyboardInterrupt:
-            raise Interrupted(state) from None
+        marked = marked_cells(self.system, lens, task.stage, self.axes, indicators)
+        sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
+        following = replace(state, stage=state.stage + 1, sags=sags)
+        further = self.plan[following.stage :]
+        if self.guide and further and further[0].level > task.stage.level:
+            return fitted(following, self.guide)
         return following, None
 
 

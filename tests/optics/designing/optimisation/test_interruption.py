@@ -129,6 +129,22 @@ def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     assert lens.rear.sag.space.levels == 3
 
 
+@pytest.mark.parametrize("told", ["progress", "seen", "checkpoint"])
+def test_ctrl_c_between_the_steps_of_a_level_keeps_what_was_reached(small, backend, told):
+    """Before its first evaluation, behind its last one, and while its state is kept."""
+
+    def stop(*values):
+        if told != "progress" or values[1].level == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        shape_lens(small.system, backend, ExactEngine(backend), listener=Listener(**{told: stop}))
+    state = caught.value.state
+    first = rows_of(small.state.history, 0)
+    assert [row.loss for row in state.history] == [row.loss for row in first]
+    assert state.stage == {"progress": 1, "seen": 0, "checkpoint": 1}[told]
+
+
 def check_going_on(done, backend, state):
     """Go on from an interrupted state and compare with what an interrupted run promises."""
     before = state.history
