@@ -15,9 +15,10 @@ for profile, examples in (("quick", 8), ("thorough", 60)):
     settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
+gc.set_threshold(100_000, 20, 50)
+
 
 def pytest_collection_finish():
-    """What is loaded now stays; to look through all of it for garbage takes a twentieth of the time."""
+    """What is loaded now stays: Python need not look through it again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
