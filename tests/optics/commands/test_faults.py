@@ -31,6 +31,8 @@ STEPS = {  # of a design that compute: module and function
     "optics.api.design_record": "_measured",
     "optics.api.design_files": "_checks",
     "optics.commands.design_command": "system_of",
+    "optics.view": "lens_sight",
+    "thbcad.lens": "manufacturability",
 }
 
 

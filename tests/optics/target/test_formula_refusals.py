@@ -18,6 +18,8 @@ from optics.target.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
 from tests.optics.cases import write_problem
 from tests.optics.target.cases import CALLS, EXAMPLE, MANY, expressions, refusal
 
+pytestmark = pytest.mark.usefixtures("coarse_concentration")
+
 # ---- what is refused ----
 
 
