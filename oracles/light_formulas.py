@@ -9,6 +9,8 @@ from scipy.interpolate import BSpline
 
 from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
 
+RULE = np.polynomial.legendre.leggauss(60)
+
 
 def window_value(window, distance):
     """Return W at signed distances (in pixels) from a pixel's centre, by its definition."""
@@ -27,7 +29,7 @@ def window_value(window, distance):
     def lowered(s):
         return np.exp(-(s**2) / (2 * window.sigma**2)) - np.exp(-(window.cut**2) / 2)
 
-    nodes, weights = np.polynomial.legendre.leggauss(60)
+    nodes, weights = RULE
     integral = reach * (weights @ lowered(reach / 2 * (1 + nodes)))
     return np.where(np.abs(d) < reach, lowered(d) / integral, 0.0)
 

@@ -6,7 +6,7 @@ of doors.
 
 import ast
 import re
-from functools import cache
+from functools import cache, lru_cache
 
 from tests.cases import ROOT
 
@@ -25,20 +25,34 @@ def module_of(path):
 
 MODULES = {module_of(path): path for path in FILES}
 PACKAGE_FILES = [p for p in FILES if name(p).startswith(("thbcad/", "optics/"))]
+IN_PACKAGES = frozenset(PACKAGE_FILES)
 
 
 @cache
+def text(path):
+    return path.read_text("utf-8")
+
+
+@lru_cache(1)  # the trees of all files are millions of objects
 def tree(path):
-    return ast.parse(path.read_text("utf-8"))
+    return ast.parse(text(path))
 
 
-@cache
+@lru_cache(1)
 def nodes(path):
-    return list(ast.walk(tree(path)))
+    """Return what `ast.walk` yields, in a third of its time."""
+    found = [tree(path)]
+    for node in found:
+        for value in vars(node).values():
+            if isinstance(value, ast.AST):
+                found.append(value)
+            elif isinstance(value, list):
+                found += [entry for entry in value if isinstance(entry, ast.AST)]
+    return found
 
 
 def calls(path, *functions):
-    for node in nodes(path):
+    for node in nodes(path) if any(function in text(path) for function in functions) else ():
         if (
             isinstance(node, ast.Call)
             and getattr(node.func, "attr", getattr(node.func, "id", "")) in functions
@@ -59,7 +73,7 @@ def imported(path):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name(path)}: relative import"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    for node in nodes(path) if path in PACKAGE_FILES else ():
+    for node in nodes(path) if path in IN_PACKAGES else ():
         if (
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)

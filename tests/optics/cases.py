@@ -63,7 +63,7 @@ SMALL = {
     "target.half_width": [20.0, 20.0],
     "target.pixels": [48, 48],
     "optimizer.iterations": [6],
-    "verify.rays": 33,
+    "verify.rays": 17,
     "verify.rel_l2": 0.5,  # a few iterations on few pixels
     "verify.contrast_error": 10.0,
     "run.threads": 1,

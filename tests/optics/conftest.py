@@ -20,3 +20,9 @@ def backend():
 def problem_file(tmp_path):
     """A function that writes the small problem into the test's folder and returns its path."""
     return partial(write_problem, tmp_path)
+
+
+@pytest.fixture
+def coarse_concentration(monkeypatch):
+    """The greatest concentration of light from few cells: it takes most of the time of `check`."""
+    monkeypatch.setattr("optics.light.outgoing.concentration.CELLS", 64)

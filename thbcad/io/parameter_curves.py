@@ -232,7 +232,7 @@ def _crossings(points: Callable[[Floats], Floats], breaks: Floats, lines: Sequen
     """
     t = lobatto_nodes(breaks, ROUND_NODES)
     place = points(t)
-    found = [np.zeros(0)]
+    found = []
     for axis, row in enumerate(lines):
         cell: Integers = np.searchsorted(row, place[:, axis])
         steps = np.diff(cell)
@@ -240,14 +240,16 @@ def _crossings(points: Callable[[Floats], Floats], breaks: Floats, lines: Sequen
         piece = np.repeat(np.arange(len(steps)), count)
         nth = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
         target = row[np.minimum(cell[:-1], cell[1:])[piece] + nth]
-        rising = steps[piece] > 0
-        low, high = t[piece], t[piece + 1]
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            beyond = (points(middle)[:, axis] > target) == rising
-            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-        found.append(high)
-    return np.concatenate(found)
+        found.append((np.full(len(piece), axis), piece, target, steps[piece] > 0))
+    if not any(len(piece) for _, piece, _, _ in found):
+        return np.zeros(0)
+    column, piece, target, rising = (np.concatenate(rows) for rows in zip(*found))
+    low, high, every = t[piece], t[piece + 1], np.arange(len(piece))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        beyond = (points(middle)[every, column] > target) == rising
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return high
 
 
 def _image_points(image: ParameterCurve, t: Floats, derivative: Order = 0) -> Floats:

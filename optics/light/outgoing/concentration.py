@@ -195,10 +195,13 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int, bes
     wide that blocks are larger than a disk, each is cut into blocks again.
     """
     a, b = bundle.middle[0] + way * bundle.middle[1]
-    block = max(diameter, max(np.ptp(a), np.ptp(b)) / BLOCKS)
-    i, j = (((c - c.min()) / block).astype(int) for c in (a, b))
+    a -= a.min()
+    b -= b.min()
+    block = max(diameter, max(a.max(), b.max()) / BLOCKS)
+    i, j = ((c / block).astype(int) for c in (a, b))
     rows, columns = i.max() + 2, j.max() + 2  # a dark one behind the last
-    light = np.bincount(i * columns + j, bundle.flux, rows * columns).reshape(rows, columns)
+    number = i * columns + j
+    light = np.bincount(number, bundle.flux, rows * columns).reshape(rows, columns)
     pairs = light[1:] + light[:-1]
     four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
     brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
@@ -206,7 +209,9 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int, bes
         if four[k] <= best:
             break
         row, column = divmod(int(k), columns - 1)
-        inside = np.flatnonzero((i - row < 2) & (i >= row) & (j - column < 2) & (j >= column))
+        wanted = np.zeros((rows, columns), bool)
+        wanted[row : row + 2, column : column + 2] = True
+        inside = np.flatnonzero(wanted.ravel()[number])
         if block > WIDER * diameter and len(inside) < len(a):
             best = _most_in_disk(bundle.of(inside), way, diameter, blocks, best)
             continue

@@ -21,6 +21,8 @@ from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import landing_points, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
 
+pytestmark = pytest.mark.usefixtures("coarse_concentration")
+
 WIDE = {"lens.rear.freeform.z_freedom": 5.0}
 POINT = WIDE | {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 15.0}
 

@@ -12,6 +12,8 @@ from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
 from tests.optics.designing.optimisation.cases import loaded
 
+pytestmark = pytest.mark.usefixtures("coarse_concentration")
+
 BRIGHT = {"target.half_width": [60.0, 60.0], "target.distance": 400.0}  # asks for more sag than z_freedom
 SUN = {"source.divergence_profile": "sun", "lens.rear.freeform.z_freedom": 3.0}
 

@@ -13,6 +13,11 @@ from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import QUICK, command
 
 
+@pytest.fixture(autouse=True)
+def _quick_check(coarse_concentration):
+    """No test here asks how exact the greatest concentration is: tests/optics/light/outgoing does."""
+
+
 def design_as_a_process(folder):
     """Design the quick problem on two threads; keep exit code and output beside the result."""
     problem = write_problem(folder, QUICK | {"run.threads": 2})

@@ -31,6 +31,8 @@ STEPS = {  # of a design that compute: module and function
     "optics.interface.api.design_record": "_measured",
     "optics.interface.api.design_files": "_checks",
     "optics.interface.commands.design_command": "system_of",
+    "optics.reporting.view": "lens_sight",
+    "thbcad.lens": "manufacturability",
 }
 
 

@@ -22,13 +22,17 @@ BEAM = 19.0**2  # mm^2
 WINDOW = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
 
 
-@pytest.fixture
-def concentrated(problem_file, backend):
-    """A function that returns the system of the small problem with changes, and its base lens's light."""
+@pytest.fixture(scope="module")
+def concentrated(tmp_path_factory, backend):
+    """A function that returns the system of the small problem with changes, and its base lens's light; of the
+    same changes it is computed once."""
+    folder, known = tmp_path_factory.mktemp("concentrated"), {}
 
     def found(changes):
-        system = OpticalSystem(load_problem(problem_file(changes)))
-        return system, greatest_concentration(system, system.lens, backend)
+        if (key := repr(changes)) not in known:
+            system = OpticalSystem(load_problem(write_problem(folder, changes)))
+            known[key] = system, greatest_concentration(system, system.lens, backend)
+        return known[key]
 
     return found
 
@@ -97,7 +101,7 @@ def test_the_far_field_is_followed_ten_metres(concentrated):
     assert found.times == pytest.approx(BEAM / (pi / 4), rel=1e-3)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2 + (settings.default.max_examples > 8), deadline=None)  # three in `make slow`
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.4))
 def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     """Rays of another grid through a rough lens: disks around every 40th ray on planes at random."""

@@ -18,6 +18,8 @@ from optics.scene.system import OpticalSystem, target_irradiance
 from tests.optics.cases import write_problem
 from tests.optics.light.measuring.cases import CALLS, EXAMPLE, MANY, expressions, refusal
 
+pytestmark = pytest.mark.usefixtures("coarse_concentration")
+
 # ---- what is refused ----
 
 

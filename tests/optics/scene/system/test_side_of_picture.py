@@ -12,6 +12,8 @@ from optics.scene.problem import load_problem
 from optics.scene.system import load_system
 from tests.optics.cases import TARGET_Z, picture, write_problem
 
+pytestmark = pytest.mark.usefixtures("coarse_concentration")
+
 LETTER = np.array([[0, 255, 0, 0], [0, 255, 0, 0], [0, 255, 255, 255]], np.uint8)  # an L beside the middle
 
 

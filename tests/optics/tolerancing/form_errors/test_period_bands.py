@@ -87,7 +87,9 @@ def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
     assert "Peak to valley alone misleads on the rear" in " ".join(form_sentences(found))
 
 
-@pytest.mark.parametrize("spectrum", [{}, {"lens.material": "PC", "source.spectrum": "LED-B3"}])
+@pytest.mark.parametrize(
+    "spectrum", [pytest.param({}, marks=SLOW), {"lens.material": "PC", "source.spectrum": "LED-B3"}]
+)
 def test_rel_l2_is_that_of_the_far_field_at_the_design_wavelength(tmp_path, backend, spectrum):
     system, lens = system_and_lens(tmp_path, WIDE | spectrum)
     found = form_errors_of(system, lens, backend, RISE)
@@ -110,7 +112,7 @@ def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
         form_errors_of(system, lens, backend, rise)
 
 
-@pytest.mark.parametrize("band", [(1.0, 2.0), (2.0, 5.0)])
+@pytest.mark.parametrize("band", [(1.0, 2.0), pytest.param((2.0, 5.0), marks=SLOW)])
 def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend, band):
     """As many cells as a band asks for, and what they leave of it, against four times as many."""
     from optics.tolerancing.form_errors.allowed_errors import _Probed
