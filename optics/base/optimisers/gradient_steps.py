@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from optics.base.optimisers.iterations import Callback, Floats, Function, require_fraction, require_step
+from optics.base.optimisers.iterations import Callback, Function, require_fraction, require_step
 from optics.base.runtime import load_backend
+from thbcad.checks import Floats
 
 EPSILON = 1e-12
 Steps = Callable[[Any, float], Any]  # module drjit.opt and tiny -> its optimiser

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from optics.base.optimisers.iterations import Callback, Floats, Function, require_step
+from optics.base.optimisers.iterations import Callback, Function, require_step
+from thbcad.checks import Floats
 
 PRECISION = 1e-2  # of the step: a finer search costs evaluations and gains nothing for the next step
 TRIALS = 20  # at most, behind those that bracket the minimum

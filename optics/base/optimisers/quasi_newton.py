@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from scipy.optimize import minimize
 
-from optics.base.optimisers.iterations import Callback, Floats, Function
+from optics.base.optimisers.iterations import Callback, Function
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,13 @@ from dataclasses import dataclass, field
 from itertools import islice
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 from optics.base.runtime import NumericalError, UserError
+from optics.base.workers.pool_protocol import Worker, WorkerPool
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
-
-if TYPE_CHECKING:
-    from optics.base.workers.pool_protocol import Worker, WorkerPool
 
 MOST_IN_FLIGHT = 4  # tasks of one thread of a worker: of short ones the next must lie ready
 WAITING = 0.5  # seconds of work that may lie ready at a worker; more would be missing elsewhere at the end

@@ -8,21 +8,17 @@ Branches of little flux are decided by Russian roulette, so that the mean stays 
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import FATES, Fates, TargetArea, Tracer, trace_nonsequential
+from optics.light.tracing import FATES, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
+from optics.scene.receivers import Screen
 from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 NEGLIGIBLE = 0.01  # of the light on the target: what other ways may bring where the sequential trace suffices
 RAYS = (256, 256)  # of a replicate
@@ -31,8 +27,6 @@ ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (e
 # fates of light that went through the lens; what passes beside it is taken as stopped by the mount
 THROUGH = [k for k, fate in enumerate(FATES) if fate.endswith(("on_target", "off_target"))]
 STREAM = 1  # of random numbers, other than that of the sequential trace
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

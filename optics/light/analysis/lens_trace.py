@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
 from optics.light.tracing import (
+    SequentialFates,
     TargetArea,
     Tracer,
     flux_by_fate,
@@ -21,12 +22,9 @@ from optics.light.tracing import (
 )
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
@@ -37,7 +35,7 @@ WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends
 
 def sequential(
     system: OpticalSystem, lens: Lens, backend: Backend, rays: int
-) -> tuple[NDArray[np.float64], SequentialFates, dict[str, int]]:
+) -> tuple[Floats, SequentialFates, dict[str, int]]:
     """Trace rays x rays rays and measure them with box pixels.
 
     Returns (irradiance (rows, columns), flux by fate, rays by fate).

@@ -13,30 +13,24 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, log2
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.border_triangles import border_triangles, shared_flux
 from optics.light.measuring import MappedCells, Splat
-from optics.light.tracing import Tracer
-from optics.scene.receivers import BoxWindow
-from optics.scene.sources import corner_flux
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.tracing import Landing, SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import RayGrid, Rays, SourceCells
+from optics.light.tracing import Landing, SequentialFates, Tracer
+from optics.scene.paths import LightPath
+from optics.scene.receivers import BoxWindow, Screen
+from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
+from thbcad.checks import Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 BORDER_CELLS = (
     2000  # across the source; its square times 4 is more than all light beside a rim's four corners
 )
 
-Floats = NDArray[np.float64]
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
 

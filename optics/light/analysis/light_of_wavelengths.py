@@ -6,24 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import Tracer
-from optics.scene.paths import Medium
+from optics.light.tracing import SequentialFates, Tracer
+from optics.scene.paths import LightPath, Medium
 from optics.scene.photometry import chromaticity_distance, spectral_lines, white_of
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
 Estimate = Callable[
     ["OpticalSystem", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]
 ]

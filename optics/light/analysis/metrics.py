@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isqrt, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
+from optics.base.runtime import Backend
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, OtherWays, light_by_other_ways
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
@@ -24,17 +24,13 @@ from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
 from optics.light.blur import spot_rms
-from optics.light.tracing import flux_by_fate
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.analysis.closed_lens_light import OtherWays
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.problem import Verify
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.tracing import SequentialFates, flux_by_fate
+from optics.scene.paths import LightPath
+from optics.scene.problem import Verify
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
 LEAST_CELLS = 64
@@ -43,8 +39,6 @@ ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what p
 LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
 FLAT = 1e-9  # of the norm: what varies less has no contrast
 DARK = 0.01  # of the greatest irradiance: what counts as dark
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +53,11 @@ class Measurement:
         through front and rear
     """
 
-    irradiance: NDArray[np.float64]
-    target: NDArray[np.float64]
+    irradiance: Floats
+    target: Floats
     metrics: dict[str, Any]
-    sharp: NDArray[np.float64] | None = None
-    colour: NDArray[np.float64] | None = None
+    sharp: Floats | None = None
+    colour: Floats | None = None
 
     def verdict(self, limits: Verify, notes: Sequence[str] = ()) -> Verdict:
         """Return the verdict on the light alone.  limits : of a problem.  notes : sentences beside it."""
@@ -209,7 +203,7 @@ def _prime_from(least: int) -> int:
     return n
 
 
-def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
+def compare(irradiance: Floats, target: Floats) -> dict[str, Any]:
     """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean.
 
     None stands for a metric that is not defined: psnr_db of equal images, ssim of images narrower than its
@@ -231,7 +225,7 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
     }
 
 
-def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+def rel_l2(irradiance: Floats, target: Floats) -> float:
     """Return ||E - T|| / ||T|| of two images, both scaled to unit mean; 1 of a dark one."""
     if irradiance.sum() <= 0:
         return 1.0
@@ -239,7 +233,7 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
     return float(np.linalg.norm(e - t) / np.linalg.norm(t))
 
 
-def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict[str, float | None]:
+def contrast_error(metrics: dict[str, Any], target: Floats) -> dict[str, float | None]:
     """Return ||E - T|| / ||T - mean T|| of unit means, without noise, and its standard deviation.
 
     Uniform light scores 1 on every picture.  None of a target without contrast.
@@ -282,12 +276,12 @@ def delivered(
     return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
 
 
-def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_mean(image: Floats) -> Floats:
     """Return an image scaled to a mean of one; a dark one as it is."""
     return image / (float(image.mean()) or 1.0)
 
 
-def dark_fraction(target: NDArray[np.float64]) -> float:
+def dark_fraction(target: Floats) -> float:
     """Return the fraction of pixels with at most DARK of the greatest irradiance."""
     return float((target <= DARK * target.max()).mean())
 

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from optics.scene.photometry import BEAM, FIELD, edge_width, plane_curves, uniformity
-from optics.scene.receivers import FarField, Plane
-
-if TYPE_CHECKING:
-    from optics.scene.photometry import Density, Units
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
+from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
+from optics.scene.receivers import FarField, Plane, Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
-
-Floats = NDArray[np.float64]
 
 
 def photometric_metrics(

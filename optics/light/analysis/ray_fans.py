@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.light.tracing import RayPath, TargetArea, trace_paths
 from optics.scene.sources import Rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 FAN = 8
 WIDEST = 0.98  # of the cone's half-angle: the outermost rays of a fan

@@ -16,25 +16,18 @@ index would mix in the curvature of the rear, which varies wildly where X does n
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.refraction import refracted
 from optics.light.tracing import Tracer
-from optics.scene.sources import corner_flux
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from optics.scene.paths import LightPath
+from optics.scene.sources import Rays, corner_flux
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 CELLS = 64  # of the source in each direction: the way to the target varies slowly
 STEP = 1e-4  # radians, and slopes, of central differences: both their errors are about 1e-8

@@ -29,19 +29,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 from optics.light.measuring.cell_grid import CellGrid, Corners
 from optics.light.measuring.cell_operation import cell_operation
 from optics.light.measuring.cut_cells import TRIANGLES, CutCells, signed_area
 from optics.light.measuring.pixel_lines import PixelLines
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray, OrderFreeSums
-    from optics.scene.receivers import Screen
+from optics.scene.receivers import Screen
+from thbcad.checks import Floats
 
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 
@@ -69,8 +66,8 @@ class MappedCells:
         self,
         backend: Backend,
         screen: Screen,
-        emitted: NDArray[np.float64],
-        corners: NDArray[np.float64],
+        emitted: Floats,
+        corners: Floats,
     ) -> None:
         self._backend, self._screen, self._double = backend, screen, backend.doubled()
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))

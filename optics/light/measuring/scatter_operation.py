@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.base.runtime import OrderFreeSums
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 
 
 @cache

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import PACKED
+from optics.base.runtime import PACKED, Backend, DrArray
 from optics.light.measuring.scatter_operation import scatter_operation
 from optics.scene.receivers import Screen, Window
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
 
 WEIGHT = 2.0  # more than the weights of a ray sum up to: 1, of a Gaussian window of 0.3 pixels 1.8
 

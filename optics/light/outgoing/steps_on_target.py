@@ -10,22 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.light.analysis import rel_l2
-from optics.scene.luminaires import IntensityGrid, Opening, directions_at
+from optics.scene.luminaires import IntensityGrid, Luminaire, Opening, directions_at
 from optics.scene.photometry import uniformity
 from optics.scene.receivers import Receiver, receiver_at
-
-if TYPE_CHECKING:
-    from optics.scene.luminaires import Luminaire
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 POINTS = 4  # of a pixel each way, and of a step at least
 FINE = 0.25  # degrees: between points of gamma at most; pixels are no finer as a rule

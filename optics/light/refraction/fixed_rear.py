@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.light.refraction.surface_slopes import refracted
 from optics.scene.receivers import Receiver
+from thbcad.checks import Floats
 from thbcad.sags import Conic
 
 NEWTON_STEPS = 6  # from a straight line: steps that double the digits; targets within reach need four
@@ -21,8 +22,6 @@ DIFFERENCE = 1e-6  # of p and q: the square root of the rounding of L, with some
 STEEPEST = 0.98  # of the least |(p, q)| that a plane rear reflects totally: the aim goes no farther
 EXACT = 1e-12  # of the throw: no step is taken for less
 REACHED = 1e-6  # of the throw: a landing as near as that is the one that was wanted
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

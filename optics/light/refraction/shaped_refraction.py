@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from optics.light.refraction.fixed_rear import FixedRear
 from optics.light.refraction.surface_slopes import refracted, refracting_slopes
 from optics.scene.receivers import Receiver
+from thbcad.checks import Floats
 
-Floats = NDArray[np.float64]
 Slopes = tuple[tuple[Floats, Floats], NDArray[np.bool_], NDArray[np.bool_]]
 
 

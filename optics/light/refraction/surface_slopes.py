@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-STEEPEST = 0.15  # least z of n a - d: steeper slopes are not asked for
+from thbcad.checks import Floats
 
-Floats = NDArray[np.float64]
+STEEPEST = 0.15  # least z of n a - d: steeper slopes are not asked for
 
 
 def refracting_slopes(

@@ -12,25 +12,28 @@ from collections.abc import Sequence
 from functools import cache, partial, reduce
 from itertools import pairwise, takewhile
 from operator import and_
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from optics.light.intersections import DeviceRays, Hits, KnownHits, SearchedHits, device_flux, on_device
+from optics.base.runtime import Backend, DrArray
+from optics.light.intersections import (
+    DeviceRays,
+    Hits,
+    KnownHits,
+    SearchedHits,
+    Vector,
+    device_flux,
+    on_device,
+)
 from optics.light.tracing.fates import SequentialFates
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.traced_surface import Passage, TracedSurface, knots_of
+from optics.scene.paths import LightPath
 from optics.scene.sources import RayGrid, Rays
+from thbcad.checks import Floats
 from thbcad.poses import IDENTITY
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections import Vector
-    from optics.scene.paths import LightPath
-    from thbcad.splines import KnotVector
-
-Coefficients: TypeAlias = "Sequence[NDArray[np.float64]]"
+Coefficients: TypeAlias = "Sequence[Floats]"
 LOSSES = (
     "beside_lens",
     "front_reflected",
@@ -118,7 +121,7 @@ class Tracer:
             steps.append(step)
         return steps, rays
 
-    def _over(self, k: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> tuple[Step, DeviceRays]:
+    def _over(self, k: int, rays: DeviceRays, net: Floats | None) -> tuple[Step, DeviceRays]:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
         surface = self._surfaces[k]
         hits = surface.meet(rays, net)
@@ -155,7 +158,7 @@ class Tracer:
             landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
         )
 
-    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64] | None]:
+    def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
         every = self._path.coefficients if coefficients is None else coefficients
         nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, every)])
@@ -163,7 +166,7 @@ class Tracer:
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
-    ) -> list[NDArray[np.float64]]:
+    ) -> list[Floats]:
         """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
 
         knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
@@ -174,9 +177,7 @@ class Tracer:
             return [s.pull_back(h, k) for s, h, k in zip(self._changing, hits, knots)]
         return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, self._changing, hits)]
 
-    def set_directions(
-        self, hits: Sequence[Hits], directions: Sequence[NDArray[np.float64]]
-    ) -> list[DrArray]:
+    def set_directions(self, hits: Sequence[Hits], directions: Sequence[Floats]) -> list[DrArray]:
         """Set the derivatives of all leaves to those along a direction in the coefficients; return them."""
         nets = [e.coefficients(d) for e, d in zip(self._embeddings, directions)]
         for surface, hit, net in zip(self._changing, hits, nets):

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing.sequential import Tracer
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.sources import Rays
-    from thbcad.lens import FreeformSurface
-
-    Floats = NDArray[np.float64]
+from optics.scene.paths import LightPath
+from optics.scene.sources import Rays
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface
 
 SHARE = 0.01  # of the traced light, above which a fault is said
 GRAZING = np.sin(np.radians(1.0))  # of light that runs along the receiver

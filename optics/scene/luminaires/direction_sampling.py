@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.scene.luminaires.intensity_record import Luminaire, directions_at, interval_halves
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 STEPS = 6  # of Newton's method; three reach the last digit but near angles without light
 ROUNDING = 1e-15  # of an interval's flux: smaller differences are rounding errors

@@ -12,14 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires.file_numbers import MOST_ANGLES, FileNumbers
 from optics.scene.luminaires.intensity_record import FULL_TURN, Luminaire, Opening
 from optics.scene.luminaires.plane_symmetry import closed, full_turn
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 # lines of the header, from 0
 SYMMETRY, PLANES, GAMMAS, OPENING, CONVERSION, LAMP_SETS, LAMPS = 2, 3, 5, 15, 23, 25, 26

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 FULL_TURN, FARTHEST_GAMMA = 360.0, 180.0  # degrees
 SAME = 1e-9  # of the peak: rounding errors of formulas at angles that are one, or mirror images

@@ -6,14 +6,13 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 OBSERVER = ("x", "y", "z")
-
-Floats = NDArray[np.float64]
 
 
 @cache

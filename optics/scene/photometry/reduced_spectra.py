@@ -16,14 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.photometry.cie_tables import colour_matching, illuminant
+from thbcad.checks import Floats
 
 MOST_LINES = 10  # docs/materials.md says what they leave
 STEP = 1.0  # nm, at which a spectrum is integrated
 
-Floats = NDArray[np.float64]
 Rows = Sequence[tuple[float, float]]
 
 

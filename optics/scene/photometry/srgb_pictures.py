@@ -8,9 +8,9 @@ brighter than the picture's white is cut off.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 # IEC 61966-2-1: chromaticities (x, y) of red, green, blue and white
 PRIMARIES = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])

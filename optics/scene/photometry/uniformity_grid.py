@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.scene.photometry.lit_region import RASTER, LitRegion
+from thbcad.checks import Floats
 
 GRID = 21  # boxes in each direction
 LARGEST = 7  # parts of the rectangle, one of which a box is at most: larger ones do not see a dark rim
@@ -26,7 +27,6 @@ MARGIN = 0.025  # of the shorter side of the bounding rectangle
 LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
 NOISE = 0.01  # of the mean light: the most that a box may have
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 

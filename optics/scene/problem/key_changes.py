@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
+from optics.scene.problem.dotted_keys import Key, Record, did_you_mean, keys_of, table_of
 from optics.scene.problem.toml_records import AUTO
 from thbcad.toml import MOST_PARTS, toml_tables
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 
 def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -39,7 +36,7 @@ def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> di
     return changed
 
 
-def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
+def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
     """Return key and value of a text "KEY=VALUE".
 
     VALUE is TOML.  A text that is none stands for itself where the key takes one.

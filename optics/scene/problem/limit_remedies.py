@@ -15,15 +15,10 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, isinf, log10
-from typing import TYPE_CHECKING
 
-from optics.scene.problem.manufacturing_limits import limit_misses
-from thbcad.lens import mass
-
-if TYPE_CHECKING:
-    from optics.scene.problem.manufacturing_limits import Miss
-    from optics.scene.problem.problem_record import Problem
-    from thbcad.lens import Manufacturability
+from optics.scene.problem.manufacturing_limits import Miss, limit_misses
+from optics.scene.problem.problem_record import Problem
+from thbcad.lens import Manufacturability, mass
 
 DIGITS = 4  # of the numbers in a remedy
 THICKNESS = "lens.thickness"

@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log2, nextafter
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check, UserError
 from optics.scene.problem.manufacture_text import position, positions
-from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
-
-if TYPE_CHECKING:
-    from optics.scene.problem.problem_record import Problem
-    from optics.scene.problem.run_schema import Limits
-    from optics.scene.problem.schema import Freeform
-    from thbcad.certified import Enclosure
-    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
+from optics.scene.problem.problem_record import Problem
+from optics.scene.problem.run_schema import Limits
+from optics.scene.problem.schema import Freeform
+from thbcad.certified import Enclosure
+from thbcad.lens import (
+    NM_PER_MM,
+    HeightRange,
+    Lens,
+    Manufacturability,
+    SurfaceMetrics,
+    manufacturability,
+    mass,
+)
 
 THICKNESSES = {
     "thickness": "thickness",

@@ -13,16 +13,13 @@ from dataclasses import MISSING, field, fields
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from optics.base.runtime import UserError, is_text
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import did_you_mean, hints_of, table_of
+from optics.scene.problem.dotted_keys import Record, did_you_mean, hints_of, table_of
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-Record = TypeVar("Record", bound="DataclassInstance")
+Kind = TypeVar("Kind", bound=Record)
 
 AUTO = "auto"  # of a number that the program chooses
 MOST_ROWS = 10_000  # of a table of numbers
@@ -63,7 +60,7 @@ def option(
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
-def record(kind: type[Record], data: object, folder: Path | None = None) -> Record:
+def record(kind: type[Kind], data: object, folder: Path | None = None) -> Kind:
     """Return the tables of a problem as a record; every key and value is checked.
 
     folder : see `checked_values`, which also raises.
@@ -76,7 +73,7 @@ def checked_values(
     data: object,
     folder: Path | None = None,
     prefix: str = "",
-    root: type[DataclassInstance] | None = None,
+    root: type[Record] | None = None,
 ) -> dict[str, Any]:
     """Return the fields of a record from a table, each checked against its options.
 
@@ -118,9 +115,7 @@ def checked_values(
     return values
 
 
-def _require_known(
-    kind: type[DataclassInstance], data: Mapping[Any, object], prefix: str, root: type[DataclassInstance]
-) -> None:
+def _require_known(kind: type[Record], data: Mapping[Any, object], prefix: str, root: type[Record]) -> None:
     known = [f.name for f in fields(kind)]
     for key in data:
         if key not in known:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from optics.scene.problem.dotted_keys import Record
 
 
-def problem_to_toml(problem: DataclassInstance, notes: bool = False) -> str:
+def problem_to_toml(problem: Record, notes: bool = False) -> str:
     """Return a Problem as TOML with every key, so that a run can be repeated from it.
 
     notes : whether a comment explains every key.
@@ -18,7 +17,7 @@ def problem_to_toml(problem: DataclassInstance, notes: bool = False) -> str:
     return _toml(problem, "", notes).lstrip("\n")
 
 
-def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
+def _toml(record: Record, prefix: str, notes: bool = False) -> str:
     lines: list[str] = []
     tables: list[str] = []
     for f in fields(record):

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 MAX_LENGTH = 2000  # characters
 MAX_DEPTH = 100  # levels of operators and functions within each other
 SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is right to 0.2 % (L2)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
 
-Values = NDArray[np.float64] | np.float64
+Values = Floats | np.float64
 
 NAMES = ("x", "y", "r", "pi")
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
@@ -63,7 +64,7 @@ ALLOWED = (
 REFUSED = re.compile(r"[^\w\s.,+\-*/^()<>=!]", re.ASCII)
 
 
-def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> NDArray[np.float64]:
+def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> Floats:
     """Return the mean of a formula over every pixel, relative to the brightest pixel.
 
     The result is (rows, columns), row 0 at +y.  The mean is that of subpoints x subpoints midpoints (the
@@ -90,7 +91,7 @@ def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINT
     return _means(tree, pixels, subpoints) > 1 - 0.5 / subpoints**2  # one dark point makes 1 / subpoints^2
 
 
-def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> NDArray[np.float64]:
+def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> Floats:
     """Return the mean of a formula over every pixel, (rows, columns)."""
     columns, rows = pixels
     x, y = _midpoints(columns * subpoints), -_midpoints(rows * subpoints)
@@ -99,7 +100,7 @@ def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> NDArray[n
     return np.concatenate([_band(tree, x, part, subpoints) for part in parts])
 
 
-def _midpoints(count: int) -> NDArray[np.float64]:
+def _midpoints(count: int) -> Floats:
     """Return the middles of equal intervals over [-1, 1].
 
     The k-th from either end differ in nothing but their sign.
@@ -107,9 +108,7 @@ def _midpoints(count: int) -> NDArray[np.float64]:
     return np.arange(1 - count, count, 2) / count
 
 
-def _band(
-    tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoints: int
-) -> NDArray[np.float64]:
+def _band(tree: ast.expr, x: Floats, y: Floats, subpoints: int) -> Floats:
     """Return the mean over the pixels of some rows.
 
     x, y : coordinates of the columns and of the rows of midpoints.

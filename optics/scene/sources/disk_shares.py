@@ -17,13 +17,12 @@ from functools import cached_property
 from math import ceil, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
+
+from thbcad.checks import Floats
 
 NODES = 16  # of Gauss's rule in a panel: exact to rounding where a panel is no wider than a sigma
 LEAST_PANELS = 16  # of the quarter circle
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

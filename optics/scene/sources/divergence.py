@@ -21,11 +21,9 @@ from dataclasses import dataclass
 from math import cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources.profile import Profile
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut

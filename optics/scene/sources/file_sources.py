@@ -17,7 +17,6 @@ from optics.scene.sources.light_source import (
     AXIS,
     Counts,
     Ends,
-    Floats,
     Fresh,
     LightSource,
     Pair,
@@ -27,6 +26,7 @@ from optics.scene.sources.plain_sources import PointSource
 from optics.scene.sources.ray_placement import placed_rays
 from optics.scene.sources.rays import Rays
 from thbcad.certified import DIRECTIONS, Stack
+from thbcad.checks import Floats
 from thbcad.poses import Pose
 
 WITHIN = 0.99  # of the forward flux: the cone of the point that stands for the light

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from optics.scene.ray_files import RaySet
 from optics.scene.sources.rays import Rays
+from thbcad.checks import Floats
 from thbcad.poses import Pose
-
-Floats = NDArray[np.float64]
 
 BITS = 15  # of each of four coordinates, in an integer of 64
 

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
-from optics.scene.materials import find_material, tabulated
+from optics.scene.materials import Material, find_material, tabulated
 from optics.scene.paths import Medium
-from optics.scene.photometry import spectral_lines
-from optics.scene.problem import AUTO
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from optics.scene.materials import Material
-    from optics.scene.photometry import SpectralLine
-    from optics.scene.problem import LensSpec, Problem
+from optics.scene.photometry import SpectralLine, spectral_lines
+from optics.scene.problem import AUTO, LensSpec, Problem
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4

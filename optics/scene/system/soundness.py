@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isinf
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
-from optics.scene.problem import freedom_of, limit_advice, load_problem, require_limits
+from optics.scene.problem import Problem, freedom_of, limit_advice, load_problem, require_limits
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.source import source_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.scene.problem import Problem
+from thbcad.checks import Floats
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
@@ -139,7 +134,7 @@ def require_room(system: OpticalSystem) -> None:
         )
 
 
-def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
+def _require_before(system: OpticalSystem, origin: Floats) -> None:
     """Refuse light of a file that starts behind the front.  origin : of its rays, (3, n) mm.
 
     Raises

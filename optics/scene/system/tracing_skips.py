@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import erf, exp, pi, sqrt
-from typing import TYPE_CHECKING
 
+from optics.scene.problem import Problem
 from optics.scene.receivers import GaussianWindow
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.sources import LightSource
+from optics.scene.sources import LightSource
 
 ROUNDING = 1e-10  # relative, of loss and gradient: the resolution of meeting points in double precision
 
