@@ -117,7 +117,8 @@ def traced_cells(
     for strip in cells.slices(at_once):
         part = tracer.light(strip.rays(), strip.emitted)
         parts.append(part)
-        pieces.append(_pieces(strip, part.cut))
+        i, j = np.nonzero(part.cut)
+        pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))
     rest = np.concatenate(pieces, axis=1)
     splits = ceil(log2(BORDER_CELLS / min(cells.emitted.shape)))
     while rest.size and splits > 0:
@@ -130,12 +131,6 @@ def traced_cells(
     fates = reduce(add, (part.fates for part in parts))
     on_target = min(float(image.sum()) * screen.pixel_area, fates.transmitted)
     return image, replace(fates, on_target=on_target, off_target=fates.transmitted - on_target)
-
-
-def _pieces(strip: SourceCells, cut: NDArray[np.bool_]) -> Floats:
-    """Return s and t of the lower and the upper corner of cells, and their flux: rows of (5, n)."""
-    i, j = np.nonzero(cut)
-    return np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]])
 
 
 def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Light, Floats]:

@@ -7,7 +7,7 @@ followed on all other ways through the closed lens (`light_by_other_ways`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isqrt, sqrt
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, OtherWays, light_by_other_ways
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
@@ -92,7 +92,10 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     estimator = _estimator(system)
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
-    other = light_by_other_ways(system, lens, screen, backend) if _by_edges(system, fates) else None
+    # light may come by other ways: of a beam, where its front sends enough of it beside the rear
+    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    by_edges = system.by_edges and (not system.source.collimated or beside)
+    other = light_by_other_ways(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
@@ -118,7 +121,14 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     key = system.units.key
     metrics[key("fates")] = flux_by_fate(fates)
     if other:
-        metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
+        lit = _lit(direct.irradiance, target, screen)
+        metrics["nonsequential"] = {
+            "by_other_ways": other.share,
+            key("lit"): lit + _lit(other.light.irradiance, target, screen),
+            key("lit_direct"): lit,
+            key("target"): other.fates.onto,
+            key("fates"): flux_by_fate(other.fates),
+        }
     sharp = colour = None
     if estimator == "beams":
         clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
@@ -132,34 +142,11 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     return Measurement(irradiance, target, metrics, sharp, colour)
 
 
-def _by_edges(system: OpticalSystem, fates: SequentialFates) -> bool:
-    """Whether light may come by other ways: of a beam, where its front sends enough of it beside the rear."""
-    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
-    return system.by_edges and (not system.source.collimated or beside)
-
-
 def _estimator(system: OpticalSystem) -> str:
     """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
     if system.blurred:
         return "beams"
     return "rays" if system.source.extended else "cells"
-
-
-def _all_ways(
-    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen, key: Callable[[str], str]
-) -> dict[str, float | dict[str, float]]:
-    """Return the flux on the lit pixels by every way and by front and rear, and that by fate.
-
-    key : see `Units.key`.
-    """
-    lit = _lit(direct.irradiance, target, screen)
-    return {
-        "by_other_ways": other.share,
-        key("lit"): lit + _lit(other.light.irradiance, target, screen),
-        key("lit_direct"): lit,
-        key("target"): other.fates.onto,
-        key("fates"): flux_by_fate(other.fates),
-    }
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:

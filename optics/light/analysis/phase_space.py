@@ -54,9 +54,10 @@ def at_target(
 
     points : (4, n) in the plane z = source_z.  flux : W of each ray.
     """
-    tracer = Tracer(
-        backend, LightPath.through(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux)
-    )
+    x, y, p, q = points
+    origin, direction = np.stack([x, y, np.full_like(x, source_z)]), [p, q, np.sqrt(1 - p * p - q * q)]
+    rays = Rays(origin, np.stack(direction), np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape))
+    tracer = Tracer(backend, LightPath.through(lens, receiver_at(target_z), 0.0), rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
@@ -91,9 +92,3 @@ def jacobian_determinants(
     found = np.full(count, np.nan)
     found[arrive] = np.linalg.det(np.moveaxis(jacobian, -1, 0)[arrive])
     return found
-
-
-def _rays(points: Floats, z: float, flux: float | Floats) -> Rays:
-    x, y, p, q = points
-    each = np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape)
-    return Rays(np.stack([x, y, np.full_like(x, z)]), np.stack([p, q, np.sqrt(1 - p * p - q * q)]), each)

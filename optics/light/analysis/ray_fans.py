@@ -21,7 +21,7 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
     """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
-    out = {}
+    area, out = TargetArea(system.target.receiver, system.target.settings.half_width), {}
     for name, sine in (
         ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
         ("equal steps of the sine", np.linspace(-1, 1, FAN) * np.sin(widest)),
@@ -29,9 +29,5 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
         origin, direction = np.zeros((2, 3, FAN))
         origin[2] = -source.distance
         direction[1], direction[2] = sine, np.sqrt(1 - sine**2)
-        out[name] = trace_paths(backend, lens, Rays(origin, direction, np.ones(FAN)), _plane(system))
+        out[name] = trace_paths(backend, lens, Rays(origin, direction, np.ones(FAN)), area)
     return out
-
-
-def _plane(system: OpticalSystem) -> TargetArea:
-    return TargetArea(system.target.receiver, system.target.settings.half_width)

@@ -153,7 +153,10 @@ class KnownHits:
         self.shape = len(beam.x), len(beam.y)
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
-        self._basis = _device_basis(backend, knots[0], self._points[0])
+        # along x: the number of the first function that is not zero, value and slope of each from there on
+        (first, values), (_, slopes) = (knots[0].basis(self._points[0], order) for order in (0, 1))
+        pairs = [(backend.array(value), backend.array(slope)) for value, slope in zip(values.T, slopes.T)]
+        self._basis = backend.Index(first.astype(np.uint32)), pairs
         self._length = dr.opaque(backend.Index, self.shape[1])
         self.x, self.y = (self._on_rays(row, axis) for axis, row in enumerate(self._points))
         self._hit = self._inside((beam.x, beam.y))
@@ -228,18 +231,6 @@ class KnownHits:
         gz, gx, gy = (g.reshape(self.shape) for g in hits.taken_gradients())
         along = a0.T @ gz + a1.T @ gx
         return (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
-
-
-def _device_basis(
-    backend: Backend, kv: KnotVector, points: Floats
-) -> tuple[DrArray, list[tuple[DrArray, DrArray]]]:
-    """Return at points the number of the first function that is not zero, and value and slope of each from
-    there on."""
-    first, values = kv.basis(points)
-    _, slopes = kv.basis(points, 1)
-    return backend.Index(first.astype(np.uint32)), [
-        (backend.array(value), backend.array(slope)) for value, slope in zip(values.T, slopes.T)
-    ]
 
 
 def _value_and_slope(kv: KnotVector, points: Floats) -> tuple[csr_array, csr_array]:

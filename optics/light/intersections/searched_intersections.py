@@ -72,7 +72,13 @@ class SearchedHits:
 
         origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
         """
-        dr, shape = self._backend.dr, self._shape(net)
+        top, steepest, power = self._top, self._slope, None
+        if self._table is not None and net is not None:
+            power = self._table.power(net)
+            top += max(0.0, float(net.max()))
+            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
+            steepest += float(np.hypot(along_x, along_y))
+        dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, net, power)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
             t, first, last, decided = self._search(shape, o, d)
@@ -106,15 +112,6 @@ class SearchedHits:
         if table is None:
             raise ValueError("a surface without a sag has no coefficients")
         return table.pull_back(*hits.at, hits.taken_gradients())
-
-    def _shape(self, net: Floats | None) -> _Shape:
-        top, steepest, power = self._top, self._slope, None
-        if self._table is not None and net is not None:
-            power = self._table.power(net)
-            top += max(0.0, float(net.max()))
-            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
-            steepest += float(np.hypot(along_x, along_y))
-        return _Shape(partial(self._surface, power), top, steepest, net, power)
 
     def _search(
         self, shape: _Shape, o: list[DrArray], d: list[DrArray]

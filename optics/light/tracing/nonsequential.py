@@ -21,7 +21,6 @@ from optics.light.tracing.branches import (
     UNDECIDED,
     Branches,
     ClosedLens,
-    Meetings,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
@@ -115,7 +114,8 @@ def trace_nonsequential(
             account(branches[~leaving], FATES.index("trapped"))
             break
         if absorption:
-            kept = np.where(leaving, 1.0, _transmission(branches, meetings, absorption))
+            path = np.linalg.norm(meetings.point - branches.origin, axis=0)
+            kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
             account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
             branches = replace(branches, flux=branches.flux * kept)
         refracted, reflected = split(branches, meetings)
@@ -156,12 +156,6 @@ def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) ->
         if not len(branches.ray):
             break
     return sum(gone[1:], start=gone[0])
-
-
-def _transmission(branches: Branches, meetings: Meetings, absorption: float) -> Floats:
-    """Return what absorption leaves of branches on their way to the next face, exp(-a t), (m,)."""
-    path = np.linalg.norm(meetings.point - branches.origin, axis=0)
-    return np.where(branches.inside, np.exp(-absorption * path), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,8 +85,9 @@ class TracedSurface:
 
         Directions of rays that do not go on mean nothing.
         """
-        dr = self._backend.dr
-        direction, share, goes_on = self.turned(rays.direction, self._slopes(hits))
+        dr, error = self._backend.dr, self._slope_error
+        slopes = (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
+        direction, share, goes_on = self.turned(rays.direction, slopes)
         if self.surface.kind == "refract":
             goes_on = goes_on & (direction[2] > 0)
         reaching = self._left(rays, hits)
@@ -109,11 +110,6 @@ class TracedSurface:
         dr = self._backend.dr
         path = (hits.z - rays.origin[2]) / rays.direction[2]
         return rays.flux * dr.exp(-self._absorption * dr.select(hits.hit, path, 0))
-
-    def _slopes(self, hits: Hits) -> tuple[DrArray, DrArray]:
-        """Return the slopes by which rays go on."""
-        error = self._slope_error
-        return (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
 
     def _rim(self, hits: Hits) -> DrArray | float:
         """Return 1 inside the surface, falling to 0 at its rim, see `rim_fade`."""

@@ -76,7 +76,8 @@ def _wanted(key: Key) -> str:
     """Return what the value of a key must be, with an example."""
     if table_of(key.hint) is not None:
         return f"a table, such as {key.name}={{KEY = VALUE}}"
-    if _is_table(key.hint):
+    kinds = [kind for kind in (key.hint, *get_args(key.hint)) if get_origin(kind) is tuple]
+    if any(get_origin(get_args(kind)[0]) is tuple for kind in kinds):
         names = "".join(f", or {name}" for name in (key.limits["choices"] or ())[:1])
         return f"a list of rows, such as {key.name}=[[450, 1.5], [550, 1.49]]{names}"
     if get_origin(key.hint) is tuple:
@@ -89,9 +90,3 @@ def _wanted(key: Key) -> str:
     kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
     automatic = ' or "auto"' if key.limits["auto"] else ""
     return f"{kind}{automatic}, such as {key.name}={example}"
-
-
-def _is_table(hint: Any) -> bool:
-    """Return whether rows of numbers are wanted."""
-    kinds = [kind for kind in (hint, *get_args(hint)) if get_origin(kind) is tuple]
-    return any(get_origin(get_args(kind)[0]) is tuple for kind in kinds)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
 
 from optics.scene.problem.dotted_keys import Record
 
@@ -21,7 +19,10 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
     lines: list[str] = []
     tables: list[str] = []
     for f in fields(record):
-        value, remark = getattr(record, f.name), _remark(f.metadata) if notes else ""
+        several = f.metadata["choices"] and len(f.metadata["choices"]) > 1
+        choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
+        words = "; ".join(w for w in (f.metadata["note"], choices) if w)
+        value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
         if value is None and f.default is not None:
             lines.append(f"{f.name} = false{remark}\n")
             continue
@@ -33,14 +34,6 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
         else:
             lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
     return "".join(lines) + "".join(tables)
-
-
-def _remark(limits: Mapping[str, Any]) -> str:
-    """Return the comment of a key: its note and its choices."""
-    several = limits["choices"] and len(limits["choices"]) > 1
-    choices = " or ".join(map(repr, limits["choices"])) if several else ""
-    words = "; ".join(w for w in (limits["note"], choices) if w)
-    return f"  # {words}" if words else ""
 
 
 def _toml_value(value: object) -> str:

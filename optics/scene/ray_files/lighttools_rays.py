@@ -39,7 +39,16 @@ def read_lighttools(path: Path, data: memoryview) -> RaySet:
         that is no whole number of rays.
     """
     head = record(data, HEADER, path)
-    _require_plain(head, path)
+    if head["major"] != 2:
+        raise UserError(f"{path} has version {head['major']} of LightTools' format; only 2 is read")
+    if head["far_field"]:
+        raise UserError(f"{path} holds directions without positions; write it again as near-field data")
+    if head["colour"] == 1:
+        raise UserError(f"{path} holds tristimulus values; write it again with wavelengths or without colour")
+    known = {"flux_unit": (0, 1), "colour": (0, 2), "length_unit": tuple(MILLIMETRES)}
+    for key, values in known.items():
+        if head[key] not in values:
+            raise UserError(f"{path} has an unknown {key.replace('_', ' ')} {head[key]} in its header")
     columns = 8 if head["colour"] == 2 else 7
     held = len(data) - HEADER.itemsize - len(END)
     if bytes(data[-len(END) :]) != END or held % (4 * columns):
@@ -53,20 +62,6 @@ def read_lighttools(path: Path, data: memoryview) -> RaySet:
         position = ((position + origin.astype(np.float64)) * scale).astype(np.float32)
     wavelength = table[:, 7] if columns == 8 else None
     return RaySet(position, table[:, 3:6], table[:, 6], "lm" if head["flux_unit"] else "W", wavelength)
-
-
-def _require_plain(head: dict[str, int], path: Path) -> None:
-    """Raise UserError unless the header tells of positions, flux, and wavelengths at most."""
-    if head["major"] != 2:
-        raise UserError(f"{path} has version {head['major']} of LightTools' format; only 2 is read")
-    if head["far_field"]:
-        raise UserError(f"{path} holds directions without positions; write it again as near-field data")
-    if head["colour"] == 1:
-        raise UserError(f"{path} holds tristimulus values; write it again with wavelengths or without colour")
-    known = {"flux_unit": (0, 1), "colour": (0, 2), "length_unit": tuple(MILLIMETRES)}
-    for key, values in known.items():
-        if head[key] not in values:
-            raise UserError(f"{path} has an unknown {key.replace('_', ' ')} {head[key]} in its header")
 
 
 def lighttools_bytes(rays: RaySet) -> bytes:

@@ -66,7 +66,8 @@ class Receiver(ABC):
         p, q, r = _turned(self.pose, direction, number)
         met = r > 0
         choose = np.where if library is np else library.select  # numpy's `select` is another function
-        own = _turned(self.pose, _less(point, self.pose.shift, number), number)
+        apart = [x - number(s) if s else x for x, s in zip(point, self.pose.shift.tolist())]
+        own = _turned(self.pose, apart, number)
         return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
 
     @abstractmethod
@@ -149,7 +150,3 @@ def _turned(pose: Pose, vector: Triple, number: Callable[[float], Any]) -> Tripl
     if not pose.rotates:
         return vector
     return [sum(number(c) * v for c, v in zip(column, vector)) for column in pose.rotation.T.tolist()]
-
-
-def _less(point: Triple, shift: Any, number: Callable[[float], Any]) -> Triple:
-    return [x - number(s) if s else x for x, s in zip(point, shift.tolist())]

@@ -58,7 +58,11 @@ class Profile:
             light = np.exp(-0.5 * ((s / self.sigma[0]) ** 2 + (t / self.sigma[1]) ** 2))
             return np.where(s**2 + t**2 < 1, light, 0.0) / self._disk.mean
         if self.kind == "gaussian":
-            by_s, by_t = (np.exp(-0.5 * (r / w) ** 2) / _mean_gaussian(w) for r, w in zip((s, t), self.sigma))
+            # over the mean of exp(-r^2 / (2 sigma^2)) over [-1, 1]
+            by_s, by_t = (
+                np.exp(-0.5 * (r / w) ** 2) / (sqrt(pi / 2) * w * erf(1 / (w * sqrt(2))))
+                for r, w in zip((s, t), self.sigma)
+            )
             return by_s * by_t
         if self.kind == "image" and self.light is not None:
             rows, columns = self.light.shape
@@ -85,11 +89,6 @@ class Profile:
             by_s, by_t = _overlaps(s, columns), _overlaps(t, rows)
             return by_s @ (self.light[::-1].T / self.light.sum()) @ by_t.T
         return np.outer(np.diff(s), np.diff(t)) / 4
-
-
-def _mean_gaussian(sigma: float) -> float:
-    """Return the mean of exp(-r^2 / (2 sigma^2)) over [-1, 1]."""
-    return sqrt(pi / 2) * sigma * erf(1 / (sigma * sqrt(2)))
 
 
 def _overlaps(borders: Floats, pixels: int) -> csr_array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from optics.base.runtime import UserError
 from optics.scene.materials import Material, find_material, tabulated
 from optics.scene.paths import Medium
-from optics.scene.photometry import SpectralLine, spectral_lines
+from optics.scene.photometry import spectral_lines
 from optics.scene.problem import AUTO, LensSpec, Problem
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
@@ -88,20 +87,18 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
         return (Wavelength(nm, 1.0, medium_at(problem, nm)),)
     lines = spectral_lines(source.spectrum)
     if source.unit == "lm":
-        lines = _by_lumens(lines)
+        seen = sum(line.weight * line.xyz[1] for line in lines)
+        if not seen:
+            raise UserError(
+                'source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"'
+            )
+        # weights are those of lumens, and colours those of a lumen
+        lines = tuple(
+            replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
+            for line, (x, y, z) in ((line, line.xyz) for line in lines)
+            if y
+        )
     return tuple(Wavelength(line.nm, line.weight, medium_at(problem, line.nm), line.xyz) for line in lines)
-
-
-def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
-    """Return lines whose weights are those of lumens, and whose colours are those of a lumen."""
-    seen = sum(line.weight * line.xyz[1] for line in lines)
-    if not seen:
-        raise UserError('source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"')
-    return tuple(
-        replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
-        for line, (x, y, z) in ((line, line.xyz) for line in lines)
-        if y
-    )
 
 
 def medium_at(problem: Problem, nm: float) -> Medium:

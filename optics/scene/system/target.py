@@ -48,7 +48,13 @@ class LightTarget:
         """
         target = self.settings
         if target.kind == "tophat":
-            return _lit_region(target)
+            light = uniform_region(target.shape, target.pixels, target.lit)
+            if not light.any():
+                raise UserError(
+                    f"target.lit = {list(target.lit)} leaves no light on the pixels; "
+                    "make it larger, or target.half_width smaller"
+                )
+            return light
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
         with speaking_of("target.image"):
@@ -116,22 +122,6 @@ class LightTarget:
     def irradiance(self, screen: Screen, flux: float) -> Floats:
         """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
         return target_irradiance(self.light, screen, self.settings.placing, flux)
-
-
-def _lit_region(target: Target) -> Floats:
-    """Return the light of a uniform region.
-
-    Raises
-    ------
-    UserError : the region is so narrow that it falls between the samples of a pixel.
-    """
-    light = uniform_region(target.shape, target.pixels, target.lit)
-    if not light.any():
-        raise UserError(
-            f"target.lit = {list(target.lit)} leaves no light on the pixels; "
-            "make it larger, or target.half_width smaller"
-        )
-    return light
 
 
 def target_irradiance(light: Floats, screen: Screen, fit: str, flux: float) -> Floats:
