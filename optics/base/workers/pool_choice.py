@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from optics.base.runtime import UserError
-from optics.base.workers.pool_protocol import WorkerPool
+from optics.base.workers.local_processes import LocalProcesses, WorkerPool
 
 MOST = 1024  # processes of one machine
 
@@ -28,7 +28,7 @@ def worker_pool(
     """
     require_workers(workers, scheduler)
     if scheduler is not None:
-        from optics.base.workers.dask_cluster import DaskCluster
+        from optics.base.workers.dask_cluster import DaskCluster  # loads asyncio, 0.1 s
 
         try:
             cluster = DaskCluster(scheduler)
@@ -39,8 +39,6 @@ def worker_pool(
         finally:
             cluster.close()
         return
-    from optics.base.workers.local_processes import LocalProcesses
-
     processes = LocalProcesses(min(_cores() if workers is None else workers, max(tasks, 1)))
     try:
         yield processes

@@ -13,7 +13,7 @@ from typing import Any
 from uuid import uuid4
 
 from optics.base.runtime import NumericalError, UserError
-from optics.base.workers.pool_protocol import Worker, WorkerPool
+from optics.base.workers.local_processes import Worker, WorkerPool
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
-from optics.scene.problem.toml_records import AUTO, checked_values, option, record
-from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
 from optics.scene.receivers import receiver_at
+from thbcad.lens import require_line
+from thbcad.toml import toml_tables
 
+MAX_FILE_BYTES = 1_000_000
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 LEAST_MERGED = 4  # pixels each way that merging leaves
@@ -110,8 +114,6 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
-    from thbcad.lens import require_line  # loads numpy, which the help of the commands does without
-
     for key, text in (
         ("lens.material", problem.lens.material),
         ("export.product", problem.export.product),
@@ -237,3 +239,24 @@ def _require_source(source: Source) -> None:
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
             "take a smaller source.half_width"
         )
+
+
+def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) -> Problem:
+    """Read a problem file and return the Problem; its image paths are made absolute.
+
+    changes : {dotted key: value}, in place of what the file says; see `assignment`.
+
+    Raises
+    ------
+    UserError : with one sentence that names the file, the key, what came and what was wanted.
+    """
+    path = Path(path)
+    text = read_at_most(path, MAX_FILE_BYTES)
+    try:
+        data = toml_tables(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is no UTF-8 text from byte {error.start} on; save it as UTF-8") from None
+    except ValueError as error:
+        raise UserError(f"{path} cannot be read as TOML: {error}; mend it there") from None
+    with speaking_of(path):
+        return record(Problem, with_changes(data, changes or {}), path.parent)

@@ -7,8 +7,7 @@ from typing import Any
 
 from optics.scene.problem.problem_record import Problem
 from optics.scene.problem.schema import Freeform, Front, LensSpec, Rear, Source, Target
-from optics.scene.problem.toml_records import AUTO
-from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.problem.toml_records import AUTO, problem_to_toml
 
 FAR_FIELD: dict[str, Any] = {
     "source.half_width": (9.5, 9.5),

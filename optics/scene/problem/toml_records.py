@@ -1,4 +1,4 @@
-"""Records from tables, of TOML files or of code: every key and value checked.
+"""Records from tables, of TOML files or of code: every key and value checked; and as TOML again.
 
 Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
 """
@@ -9,7 +9,7 @@ import math
 import os
 import reprlib
 from collections.abc import Mapping
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, field, fields, is_dataclass
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
@@ -220,3 +220,43 @@ def _rows(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tupl
 def _brief(value: object) -> str:
     """Return a short text of any value, for messages."""
     return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"
+
+
+def problem_to_toml(problem: Record, notes: bool = False) -> str:
+    """Return a Problem as TOML with every key, so that a run can be repeated from it.
+
+    notes : whether a comment explains every key.
+    """
+    return _toml(problem, "", notes).lstrip("\n")
+
+
+def _toml(record: Record, prefix: str, notes: bool = False) -> str:
+    lines: list[str] = []
+    tables: list[str] = []
+    for f in fields(record):
+        several = f.metadata["choices"] and len(f.metadata["choices"]) > 1
+        choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
+        words = "; ".join(w for w in (f.metadata["note"], choices) if w)
+        value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
+        if value is None and f.default is not None:
+            lines.append(f"{f.name} = false{remark}\n")
+            continue
+        if value is None:
+            tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
+            continue
+        if is_dataclass(value) and not isinstance(value, type):
+            tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
+        else:
+            lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
+    return "".join(lines) + "".join(tables)
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    return repr(value)

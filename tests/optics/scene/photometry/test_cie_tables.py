@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
-from optics.scene.photometry import ILLUMINANTS, colour_matching, illuminant, spectral_lines, white_of
+from optics.scene.photometry import ILLUMINANTS, spectral_lines, white_of
+from optics.scene.photometry.cie_tables import colour_matching, illuminant
 from optics.scene.problem import ILLUMINANTS as OF_THE_PROBLEM_FILE
 from tests.optics.scene.photometry.colour_cases import colour
 
