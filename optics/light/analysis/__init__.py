@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from optics.light.analysis.closed_lens_light import (
         NEGLIGIBLE as NEGLIGIBLE,
         ROULETTE as ROULETTE,
-        light_by_other_ways as light_by_other_ways,
+        nonsequential_light as nonsequential_light,
     )
     from optics.light.analysis.judgement import (
         Verdict as Verdict,

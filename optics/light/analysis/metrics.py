@@ -2,7 +2,7 @@
 
 Light of one direction at every point of the source is measured as cells (`light_of_cells`), exact but for
 their size.  That of an extended source is measured as rays (`light_of_rays`).  Spreading light is also
-followed on all other ways through the closed lens (`light_by_other_ways`).
+followed on all non-sequential paths through the closed lens (`nonsequential_light`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, nonsequential_light
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
@@ -84,7 +84,7 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Light that takes other ways than front and rear is part of it where it is not negligible, and
+    Light by non-sequential paths is part of it where it is not negligible, and
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
@@ -95,7 +95,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear
     beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
-    other = light_by_other_ways(system, lens, screen, backend) if by_edges else None
+    other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared

@@ -10,6 +10,8 @@ from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
+RATIOS = "min_over_mean", "min_over_max", "rsd"  # of a Uniformity, with their errors
+JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
 
 
 def photometric_metrics(
@@ -47,14 +49,7 @@ def uniformity_metrics(
     half_lit = target.light >= target.light.max() / 2
     whole = irradiance[target.lit_pixels]
     return {
-        "min_over_mean": found.min_over_mean,
-        "min_over_mean_error": found.min_over_mean_error,
-        "min_over_max": found.min_over_max,
-        "min_over_max_error": found.min_over_max_error,
-        "rsd": found.rsd,
-        "rsd_error": found.rsd_error,
-        "noise": found.noise,
-        "reason": found.reason,
+        **{key: getattr(found, key) for key in JUDGED},
         f"lit_mean_{density.suffix}": density.factor * float(whole.mean()) if whole.size else 0.0,
         "grid": found.grid,
         f"box_{unit}": list(found.box),

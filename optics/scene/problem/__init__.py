@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     )
     from optics.scene.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
-        ILLUMINANTS as ILLUMINANTS,
         SUN as SUN,
         Freeform as Freeform,
         Front as Front,

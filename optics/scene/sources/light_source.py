@@ -133,7 +133,7 @@ class LightSource(ABC):
         """Return figures that hold the points where light starts, and its greatest angle from z, degrees."""
 
     def without_extent(self) -> LightSource:
-        """Return the source without its spread: of a beam parallel light, of a glowing area the point in its
+        """Return the source without its spread: of a beam parallel light, of an emitter the point in its
         middle, with its intensity; of a file's light one where its rays are nearest to."""
         return self
 

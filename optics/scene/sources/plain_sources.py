@@ -136,7 +136,7 @@ class CollimatedBeam(AreaSource):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LambertianArea(AreaSource):
-    """A glowing area: the same radiance in all directions of a cone of `half_angle` degrees."""
+    """A Lambertian emitter: the same radiance in all directions of a cone of `half_angle` degrees."""
 
     half_angle: float
     glowing = True
