@@ -89,7 +89,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     error does to rel_l2.
     """
     screen, path = system.target.screen(), system.path(lens)
-    estimator = _estimator(system)
+    # by beams of cells for all that blurs it, or by rays
+    estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear
@@ -140,13 +141,6 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
-
-
-def _estimator(system: OpticalSystem) -> str:
-    """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
-    if system.blurred:
-        return "beams"
-    return "rays" if system.source.extended else "cells"
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:

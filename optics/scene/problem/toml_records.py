@@ -93,7 +93,15 @@ def checked_values(
         raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}")
     if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
-    _require_known(kind, data, prefix, root or kind)
+    root = root or kind
+    known = [f.name for f in fields(kind)]
+    for key in data:
+        if key not in known:
+            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
+                raise UserError(f"unknown key {prefix}{key}; {reason}")
+            meant = did_you_mean(f"{prefix}{key}", root)
+            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
+            raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
     values: dict[str, Any] = {}
     for f in fields(kind):
         key, hint = prefix + f.name, hints_of(kind)[f.name]
@@ -108,22 +116,11 @@ def checked_values(
         elif NoneType in get_args(hint) and (value is None or value is False):
             values[f.name] = None  # a table left out: None in code, false in a file
         else:
-            values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
+            values[f.name] = table(**checked_values(table, value, folder, key + ".", root))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())
             _require_text(key, values[f.name])
     return values
-
-
-def _require_known(kind: type[Record], data: Mapping[Any, object], prefix: str, root: type[Record]) -> None:
-    known = [f.name for f in fields(kind)]
-    for key in data:
-        if key not in known:
-            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
-                raise UserError(f"unknown key {prefix}{key}; {reason}")
-            meant = did_you_mean(f"{prefix}{key}", root)
-            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
-            raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
@@ -198,23 +195,18 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
     kinds = get_args(hint)
     open_ended = kinds[-1] is Ellipsis
     if get_origin(kinds[0]) is tuple:
-        return _rows(key, kinds[0], value, limits)
+        if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
+            size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
+            raise UserError(
+                f"{key} must be a list of rows of {len(get_args(kinds[0]))} numbers{size}, got {_brief(value)}"
+            )
+        return tuple(_row(f"{key}[{k}]", kinds[0], row, limits) for k, row in enumerate(value))
     if open_ended and not isinstance(value, (list, tuple)):
         value = [value]
     if not isinstance(value, (list, tuple)) or not value or (not open_ended and len(value) != len(kinds)):
         wanted = "a list of numbers, at least one" if open_ended else f"a list of {len(kinds)} numbers"
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
-
-
-def _rows(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the rows of a table of numbers, which may have none."""
-    if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
-        size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
-        raise UserError(
-            f"{key} must be a list of rows of {len(get_args(hint))} numbers{size}, got {_brief(value)}"
-        )
-    return tuple(_row(f"{key}[{k}]", hint, row, limits) for k, row in enumerate(value))
 
 
 def _brief(value: object) -> str:
