@@ -197,9 +197,8 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
     if get_origin(kinds[0]) is tuple:
         if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
             size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
-            raise UserError(
-                f"{key} must be a list of rows of {len(get_args(kinds[0]))} numbers{size}, got {_brief(value)}"
-            )
+            rows = f"a list of rows of {len(get_args(kinds[0]))} numbers{size}"
+            raise UserError(f"{key} must be {rows}, got {_brief(value)}")
         return tuple(_row(f"{key}[{k}]", kinds[0], row, limits) for k, row in enumerate(value))
     if open_ended and not isinstance(value, (list, tuple)):
         value = [value]

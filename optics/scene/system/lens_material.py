@@ -84,7 +84,7 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
     source = problem.source
     if not source.spectrum:
         nm = source.wavelength
-        return (Wavelength(nm, 1.0, medium_at(problem, nm)),)
+        return (Wavelength(nm, 1.0, Medium(index_at(problem, nm), absorption_at(problem, nm))),)
     lines = spectral_lines(source.spectrum)
     if source.unit == "lm":
         seen = sum(line.weight * line.xyz[1] for line in lines)
@@ -98,17 +98,8 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
             for line, (x, y, z) in ((line, line.xyz) for line in lines)
             if y
         )
-    return tuple(Wavelength(line.nm, line.weight, medium_at(problem, line.nm), line.xyz) for line in lines)
-
-
-def medium_at(problem: Problem, nm: float) -> Medium:
-    """Return what the lens is at a wavelength, nm.
-
-    Raises
-    ------
-    UserError : see `index_at` and `absorption_at`.
-    """
-    return Medium(index_at(problem, nm), absorption_at(problem, nm))
+    media = [Medium(index_at(problem, line.nm), absorption_at(problem, line.nm)) for line in lines]
+    return tuple(Wavelength(line.nm, line.weight, glass, line.xyz) for line, glass in zip(lines, media))
 
 
 def index_at(problem: Problem, nm: float) -> float:

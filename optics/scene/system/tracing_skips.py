@@ -99,13 +99,6 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
         aperture = "all of the beam meets the lens"
     lens, colours = problem.lens, bool(problem.source.spectrum)
     blurs = source.diverging or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
-    beam = [min(s, f) for s, f in zip(size, front.half_width)]
-    within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
-    why = (
-        "no parallel ray meets an edge before the rear"
-        if within
-        else "rays may meet an edge: `thbcad trace` measures their flux"
-    )
     return [
         Skip(
             "meeting points",
@@ -134,12 +127,7 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
             "meeting",
             None,
         ),
-        Skip(
-            "edges",
-            "the edges and reflected light",
-            True,
-            f"{why}; light through front and rear is unchanged",
-        ),
+        _edges(problem, parallel),
         Skip(
             "blur",
             "directions of the beam and errors of the slopes",
@@ -155,6 +143,17 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
             "every line of the spectrum is measured" if colours else "the light has one wavelength",
         ),
     ]
+
+
+def _edges(problem: Problem, parallel: bool) -> Skip:
+    source, lens = problem.source, problem.lens
+    beam = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
+    within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
+    why = "no parallel ray meets an edge before the rear"
+    if not within:
+        why = "rays may meet an edge: `thbcad trace` measures their flux"
+    why = f"{why}; light through front and rear is unchanged"
+    return Skip("edges", "the edges and reflected light", True, why)
 
 
 def _far_pixels(problem: Problem, source: LightSource) -> Skip:
