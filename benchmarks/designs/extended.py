@@ -28,7 +28,7 @@ from optics.designing.optimisation import Listener, State, shape_lens
 from optics.exchange.results import ResultFolder
 from optics.exchange.verification import StepFile, verify
 from optics.interface.api import System
-from optics.light.analysis import counted_ways, light_by_other_ways, ray_irradiance
+from optics.light.analysis import counted_ways, nonsequential_light, ray_irradiance
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem, problem_to_toml
 from optics.scene.system import OpticalSystem
@@ -101,8 +101,8 @@ def _other_ways(folder: Path) -> Row:
     problem, lens, _ = ResultFolder(folder).read()
     system, backend = OpticalSystem(problem), load_backend("double")
     screen = system.target.screen()
-    light_by_other_ways(system, lens, screen, backend)  # compiles the kernels
-    seconds = median_seconds(lambda: light_by_other_ways(system, lens, screen, backend), 3)
+    nonsequential_light(system, lens, screen, backend)  # compiles the kernels
+    seconds = median_seconds(lambda: nonsequential_light(system, lens, screen, backend), 3)
     return Row("extended: light by other ways, time", seconds, "s", "", 15)
 
 

@@ -11,8 +11,7 @@ if TYPE_CHECKING:
         Momentum as Momentum,
         RMSProp as RMSProp,
     )
-    from optics.base.optimisers.iterations import Function as Function, Optimiser as Optimiser
-    from optics.base.optimisers.line_search import LineSearch as LineSearch
-    from optics.base.optimisers.quasi_newton import LBFGS as LBFGS
+    from optics.base.optimisers.iterations import Optimiser as Optimiser
+    from optics.base.optimisers.line_search import LBFGS as LBFGS, LineSearch as LineSearch
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

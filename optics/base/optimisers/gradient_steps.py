@@ -13,21 +13,55 @@ RMSProp nor Adam.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from optics.base.optimisers.iterations import Callback, Floats, Function, require_fraction, require_step
+from optics.base.optimisers.iterations import Callback, Function, require_fraction, require_step
 from optics.base.runtime import load_backend
+from thbcad.checks import Floats
 
 EPSILON = 1e-12
-Steps = Callable[[Any, float], Any]  # module drjit.opt and tiny -> its optimiser
+
+
+class _Steps(ABC):
+    """Iterations of an optimiser of Dr.Jit, whose step falls by a factor."""
+
+    decay = 1.0
+
+    @abstractmethod
+    def _made(self, opt: Any, tiny: float) -> Any:
+        """Return the optimiser, of the module drjit.opt."""
+
+    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
+        """Return the number of steps, see `Optimiser`."""
+        backend = load_backend("double", None)
+        from drjit import opt
+
+        x, optimiser = start.copy(), None
+        for k in range(iterations):
+            _, gradient = function(x)
+            if optimiser is None:
+                tiny = EPSILON * float(np.abs(gradient).max()) or 1.0  # a gradient of zeros moves nothing
+                optimiser = self._made(opt, tiny)
+                optimiser["x"] = backend.array(x)
+                first = optimiser.lr
+            optimiser.set_learning_rate(first * self.decay**k)
+            backend.dr.set_grad(optimiser["x"], backend.array(gradient))
+            optimiser.step()
+            x = optimiser["x"].numpy()
+            try:
+                callback(x)
+            except StopIteration:
+                return k + 1
+        function(x)  # the last step counts too
+        return iterations
 
 
 @dataclass(frozen=True)
-class GradientDescent:
+class GradientDescent(_Steps):
     """Steps along the negative gradient, step * decay^i long per unit of gradient."""
 
     step: float
@@ -37,14 +71,12 @@ class GradientDescent:
         require_step(self.step)
         require_fraction("decay", self.decay)
 
-    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
-        """Return the number of steps, see `Optimiser`."""
-        steps = _Steps(lambda opt, _: opt.SGD(lr=self.step), self.decay)
-        return steps.run(function, start, iterations, callback)
+    def _made(self, opt: Any, tiny: float) -> Any:
+        return opt.SGD(lr=self.step)
 
 
 @dataclass(frozen=True)
-class Momentum:
+class Momentum(_Steps):
     """Gradient descent along a running mean of gradients, which starts at zero and is not corrected for it.
 
     mean : what is left of the mean after a step.
@@ -57,15 +89,13 @@ class Momentum:
         require_step(self.step)
         require_fraction("mean", self.mean)
 
-    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
-        """Return the number of steps, see `Optimiser`."""
+    def _made(self, opt: Any, tiny: float) -> Any:
         rate = self.step * (1 - self.mean)  # Dr.Jit adds gradients up where the mean weighs them
-        steps = _Steps(lambda opt, _: opt.SGD(lr=rate, momentum=self.mean))
-        return steps.run(function, start, iterations, callback)
+        return opt.SGD(lr=rate, momentum=self.mean)
 
 
 @dataclass(frozen=True)
-class RMSProp:
+class RMSProp(_Steps):
     """Gradient descent with every entry of the gradient divided by its running root mean square.
 
     step : about the length of a step in every variable.  square : what is left of the mean after a step.
@@ -80,14 +110,12 @@ class RMSProp:
         require_step(self.step)
         require_fraction("square", self.square)
 
-    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
-        """Return the number of steps, see `Optimiser`."""
-        steps = _Steps(lambda opt, tiny: opt.RMSProp(lr=self.step, alpha=self.square, epsilon=tiny))
-        return steps.run(function, start, iterations, callback)
+    def _made(self, opt: Any, tiny: float) -> Any:
+        return opt.RMSProp(lr=self.step, alpha=self.square, epsilon=tiny)
 
 
 @dataclass(frozen=True)
-class Adam:
+class Adam(_Steps):
     """Running mean of the gradient over its running root mean square, both unbiased.
 
     step : about the length of a step in every variable.
@@ -105,39 +133,5 @@ class Adam:
         require_fraction("mean", self.mean)
         require_fraction("square", self.square)
 
-    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
-        """Return the number of steps, see `Optimiser`."""
-        steps = _Steps(
-            lambda opt, tiny: opt.Adam(lr=self.step, beta_1=self.mean, beta_2=self.square, epsilon=tiny)
-        )
-        return steps.run(function, start, iterations, callback)
-
-
-class _Steps:
-    """Iterations of an optimiser of Dr.Jit, whose step falls by a factor."""
-
-    def __init__(self, made: Steps, decay: float = 1.0) -> None:
-        self._made, self._decay = made, decay
-
-    def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
-        backend = load_backend("double", None)
-        from drjit import opt
-
-        x, optimiser = start.copy(), None
-        for k in range(iterations):
-            _, gradient = function(x)
-            if optimiser is None:
-                tiny = EPSILON * float(np.abs(gradient).max()) or 1.0  # a gradient of zeros moves nothing
-                optimiser = self._made(opt, tiny)
-                optimiser["x"] = backend.array(x)
-                first = optimiser.lr
-            optimiser.set_learning_rate(first * self._decay**k)
-            backend.dr.set_grad(optimiser["x"], backend.array(gradient))
-            optimiser.step()
-            x = optimiser["x"].numpy()
-            try:
-                callback(x)
-            except StopIteration:
-                return k + 1
-        function(x)  # the last step counts too
-        return iterations
+    def _made(self, opt: Any, tiny: float) -> Any:
+        return opt.Adam(lr=self.step, beta_1=self.mean, beta_2=self.square, epsilon=tiny)

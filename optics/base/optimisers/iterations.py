@@ -6,11 +6,10 @@ from collections.abc import Callable
 from typing import Protocol, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
-Floats = NDArray[np.float64]
 Function = Callable[[Floats], tuple[float, Floats]]  # x -> value and gradient
 Callback = Callable[[Floats], object]  # after every step; StopIteration ends the work
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         Backend as Backend,
         DrArray as DrArray,
         load_backend as load_backend,
+        usable_cores as usable_cores,
     )
     from optics.base.runtime.checks import (
         SURE as SURE,

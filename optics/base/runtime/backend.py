@@ -103,7 +103,7 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
         require_loadable(library)
     if threads is not None:
-        drjit.set_thread_count(threads or _cores())
+        drjit.set_thread_count(threads or usable_cores())
     name, dtype, resolution = PRECISIONS[precision]
     types = _types()
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
@@ -114,6 +114,6 @@ def _types() -> ModuleType:
     return import_module(ARRAY_TYPES)
 
 
-def _cores() -> int:
+def usable_cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -7,10 +7,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Timer, main_thread
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from sys import UnraisableHookArgs
 
 LATER = 0.01  # seconds
 
@@ -26,7 +22,7 @@ def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
     """
     before, timers = sys.unraisablehook, list[Timer]()
 
-    def hook(lost: UnraisableHookArgs) -> None:
+    def hook(lost: sys.UnraisableHookArgs) -> None:
         if issubclass(lost.exc_type, KeyboardInterrupt):
             timers.append(Timer(LATER, signal.pthread_kill, (main_thread().ident, number())))
             timers[-1].start()

@@ -16,10 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import frexp, isfinite, ldexp, nan
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from optics.base.runtime.backend import Backend, DrArray
+from optics.base.runtime.backend import Backend, DrArray
 
 DIGITS = 62  # of the largest sum, binary; an integer has 63
 TURN = 2.0**64  # integers that differ by it are the same

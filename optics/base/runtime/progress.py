@@ -112,7 +112,22 @@ class Progress:
     def tell(self) -> None:
         """Show how far the job is by now."""
         with self._lock:
-            left, whole = self._times()
+            elapsed, now = self._clock() - self._since, self._now.work
+            whole = self._done + now + sum(phase.work for phase in self._ahead)
+            tells, heard, known = self._now.telling, self._heard, self._heard_work
+            # the second would be the speed if the present phase ended now
+            speed = max(
+                _speed(heard + tells * self._told, known + tells * self._part * now, whole),
+                _speed(heard + tells * elapsed, known + tells * now, whole),
+            )
+            # the speed of phases on one core, as far as some have told
+            known = self._single_work
+            alone = speed * (_speed(self._single / speed, known, whole) if known else 1.0)
+            speeds = {False: speed, True: sqrt(speed * alone)}
+            present = (self._told + STEADY * speeds[self._now.on_one_core] * now) / (self._part + STEADY)
+            present = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed)
+            ahead = sum(speeds[phase.on_one_core] * phase.work for phase in self._ahead)
+            left, whole = present + ahead, speed * whole  # seconds, at the speed so far
             self._fraction = max(self._fraction, 1 - left / whole)
             seconds = self._clock() - self._since
             self._show(Moment(self._now.name, seconds, self._detail, self._fraction, left))
@@ -122,25 +137,6 @@ class Progress:
         with self._lock:
             self._fraction = 1.0
             self._show(Moment(self._now.name, self._clock() - self._since, self._detail, 1.0, 0.0))
-
-    def _times(self) -> tuple[float, float]:
-        """Return the estimated seconds that are left, and those of the whole job at the speed so far."""
-        elapsed, now = self._clock() - self._since, self._now.work
-        whole = self._done + now + sum(phase.work for phase in self._ahead)
-        tells, heard, known = self._now.telling, self._heard, self._heard_work
-        # the second would be the speed if the present phase ended now
-        speed = max(
-            _speed(heard + tells * self._told, known + tells * self._part * now, whole),
-            _speed(heard + tells * elapsed, known + tells * now, whole),
-        )
-        # the speed of phases on one core, as far as some have told
-        known = self._single_work
-        alone = speed * (_speed(self._single / speed, known, whole) if known else 1.0)
-        speeds = {False: speed, True: sqrt(speed * alone)}
-        present = (self._told + STEADY * speeds[self._now.on_one_core] * now) / (self._part + STEADY)
-        present = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed)
-        ahead = sum(speeds[phase.on_one_core] * phase.work for phase in self._ahead)
-        return present + ahead, speed * whole
 
 
 def _speed(seconds: float, work: float, whole: float) -> float:

@@ -6,8 +6,8 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.base.workers.lack_of_memory import lacks_memory as lacks_memory
+    from optics.base.workers.local_processes import Worker as Worker, WorkerPool as WorkerPool
     from optics.base.workers.pool_choice import require_workers as require_workers, worker_pool as worker_pool
-    from optics.base.workers.pool_protocol import Worker as Worker, WorkerPool as WorkerPool
     from optics.base.workers.task_loop import (
         TaskResult as TaskResult,
         all_values as all_values,

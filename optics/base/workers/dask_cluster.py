@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from optics.base.workers.pool_protocol import Worker
+from optics.base.workers.local_processes import Worker
 from optics.base.workers.worker_side import UnpreparedError
 from thbcad.doors import loaded
 

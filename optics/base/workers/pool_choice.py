@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from optics.base.runtime import UserError
-from optics.base.workers.pool_protocol import WorkerPool
+from optics.base.runtime import UserError, usable_cores
+from optics.base.workers.local_processes import LocalProcesses, WorkerPool
 
 MOST = 1024  # processes of one machine
 
@@ -28,7 +27,7 @@ def worker_pool(
     """
     require_workers(workers, scheduler)
     if scheduler is not None:
-        from optics.base.workers.dask_cluster import DaskCluster
+        from optics.base.workers.dask_cluster import DaskCluster  # loads asyncio, 0.1 s
 
         try:
             cluster = DaskCluster(scheduler)
@@ -39,9 +38,7 @@ def worker_pool(
         finally:
             cluster.close()
         return
-    from optics.base.workers.local_processes import LocalProcesses
-
-    processes = LocalProcesses(min(_cores() if workers is None else workers, max(tasks, 1)))
+    processes = LocalProcesses(min(usable_cores() if workers is None else workers, max(tasks, 1)))
     try:
         yield processes
     finally:
@@ -54,7 +51,3 @@ def require_workers(workers: int | None, scheduler: str | None) -> None:
         raise UserError("a scheduler has its own workers: give a number of workers or a scheduler, not both")
     if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST):
         raise UserError(f"the number of workers must be a whole number from 1 to {MOST}, got {workers!r}")
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -9,15 +9,13 @@ from dataclasses import dataclass, field
 from itertools import islice
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 from optics.base.runtime import NumericalError, UserError
+from optics.base.workers.local_processes import Worker, WorkerPool
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
-
-if TYPE_CHECKING:
-    from optics.base.workers.pool_protocol import Worker, WorkerPool
 
 MOST_IN_FLIGHT = 4  # tasks of one thread of a worker: of short ones the next must lie ready
 WAITING = 0.5  # seconds of work that may lie ready at a worker; more would be missing elsewhere at the end
@@ -129,7 +127,13 @@ class _TaskLoop:
     def results(self) -> Iterator[TaskResult]:
         while True:
             yield from self._look()
-            self._hand_out()
+            for most in range(1, self._depth() + 1):  # first to those that have fewest
+                for name, lane in self._lanes.items():
+                    while lane.ready and self._more() and lane.takes(self._again[0], most):
+                        task = self._again.popleft()
+                        future = lane.worker.executor.submit(answer, self._run, *self._name, task.item)
+                        lane.tasks[future] = task
+                        self._listen(name, future)
             if not self._more() and not any(lane.tasks for lane in self._lanes.values()):
                 return
             yield from self._wait()
@@ -157,16 +161,6 @@ class _TaskLoop:
             self._seen = now
         elif now > self._seen + PATIENCE:
             raise UserError(f"no worker came for {PATIENCE:.0f} s; start some, such as `dask worker ADDRESS`")
-
-    def _hand_out(self) -> None:
-        """Give tasks to workers, first to those that have fewest."""
-        for most in range(1, self._depth() + 1):
-            for name, lane in self._lanes.items():
-                while lane.ready and self._more() and lane.takes(self._again[0], most):
-                    task = self._again.popleft()
-                    future = lane.worker.executor.submit(answer, self._run, *self._name, task.item)
-                    lane.tasks[future] = task
-                    self._listen(name, future)
 
     def _more(self) -> bool:
         """Return whether a task lies ready to be handed out."""

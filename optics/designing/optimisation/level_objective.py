@@ -22,7 +22,7 @@ from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, last_level
 from optics.designing.optimisation.symmetry import Mirrors
 from optics.designing.penalties import shape_penalty
-from optics.light.analysis import light_by_other_ways
+from optics.light.analysis import nonsequential_light
 from optics.light.engines import Film, sharp_engine
 from optics.scene.problem import feature_levels, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
@@ -120,7 +120,7 @@ def background(
     """
     if not (stage.finish and system.by_edges):
         return None
-    other = light_by_other_ways(system, lens, stage.screen, backend)
+    other = nonsequential_light(system, lens, stage.screen, backend)
     if other.negligible:
         return None
     image = other.light.irradiance

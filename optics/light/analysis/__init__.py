@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from optics.light.analysis.closed_lens_light import (
         NEGLIGIBLE as NEGLIGIBLE,
         ROULETTE as ROULETTE,
-        light_by_other_ways as light_by_other_ways,
+        nonsequential_light as nonsequential_light,
     )
     from optics.light.analysis.judgement import (
         Verdict as Verdict,
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     )
     from optics.light.analysis.lens_trace import (
         conservation as conservation,
+        fans as fans,
         nonsequential as nonsequential,
         plane_behind as plane_behind,
         sections as sections,
@@ -44,13 +45,11 @@ if TYPE_CHECKING:
     )
     from optics.light.analysis.phase_space import (
         PhaseSpace as PhaseSpace,
-        at_target as at_target,
         jacobian_determinants as jacobian_determinants,
     )
     from optics.light.analysis.photometric_metrics import (
         photometric_lines as photometric_lines,
         uniformity_metrics as uniformity_metrics,
     )
-    from optics.light.analysis.ray_fans import fans as fans
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -17,9 +17,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.checks import Floats
+
 BISECTIONS = 20  # to a millionth of an edge, which is itself less than a thousandth of the source
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Density = Callable[[Floats, Floats], Floats]
 

@@ -1,30 +1,27 @@
-"""Light on the target that did not pass front and rear once each: inner reflections, edges and all.
+"""Light by non-sequential paths, which pass not just front and rear: inner reflections, edges and all.
 
 A sample of rays is followed through the closed lens with every split, and once more through front and rear
-alone.  The difference of the two images is what other ways bring; paths that both tracers know cancel in it.
-Branches of little flux are decided by Russian roulette, so that the mean stays and the work shrinks.
+alone.  The difference of the two images is what non-sequential paths bring; paths that both tracers know
+cancel in it.  Branches of little flux are decided by Russian roulette, so that the mean stays and the work
+shrinks.
 """
 
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import FATES, Fates, TargetArea, Tracer, trace_nonsequential
+from optics.light.tracing import FATES, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
+from optics.scene.receivers import Screen
 from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-NEGLIGIBLE = 0.01  # of the light on the target: what other ways may bring where the sequential trace suffices
+NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
 REPLICATES, PILOT = 8, 2  # the first ones tell whether the others are needed
 ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (extended source, measured)
@@ -32,12 +29,10 @@ ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (e
 THROUGH = [k for k, fate in enumerate(FATES) if fate.endswith(("on_target", "off_target"))]
 STREAM = 1  # of random numbers, other than that of the sequential trace
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
-class OtherWays:
-    """What other ways than front and rear bring.
+class OtherLight:
+    """What non-sequential paths bring.
 
     light : its LightEstimate; noise may make pixels negative.  fates : of all light in the closed lens, W.
     share : of the light on the target.
@@ -52,20 +47,20 @@ class OtherWays:
         return self.share <= NEGLIGIBLE
 
 
-def light_by_other_ways(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherWays:
-    """Return the light of other ways on a screen.  backend : of double precision."""
+def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherLight:
+    """Return the light of non-sequential paths on a screen.  backend : of double precision."""
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     images: list[tuple[Floats, float, float]] = []
     fates: list[Fates] = []
 
-    def trace(count: int) -> OtherWays:
+    def trace(count: int) -> OtherLight:
         for _ in range(count):
             image, by_fate, direct = _replicate(system, lens, screen, rng, backend)
             images.append((image, by_fate.onto - direct.on_target, by_fate.beside - direct.off_target))
             fates.append(by_fate)
         light = LightEstimate.of_replicates(images)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
-        return OtherWays(light, mean, light.on_target / mean.onto if mean.onto else 0.0)
+        return OtherLight(light, mean, light.on_target / mean.onto if mean.onto else 0.0)
 
     pilot = trace(PILOT)
     return pilot if pilot.negligible else trace(REPLICATES - PILOT)

@@ -9,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isinf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import SURE, Check, Grade, grade
 from optics.light.tracing import SENTENCES
-from optics.scene.photometry import NOISE
-
-if TYPE_CHECKING:
-    from optics.scene.photometry import Units
-    from optics.scene.problem import Verify
+from optics.scene.photometry import NOISE, Units
+from optics.scene.problem import Verify
 
 # flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
 LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed")

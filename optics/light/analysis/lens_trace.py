@@ -4,40 +4,41 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
 from optics.light.tracing import (
+    RayPath,
+    SequentialFates,
     TargetArea,
     Tracer,
     flux_by_fate,
     normal_incidence_transmittance,
     trace_nonsequential,
+    trace_paths,
 )
 from optics.scene.receivers import BoxWindow
-from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.sources import Rays, single_rays
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
 SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
 LINES = 201  # of the grid in the sections of phase space, in each direction
-WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends
+WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends; of that angle, where fans do
+FAN = 8  # rays
 
 
 def sequential(
     system: OpticalSystem, lens: Lens, backend: Backend, rays: int
-) -> tuple[NDArray[np.float64], SequentialFates, dict[str, int]]:
+) -> tuple[Floats, SequentialFates, dict[str, int]]:
     """Trace rays x rays rays and measure them with box pixels.
 
     Returns (irradiance (rows, columns), flux by fate, rays by fate).
@@ -144,3 +145,22 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
             1.1 * target.settings.half_width[1],
         )
     return planes
+
+
+def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[RayPath]]:
+    """Return the paths of two fans of rays from the source's centre in the plane x = 0.
+
+    One has equal steps of the angle, the other of its sine.
+    """
+    source = system.problem.source
+    widest = np.radians(source.half_angle) * WIDEST
+    area, out = TargetArea(system.target.receiver, system.target.settings.half_width), {}
+    for name, sine in (
+        ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
+        ("equal steps of the sine", np.linspace(-1, 1, FAN) * np.sin(widest)),
+    ):
+        origin, direction = np.zeros((2, 3, FAN))
+        origin[2] = -source.distance
+        direction[1], direction[2] = sine, np.sqrt(1 - sine**2)
+        out[name] = trace_paths(backend, lens, Rays(origin, direction, np.ones(FAN)), area)
+    return out

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,31 +14,24 @@ whose error is what no shift explains (a control variate).
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, cos, log1p, pi, sin, sqrt
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
+from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_cells import cell_irradiance
-from optics.light.blur import blur_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from optics.base.runtime import Backend
-    from optics.light.blur import Blur, LandingShifts
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath, SlopeErrors
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from optics.light.blur import Blur, LandingShifts, blur_of
+from optics.light.tracing import SequentialFates
+from optics.scene.paths import LightPath, SlopeErrors
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 REPLICATES = 4  # independent sets of samples: their differences tell the error
 # samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric

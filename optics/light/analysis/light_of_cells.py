@@ -13,30 +13,24 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, log2
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.border_triangles import border_triangles, shared_flux
 from optics.light.measuring import MappedCells, Splat
-from optics.light.tracing import Tracer
-from optics.scene.receivers import BoxWindow
-from optics.scene.sources import corner_flux
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.tracing import Landing, SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import RayGrid, Rays, SourceCells
+from optics.light.tracing import Landing, SequentialFates, Tracer
+from optics.scene.paths import LightPath
+from optics.scene.receivers import BoxWindow, Screen
+from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
+from thbcad.checks import Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 BORDER_CELLS = (
     2000  # across the source; its square times 4 is more than all light beside a rim's four corners
 )
 
-Floats = NDArray[np.float64]
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
 
@@ -123,7 +117,8 @@ def traced_cells(
     for strip in cells.slices(at_once):
         part = tracer.light(strip.rays(), strip.emitted)
         parts.append(part)
-        pieces.append(_pieces(strip, part.cut))
+        i, j = np.nonzero(part.cut)
+        pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))
     rest = np.concatenate(pieces, axis=1)
     splits = ceil(log2(BORDER_CELLS / min(cells.emitted.shape)))
     while rest.size and splits > 0:
@@ -136,12 +131,6 @@ def traced_cells(
     fates = reduce(add, (part.fates for part in parts))
     on_target = min(float(image.sum()) * screen.pixel_area, fates.transmitted)
     return image, replace(fates, on_target=on_target, off_target=fates.transmitted - on_target)
-
-
-def _pieces(strip: SourceCells, cut: NDArray[np.bool_]) -> Floats:
-    """Return s and t of the lower and the upper corner of cells, and their flux: rows of (5, n)."""
-    i, j = np.nonzero(cut)
-    return np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]])
 
 
 def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Light, Floats]:

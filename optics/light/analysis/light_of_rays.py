@@ -9,30 +9,23 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from math import isqrt
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import Splat
-from optics.light.tracing import Tracer
-from optics.scene.receivers import BoxWindow
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import RayGrid, Rays
-    from optics.scene.system import OpticalSystem
+from optics.light.tracing import SequentialFates, Tracer
+from optics.scene.paths import LightPath
+from optics.scene.receivers import BoxWindow, Screen
+from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 REPLICATES = 8
 RAYS_PER_PIXEL = 240  # of all replicates together
 LEAST_PER_PIXEL, MOST_RAYS = 18, 1 << 25  # on large screens: so many per pixel, or so many in all
 RAYS_AT_ONCE = 1 << 19  # more only take more memory
-
-Floats = NDArray[np.float64]
 
 
 def ray_irradiance(

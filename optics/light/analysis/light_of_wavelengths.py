@@ -6,24 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import Tracer
-from optics.scene.paths import Medium
+from optics.light.tracing import SequentialFates, Tracer
+from optics.scene.paths import LightPath, Medium
 from optics.scene.photometry import chromaticity_distance, spectral_lines, white_of
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
 Estimate = Callable[
     ["OpticalSystem", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]
 ]
@@ -89,7 +84,19 @@ def colour_metrics(
     first, last = lines[0].nm, lines[-1].nm
     between = max(BLUE, first), min(RED, last)
     ends = between if between[0] < between[1] else (first, last)  # all of them on one side
-    shift = _shift(system, path, ends, backend) if first < last else 0.0
+    rays, landings = system.source.rays(SHIFT_RAYS), []
+    for nm in ends if first < last else ():
+        glass = Medium(system.index_at(nm), system.absorption)
+        tracer = Tracer(backend, path.in_glass(glass), rays)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace()
+        landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
+    shift = 0.0
+    if landings:
+        blue, red = landings
+        flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)
+        apart = np.where(flux > 0, np.hypot(*(blue[:2] - red[:2])), 0.0)
+        shift = float((flux * apart).sum() / flux.sum()) if flux.any() else 0.0
     distance = fringe(system, colour)
     shown = np.isfinite(distance)
     weight = colour[1][shown]
@@ -110,18 +117,3 @@ def fringe(system: OpticalSystem, colour: Floats) -> Floats:
     white = white_of(spectral_lines(system.problem.source.spectrum))
     distance = chromaticity_distance(colour, white)
     return np.where(colour[1] > DARK * colour[1].mean(), distance, np.nan)
-
-
-def _shift(system: OpticalSystem, path: LightPath, ends: tuple[float, float], backend: Backend) -> float:
-    """Return the mean distance of the rays of two wavelengths on the target."""
-    rays, landings = system.source.rays(SHIFT_RAYS), []
-    for nm in ends:
-        glass = Medium(system.index_at(nm), system.absorption)
-        tracer = Tracer(backend, path.in_glass(glass), rays)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
-        landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
-    blue, red = landings
-    flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)
-    apart = np.where(flux > 0, np.hypot(*(blue[:2] - red[:2])), 0.0)
-    return float((flux * apart).sum() / flux.sum()) if flux.any() else 0.0

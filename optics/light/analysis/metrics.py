@@ -2,20 +2,20 @@
 
 Light of one direction at every point of the source is measured as cells (`light_of_cells`), exact but for
 their size.  That of an extended source is measured as rays (`light_of_rays`).  Spreading light is also
-followed on all other ways through the closed lens (`light_by_other_ways`).
+followed on all non-sequential paths through the closed lens (`nonsequential_light`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isqrt, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
+from optics.base.runtime import Backend
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, nonsequential_light
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
@@ -24,17 +24,13 @@ from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
 from optics.light.blur import spot_rms
-from optics.light.tracing import flux_by_fate
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.analysis.closed_lens_light import OtherWays
-    from optics.light.tracing import SequentialFates
-    from optics.scene.paths import LightPath
-    from optics.scene.problem import Verify
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.tracing import SequentialFates, flux_by_fate
+from optics.scene.paths import LightPath
+from optics.scene.problem import Verify
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
 LEAST_CELLS = 64
@@ -43,8 +39,6 @@ ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what p
 LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
 FLAT = 1e-9  # of the norm: what varies less has no contrast
 DARK = 0.01  # of the greatest irradiance: what counts as dark
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +53,11 @@ class Measurement:
         through front and rear
     """
 
-    irradiance: NDArray[np.float64]
-    target: NDArray[np.float64]
+    irradiance: Floats
+    target: Floats
     metrics: dict[str, Any]
-    sharp: NDArray[np.float64] | None = None
-    colour: NDArray[np.float64] | None = None
+    sharp: Floats | None = None
+    colour: Floats | None = None
 
     def verdict(self, limits: Verify, notes: Sequence[str] = ()) -> Verdict:
         """Return the verdict on the light alone.  limits : of a problem.  notes : sentences beside it."""
@@ -90,15 +84,19 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Light that takes other ways than front and rear is part of it where it is not negligible, and
+    Light by non-sequential paths is part of it where it is not negligible, and
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
     screen, path = system.target.screen(), system.path(lens)
-    estimator = _estimator(system)
+    # by beams of cells for all that blurs it, or by rays
+    estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
-    other = light_by_other_ways(system, lens, screen, backend) if _by_edges(system, fates) else None
+    # light may come by other ways: of a beam, where its front sends enough of it beside the rear
+    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    by_edges = system.by_edges and (not system.source.collimated or beside)
+    other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
@@ -124,7 +122,14 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     key = system.units.key
     metrics[key("fates")] = flux_by_fate(fates)
     if other:
-        metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
+        lit = _lit(direct.irradiance, target, screen)
+        metrics["nonsequential"] = {
+            "by_other_ways": other.share,
+            key("lit"): lit + _lit(other.light.irradiance, target, screen),
+            key("lit_direct"): lit,
+            key("target"): other.fates.onto,
+            key("fates"): flux_by_fate(other.fates),
+        }
     sharp = colour = None
     if estimator == "beams":
         clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
@@ -136,36 +141,6 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
-
-
-def _by_edges(system: OpticalSystem, fates: SequentialFates) -> bool:
-    """Whether light may come by other ways: of a beam, where its front sends enough of it beside the rear."""
-    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
-    return system.by_edges and (not system.source.collimated or beside)
-
-
-def _estimator(system: OpticalSystem) -> str:
-    """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
-    if system.blurred:
-        return "beams"
-    return "rays" if system.source.extended else "cells"
-
-
-def _all_ways(
-    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen, key: Callable[[str], str]
-) -> dict[str, float | dict[str, float]]:
-    """Return the flux on the lit pixels by every way and by front and rear, and that by fate.
-
-    key : see `Units.key`.
-    """
-    lit = _lit(direct.irradiance, target, screen)
-    return {
-        "by_other_ways": other.share,
-        key("lit"): lit + _lit(other.light.irradiance, target, screen),
-        key("lit_direct"): lit,
-        key("target"): other.fates.onto,
-        key("fates"): flux_by_fate(other.fates),
-    }
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
@@ -209,7 +184,7 @@ def _prime_from(least: int) -> int:
     return n
 
 
-def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
+def compare(irradiance: Floats, target: Floats) -> dict[str, Any]:
     """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean.
 
     None stands for a metric that is not defined: psnr_db of equal images, ssim of images narrower than its
@@ -231,7 +206,7 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
     }
 
 
-def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+def rel_l2(irradiance: Floats, target: Floats) -> float:
     """Return ||E - T|| / ||T|| of two images, both scaled to unit mean; 1 of a dark one."""
     if irradiance.sum() <= 0:
         return 1.0
@@ -239,7 +214,7 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
     return float(np.linalg.norm(e - t) / np.linalg.norm(t))
 
 
-def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict[str, float | None]:
+def contrast_error(metrics: dict[str, Any], target: Floats) -> dict[str, float | None]:
     """Return ||E - T|| / ||T - mean T|| of unit means, without noise, and its standard deviation.
 
     Uniform light scores 1 on every picture.  None of a target without contrast.
@@ -282,12 +257,12 @@ def delivered(
     return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
 
 
-def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_mean(image: Floats) -> Floats:
     """Return an image scaled to a mean of one; a dark one as it is."""
     return image / (float(image.mean()) or 1.0)
 
 
-def dark_fraction(target: NDArray[np.float64]) -> float:
+def dark_fraction(target: Floats) -> float:
     """Return the fraction of pixels with at most DARK of the greatest irradiance."""
     return float((target <= DARK * target.max()).mean())
 

@@ -9,23 +9,18 @@ target plane has the Jacobian determinant 1, and light of one radiance keeps it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from thbcad.lens import Lens
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 STEP = 1e-5  # of the extent in every coordinate: central differences
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +28,10 @@ class PhaseSpace:
     """Rays as they cross a plane: points (4, n) of x, y in mm and p, q; flux (n,) in W, zero for rays that do
     not."""
 
-    points: Array
-    flux: Array
+    points: Floats
+    flux: Floats
 
-    def radiance(self, bins: tuple[int, int, int, int], extent: tuple[float, float, float, float]) -> Array:
+    def radiance(self, bins: tuple[int, int, int, int], extent: tuple[float, float, float, float]) -> Floats:
         """Return the basic radiance on a grid of bins, W / mm^2 (per unit of p and q): a phase-space
         detector.
 
@@ -47,21 +42,22 @@ class PhaseSpace:
         return flux / np.prod([2 * e / n for e, n in zip(extent, bins)])
 
 
-def source_points(rays: Rays) -> Array:
+def source_points(rays: Rays) -> Floats:
     """Return the points (x, y, p, q) of rays that start in air on a plane across z, (4, n)."""
     return np.concatenate([rays.origin[:2], rays.direction[:2]])
 
 
 def at_target(
-    backend: Backend, lens: Lens, points: Array, source_z: float, target_z: float, flux: float | Array = 1.0
+    backend: Backend, lens: Lens, points: Floats, source_z: float, target_z: float, flux: float | Floats = 1.0
 ) -> PhaseSpace:
     """Trace rays through a lens, in sequence, and return them in the plane z = target_z.
 
     points : (4, n) in the plane z = source_z.  flux : W of each ray.
     """
-    tracer = Tracer(
-        backend, LightPath.through(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux)
-    )
+    x, y, p, q = points
+    origin, direction = np.stack([x, y, np.full_like(x, source_z)]), [p, q, np.sqrt(1 - p * p - q * q)]
+    rays = Rays(origin, np.stack(direction), np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape))
+    tracer = Tracer(backend, LightPath.through(lens, receiver_at(target_z), 0.0), rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
@@ -73,11 +69,11 @@ def at_target(
 def jacobian_determinants(
     backend: Backend,
     lens: Lens,
-    points: Array,
+    points: Floats,
     extent: tuple[float, float, float, float],
     source_z: float,
     target_z: float,
-) -> Array:
+) -> Floats:
     """Return the determinants of d(x, y, p, q)_target / d(x, y, p, q)_source at points (4, n), by central
     differences.
 
@@ -96,9 +92,3 @@ def jacobian_determinants(
     found = np.full(count, np.nan)
     found[arrive] = np.linalg.det(np.moveaxis(jacobian, -1, 0)[arrive])
     return found
-
-
-def _rays(points: Array, z: float, flux: float | Array) -> Rays:
-    x, y, p, q = points
-    each = np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape)
-    return Rays(np.stack([x, y, np.full_like(x, z)]), np.stack([p, q, np.sqrt(1 - p * p - q * q)]), each)

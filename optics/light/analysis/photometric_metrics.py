@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from optics.scene.photometry import BEAM, FIELD, edge_width, plane_curves, uniformity
-from optics.scene.receivers import FarField, Plane
-
-if TYPE_CHECKING:
-    from optics.scene.photometry import Density, Units
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
+from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
+from optics.scene.receivers import FarField, Plane, Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
-
-Floats = NDArray[np.float64]
+RATIOS = "min_over_mean", "min_over_max", "rsd"  # of a Uniformity, with their errors
+JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
 
 
 def photometric_metrics(
@@ -55,14 +49,7 @@ def uniformity_metrics(
     half_lit = target.light >= target.light.max() / 2
     whole = irradiance[target.lit_pixels]
     return {
-        "min_over_mean": found.min_over_mean,
-        "min_over_mean_error": found.min_over_mean_error,
-        "min_over_max": found.min_over_max,
-        "min_over_max_error": found.min_over_max_error,
-        "rsd": found.rsd,
-        "rsd_error": found.rsd_error,
-        "noise": found.noise,
-        "reason": found.reason,
+        **{key: getattr(found, key) for key in JUDGED},
         f"lit_mean_{density.suffix}": density.factor * float(whole.mean()) if whole.size else 0.0,
         "grid": found.grid,
         f"box_{unit}": list(found.box),

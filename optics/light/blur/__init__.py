@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     )
     from optics.light.blur.spot_matrices import (
         LandingShifts as LandingShifts,
-        landing_shifts as landing_shifts,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -16,24 +16,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 from scipy.special import j0
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.light.blur.spot_matrices import LandingShifts, landing_shifts
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import Divergence
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from optics.scene.paths import LightPath
+from optics.scene.receivers import Screen
+from optics.scene.sources import Divergence
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 SIGMAS = 3.0  # of Gaussian errors, that a spot reaches: a hundredth of its light lies beyond
 QUANTILES = 256  # of the flux over the angles: 1e-5 of the transfer function of a spot some pixels wide

@@ -18,20 +18,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.light.blur.convolution import blur_of
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.blur.convolution import Blur
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from optics.base.runtime import Backend
+from optics.light.blur.convolution import Blur, blur_of
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 PEAK = 3.0  # of the brightest pixel: without a limit a few pixels would be 25 times as bright as the mean
 LOST = 0.01  # costs 1 % of rel_l2 and brings 5 % of the flux to the target that would miss it

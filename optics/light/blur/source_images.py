@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.blur.convolution import blur_of
 from optics.light.tracing import Tracer
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 PATCHES = 16  # in each direction, over the rear
 RAYS = (2048, 512)
 EVEN_WIDTH = sqrt(12)  # of an even spot, in its standard deviation
 FEWER_RAYS = (512, 512)  # for the mean over all patches
 LEAST_RAYS = 100  # per patch, for its image to be measured
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +31,8 @@ class PatchImages:
         the side of a uniform rectangle; NaN where too few rays pass
     """
 
-    flux: Array
-    width: Array
+    flux: Floats
+    width: Floats
 
     def smallest(self, fraction: float) -> float:
         """Return the area of an image that this fraction of the light has at most, mm^2 or square degrees."""
@@ -107,12 +103,12 @@ def patch_images(
 
 
 def _residual_squares(
-    patch: NDArray[np.int64], within: list[Array], arrival: list[Array], flux: Array
-) -> Array:
+    patch: NDArray[np.int64], within: list[Floats], arrival: list[Floats], flux: Floats
+) -> Floats:
     """Return the mean squares that a quadratic fit in every patch leaves, (2, patches)."""
     count = PATCHES**2
 
-    def summed(values: Array) -> Array:
+    def summed(values: Floats) -> Floats:
         return np.asarray(np.bincount(patch, values, count), dtype=np.float64)
 
     a, b = within

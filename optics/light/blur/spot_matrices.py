@@ -16,25 +16,18 @@ index would mix in the curvature of the rear, which varies wildly where X does n
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.refraction import refracted
 from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
 from optics.scene.sources import corner_flux
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 
 CELLS = 64  # of the source in each direction: the way to the target varies slowly
 STEP = 1e-4  # radians, and slopes, of central differences: both their errors are about 1e-8
@@ -75,7 +68,20 @@ def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> 
 
     def at_rear(turn: Sequence[float] = (0.0, 0.0), front: Sequence[float] = (0.0, 0.0)) -> _Rear:
         erring = path.with_slope_errors((np.reshape(front, (2, 1)) if any(front) else None, None))
-        return _at_rear(erring, backend, _turned(rays, turn), (len(cells.s), len(cells.t)))
+        x, y, _ = rays.direction
+        x, y = x + turn[0], y + turn[1]
+        turned = replace(rays, direction=np.stack([x, y, np.sqrt(1 - x * x - y * y)]))
+        tracer = Tracer(backend, erring, turned)
+        with backend.dr.suspend_grad():
+            hits, direction, flux = tracer.at(1)
+        every = backend.dr.zeros(backend.Float, turned.flux.size)
+
+        def grid(*values: object) -> Floats:
+            rows = [np.asarray((v + every).numpy(), np.float64) for v in values]
+            return np.stack(rows).reshape(len(rows), len(cells.s), len(cells.t))
+
+        slopes, inside = grid(hits.zx, hits.zy), grid(*direction[:2])
+        return _Rear(grid(hits.x, hits.y), grid(hits.z)[0], slopes, inside, grid(flux)[0])
 
     here = at_rear()
     inside_by_beam = _by_change(here, lambda d: at_rear(turn=d))
@@ -100,31 +106,6 @@ def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> 
     )
 
 
-def _turned(rays: Rays, turn: Sequence[float]) -> Rays:
-    """Return rays with other directions from the same origins.  turn : added to the cosines along x and y."""
-    x, y, _ = rays.direction
-    x, y = x + turn[0], y + turn[1]
-    return replace(rays, direction=np.stack([x, y, np.sqrt(1 - x * x - y * y)]))
-
-
-def _at_rear(path: LightPath, backend: Backend, rays: Rays, shape: tuple[int, int]) -> _Rear:
-    tracer = Tracer(backend, path, rays)
-    with backend.dr.suspend_grad():
-        hits, direction, flux = tracer.at(1)
-    every = backend.dr.zeros(backend.Float, rays.flux.size)
-
-    def grid(*values: object) -> Floats:
-        return np.stack([np.asarray((v + every).numpy(), np.float64).reshape(shape) for v in values])
-
-    return _Rear(
-        grid(hits.x, hits.y),
-        grid(hits.z)[0],
-        grid(hits.zx, hits.zy),
-        grid(*direction[:2]),
-        grid(flux)[0],
-    )
-
-
 def _by_change(here: _Rear, changed: Callable[[Sequence[float]], _Rear]) -> Floats:
     """Return the derivative of the direction inside by two components at fixed u, (2, 2, n, m)."""
     u_k, a_k = (np.stack([np.gradient(v, axis=k) for k in (1, 2)], axis=1) for v in (here.u, here.a))
@@ -134,15 +115,11 @@ def _by_change(here: _Rear, changed: Callable[[Sequence[float]], _Rear]) -> Floa
         lost = (after.flux == 0) | (before.flux == 0)
         u_d, a_d = ((x - y) / (2 * STEP) for x, y in ((after.u, before.u), (after.a, before.a)))
         with np.errstate(divide="ignore", invalid="ignore"):  # where no light is
-            back = np.einsum("ij...,j...->i...", _inverse(u_k), u_d)
+            (a, b), (c, d) = u_k
+            inverse = np.stack([np.stack([d, -b]), np.stack([-c, a])]) / (a * d - b * c)
+            back = np.einsum("ij...,j...->i...", inverse, u_d)
             columns.append(np.where(lost, np.nan, a_d - np.einsum("ij...,j...->i...", a_k, back)))
     return np.stack(columns, axis=1)
-
-
-def _inverse(matrix: Floats) -> Floats:
-    """Return the inverses of matrices (2, 2, n, m)."""
-    (a, b), (c, d) = matrix
-    return np.stack([np.stack([d, -b]), np.stack([-c, a])]) / (a * d - b * c)
 
 
 def _differences(landing: Callable[[Floats], Floats]) -> Floats:

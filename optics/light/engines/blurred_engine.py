@@ -7,24 +7,19 @@ little more.  The convolution is symmetric, so that its adjoint is the same.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from optics.light.blur import Blur, Convolution
-    from optics.light.engines.light_model import Engine, Film, Light, LightModel
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
-
-Floats = NDArray[np.float64]
+from optics.light.blur import Blur, Convolution
+from optics.light.engines.light_model import Engine, Film, Light, LightModel
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
 FINEST = 4  # parts of a pixel in each direction: more cost memory, and no design became better by them
 

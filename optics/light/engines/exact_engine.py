@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from optics.base.runtime import Backend
+from optics.light.engines.light_model import Film
 from optics.light.engines.traced_model import TracedModel
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
-from optics.scene.sources import Rays, mirror_half
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.engines.light_model import Film
-    from optics.scene.receivers import Window
-    from optics.scene.sources import RayGrid
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.receivers import Window
+from optics.scene.sources import RayGrid, Rays, mirror_half
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 

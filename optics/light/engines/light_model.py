@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen, Window
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
-
-Floats = NDArray[np.float64]
+from optics.scene.receivers import Screen, Window
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.measuring import MappedCells, Splat
-from optics.scene.receivers import filter_image
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.tracing import Landing, RayTracer
-    from optics.scene.receivers import Screen, Window
-    from thbcad.splines import KnotVector
-
-Floats = NDArray[np.float64]
+from optics.light.tracing import Landing, RayTracer
+from optics.scene.receivers import Screen, Window, filter_image
+from thbcad.checks import Floats
+from thbcad.splines import KnotVector
 
 
 class TracedModel:

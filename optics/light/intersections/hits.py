@@ -15,21 +15,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.intersections.ray_roots import conic_jet
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-    from optics.base.runtime import Backend, DrArray
-    from optics.scene.paths import HeightError
-    from optics.scene.sources import RayGrid, Rays
-    from thbcad.sags import Conic
-    from thbcad.splines import KnotVector
+from optics.scene.paths import HeightError
+from optics.scene.sources import RayGrid, Rays
+from thbcad.checks import Floats
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
 Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
 
@@ -54,7 +51,7 @@ class DeviceRays:
         return x, y, z
 
 
-def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
+def device_flux(backend: Backend, flux: Floats) -> DrArray:
     """Return the flux of rays on the device; one number where all rays carry the same."""
     if (flux == flux.flat[0]).all():
         return backend.dr.opaque(backend.Float, float(flux.flat[0]))
@@ -88,7 +85,7 @@ class Hits:
     at: tuple[DrArray, DrArray]
     dr: ModuleType
 
-    def taken_gradients(self) -> list[NDArray[np.float64]]:
+    def taken_gradients(self) -> list[Floats]:
         """Return the derivatives by the leaves (z, zx, zy), each (n,) float, which then carry none."""
         gradients = [leaf.grad for leaf in self.leaves]
         self.dr.eval(gradients)  # together: one kernel
@@ -156,13 +153,16 @@ class KnownHits:
         self.shape = len(beam.x), len(beam.y)
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
-        self._basis = _device_basis(backend, knots[0], self._points[0])
+        # along x: the number of the first function that is not zero, value and slope of each from there on
+        (first, values), (_, slopes) = (knots[0].basis(self._points[0], order) for order in (0, 1))
+        pairs = [(backend.array(value), backend.array(slope)) for value, slope in zip(values.T, slopes.T)]
+        self._basis = backend.Index(first.astype(np.uint32)), pairs
         self._length = dr.opaque(backend.Index, self.shape[1])
         self.x, self.y = (self._on_rays(row, axis) for axis, row in enumerate(self._points))
         self._hit = self._inside((beam.x, beam.y))
         self._base = conic_jet(backend, conic, self.x, self.y)[:3]
 
-    def meet(self, net: NDArray[np.float64]) -> Hits:
+    def meet(self, net: Floats) -> Hits:
         """Return the Hits of the beam with a sag net."""
         dr, leaves = self._backend.dr, self._jet(net)
         dr.enable_grad(*leaves)
@@ -180,11 +180,11 @@ class KnownHits:
             dr=dr,
         )
 
-    def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+    def jet(self, hits: Hits, net: Floats) -> tuple[DrArray, ...]:
         """Return z, zx, zy of a sag net alone at the meeting points."""
         return self._jet(net)
 
-    def _jet(self, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+    def _jet(self, net: Floats) -> tuple[DrArray, ...]:
         """Return z, zx, zy of a net.
 
         y first, by matrices, since the net is much smaller than the grid; then x, at every ray on the device.
@@ -207,13 +207,13 @@ class KnownHits:
         ray = self._backend.dr.arange(self._backend.Index, self.shape[0] * self.shape[1])
         return ray, ray // self._length
 
-    def _on_rays(self, row: NDArray[np.float64], axis: int) -> DrArray:
+    def _on_rays(self, row: Floats, axis: int) -> DrArray:
         """Return numbers along x (0) or y (1) of every ray; they are looked up again in every kernel."""
         ray, line = self._rays()
         index = line if axis == 0 else ray - line * self._length
         return self._backend.dr.gather(self._backend.Float, self._backend.array(row), index)
 
-    def _inside(self, beam: Sequence[NDArray[np.float64]]) -> DrArray:
+    def _inside(self, beam: Sequence[Floats]) -> DrArray:
         """Return which rays meet the surface, and not its rim."""
         dr = self._backend.dr
         inside = [np.equal(row, at) for row, at in zip(self._points, beam)]
@@ -222,7 +222,7 @@ class KnownHits:
         x, y = (self._on_rays(row.astype(float), axis) for axis, row in enumerate(inside))
         return (x > 0) & (y > 0)
 
-    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> Floats:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         matrices = self._matrices
         if knots is not None:
@@ -233,17 +233,5 @@ class KnownHits:
         return (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
 
 
-def _device_basis(
-    backend: Backend, kv: KnotVector, points: NDArray[np.float64]
-) -> tuple[DrArray, list[tuple[DrArray, DrArray]]]:
-    """Return at points the number of the first function that is not zero, and value and slope of each from
-    there on."""
-    first, values = kv.basis(points)
-    _, slopes = kv.basis(points, 1)
-    return backend.Index(first.astype(np.uint32)), [
-        (backend.array(value), backend.array(slope)) for value, slope in zip(values.T, slopes.T)
-    ]
-
-
-def _value_and_slope(kv: KnotVector, points: NDArray[np.float64]) -> tuple[csr_array, csr_array]:
+def _value_and_slope(kv: KnotVector, points: Floats) -> tuple[csr_array, csr_array]:
     return kv.collocation(points), kv.collocation(points, 1)

@@ -17,17 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from thbcad.sags import Conic
-    from thbcad.splines import KnotVector
+from optics.base.runtime import Backend, DrArray
+from thbcad.checks import Floats
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
-Floats = NDArray[np.float64]
 Bounds: TypeAlias = "tuple[DrArray, DrArray, DrArray, DrArray]"  # a, b, a step that height allows, X
 
 FINEST = 64  # boxes in each direction

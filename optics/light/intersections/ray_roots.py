@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from thbcad.sags import Conic
+from optics.base.runtime import Backend, DrArray
+from thbcad.sags import Conic
 
-    AlongRay = Callable[[DrArray], tuple[DrArray, DrArray, DrArray]]  # t -> f, f', anything
-    State = tuple[DrArray, ...]
+AlongRay = Callable[[DrArray], tuple[DrArray, DrArray, DrArray]]  # t -> f, f', anything
+State = tuple[DrArray, ...]
 
 SPLITS = 4  # of one interval, to see whether a hump within it reaches zero
 STEPS = 80  # of Newton's method or bisection: 53 bisections exhaust a float64

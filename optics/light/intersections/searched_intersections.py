@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.intersections.hits import Hits, Vector
-from optics.light.intersections.proven_steps import box_bounds, first_fall, rounding_errors
+from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_distance, conic_jet
 from optics.light.intersections.spline_table import PolynomialTable, steepest_along
+from thbcad.checks import Floats
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections.proven_steps import Bounds, Fall
-    from thbcad.sags import Conic
-    from thbcad.splines import KnotVector
-
-    Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
+Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
 
 ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
 
@@ -33,7 +29,7 @@ class _Shape:
     jet: Surface
     top: float
     steepest: float
-    net: NDArray[np.float64] | None
+    net: Floats | None
     power: DrArray
 
 
@@ -71,12 +67,18 @@ class SearchedHits:
         self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
-    def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
+    def meet(self, origin: Vector, direction: Vector, net: Floats | None = None) -> Hits:
         """Return the Hits of rays.
 
         origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
         """
-        dr, shape = self._backend.dr, self._shape(net)
+        top, steepest, power = self._top, self._slope, None
+        if self._table is not None and net is not None:
+            power = self._table.power(net)
+            top += max(0.0, float(net.max()))
+            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
+            steepest += float(np.hypot(along_x, along_y))
+        dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, net, power)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
             t, first, last, decided = self._search(shape, o, d)
@@ -97,28 +99,19 @@ class SearchedHits:
         dr.enable_grad(*leaves)
         return self._attached(origin, direction, t, (x, y), jet, speed, decided, hit, leaves)
 
-    def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+    def jet(self, hits: Hits, net: Floats) -> tuple[DrArray, ...]:
         """Return z, zx, zy of a sag net alone at the meeting points."""
         if self._table is None:
             raise ValueError("a surface without a sag has no net")
         with self._backend.dr.suspend_grad():
             return tuple(self._table(self._table.power(net), *hits.at)[:3])
 
-    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> Floats:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         if table is None:
             raise ValueError("a surface without a sag has no coefficients")
         return table.pull_back(*hits.at, hits.taken_gradients())
-
-    def _shape(self, net: NDArray[np.float64] | None) -> _Shape:
-        top, steepest, power = self._top, self._slope, None
-        if self._table is not None and net is not None:
-            power = self._table.power(net)
-            top += max(0.0, float(net.max()))
-            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
-            steepest += float(np.hypot(along_x, along_y))
-        return _Shape(partial(self._surface, power), top, steepest, net, power)
 
     def _search(
         self, shape: _Shape, o: list[DrArray], d: list[DrArray]

@@ -9,22 +9,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from math import factorial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from optics.base.runtime import PACKED, OrderFreeSums
-from optics.light.intersections.proven_steps import Fall, box_bounds, first_fall, rounding_errors
+from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
+from optics.light.intersections.hits import DeviceRays, Vector
+from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_jet
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections.hits import DeviceRays, Vector
-    from optics.light.intersections.proven_steps import Bounds
-    from thbcad.lens import FreeformSurface
 
 MOST_BINS = 1 << 16
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
@@ -33,7 +28,7 @@ ROUNDING = 1e-9  # of a bin: breaks that lie so close to its ends are taken for 
 
 
 # knots, net and power coefficients of the last splines: of a front and a rear, traced again and again
-_RECENT: deque[tuple[Sequence[KnotVector], NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=2)
+_RECENT: deque[tuple[Sequence[KnotVector], Floats, Floats]] = deque(maxlen=2)
 
 
 class PolynomialTable:
@@ -51,7 +46,7 @@ class PolynomialTable:
         self._steepest = [2 * kv.degree / np.diff(kv.breaks).min() for kv in knots]
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
 
-    def power(self, net: NDArray[np.float64]) -> DrArray:
+    def power(self, net: Floats) -> DrArray:
         """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
         for knots, known, table in tuple(_RECENT):  # other threads may add to it
             if np.array_equal(known, net) and all(map(_same, knots, self._knots)):
@@ -96,9 +91,7 @@ class PolynomialTable:
             ]
         return z[0], z[1] * rx, z[2] * ry, 2 * z[3] * (rx * rx), z[4] * (rx * ry), z[5] * (ry * ry)
 
-    def pull_back(
-        self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
+    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[Floats]) -> Floats:
         """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
         dr, Float = self._backend.dr, self._backend.Float
         gz, gx, gy = (self._backend.array(g) for g in gradients)
@@ -145,7 +138,7 @@ class Cells:
     breaks : (n + 1,) float, increasing.
     """
 
-    def __init__(self, backend: Backend, breaks: NDArray[np.float64]) -> None:
+    def __init__(self, backend: Backend, breaks: Floats) -> None:
         dr, self._backend, self._count = backend.dr, backend, len(breaks) - 1
         reach = breaks[-1] - breaks[0]
         bins = int(min(round(reach / np.diff(breaks).min()), MOST_BINS))
@@ -204,7 +197,7 @@ def _power_map(kv: KnotVector) -> csr_array:
     return csr_array(entries, shape=(len(middle) * (p + 1), kv.dim))
 
 
-def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
+def steepest_along(kv: KnotVector, net: Floats) -> float:
     """Return a bound of a spline's derivative along the first direction.
 
     It is the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|.
@@ -240,7 +233,7 @@ class PlacedSurface:
         self.cell = min(x, self.cell[0]), min(y, self.cell[1])
         self._prove(knots, sag.coefficients, self._table.moduli(self._power))
 
-    def _prove(self, knots: Sequence[KnotVector], net: NDArray[np.float64], moduli: float) -> None:
+    def _prove(self, knots: Sequence[KnotVector], net: Floats, moduli: float) -> None:
         backend, conic, half = self.backend, self._conic, self.half_width
         slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1)))
         along_x, along_y = (steepest_along(kv, n) for kv, n in zip(knots, (net, net.T)))

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 from optics.light.measuring.cell_grid import CellGrid, Corners
 from optics.light.measuring.pixel_lines import PixelLines
 from optics.light.measuring.pixel_walk import Edges, Numbers, Pieces, walk
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray, OrderFreeSums
 
 Point: TypeAlias = "tuple[DrArray, DrArray]"
 

@@ -28,20 +28,17 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
-from typing import TYPE_CHECKING
+from functools import cache, reduce
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 from optics.light.measuring.cell_grid import CellGrid, Corners
-from optics.light.measuring.cell_operation import cell_operation
 from optics.light.measuring.cut_cells import TRIANGLES, CutCells, signed_area
 from optics.light.measuring.pixel_lines import PixelLines
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray, OrderFreeSums
-    from optics.scene.receivers import Screen
+from optics.scene.receivers import Screen
+from thbcad.checks import Floats
 
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 
@@ -69,8 +66,8 @@ class MappedCells:
         self,
         backend: Backend,
         screen: Screen,
-        emitted: NDArray[np.float64],
-        corners: NDArray[np.float64],
+        emitted: Floats,
+        corners: Floats,
     ) -> None:
         self._backend, self._screen, self._double = backend, screen, backend.doubled()
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
@@ -212,3 +209,26 @@ def _triangles_in(whole: DrArray, like: DrArray) -> DrArray:
     like : an array of the type of the result.
     """
     return type(like)((whole & 1) + ((whole >> 1) & 1))
+
+
+@cache
+def cell_operation(base: type[Any]) -> type[Any]:
+    """Return the operation (MappedCells, a, b, flux, sound) -> image.  base : dr.CustomOp."""
+
+    class Mapped(base):
+        def eval(self, cells: Any, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> DrArray:
+            self.cells, self.Float = cells, type(a)
+            self.corners = cells.corners(a, b, flux, sound)
+            image, self.places = cells.image(self.corners)
+            return self.Float(image)
+
+        def backward(self) -> None:
+            slopes = self.cells.adjoint(self.corners, self.places, self.grad_out())
+            for name, slope in zip(("a", "b", "flux"), slopes):
+                self.set_grad_in(name, self.Float(slope))
+
+        def forward(self) -> None:
+            changes = self.cells.directions(self.corners, *map(self.grad_in, ("a", "b", "flux")))
+            self.set_grad_out(self.Float(self.cells.tangent(self.corners, self.places, *changes)))
+
+    return Mapped

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from optics.base.runtime import OrderFreeSums
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 from optics.light.measuring.pixel_walk import Edges, Pieces
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
 
 ROUNDING = 2.0**-48  # of all steps of a line: 16 roundings
 QUANTA = 2.0**10  # as many as a million summands of a line leave at most, each rounded by half of one

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
+from optics.base.runtime import DrArray
 
 Numbers: TypeAlias = "tuple[DrArray, ...]"
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import Any
 
-from optics.base.runtime import PACKED
-from optics.light.measuring.scatter_operation import scatter_operation
+from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
 from optics.scene.receivers import Screen, Window
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
 
 WEIGHT = 2.0  # more than the weights of a ray sum up to: 1, of a Gaussian window of 0.3 pixels 1.8
 
@@ -84,3 +81,50 @@ class Splat:
             before = [*[0.0] * bit, *row]
             row = [self.backend.dr.select(moved, before[j], row[j]) for j in range(count)]
         return row
+
+
+@cache
+def scatter_operation(base: type[Any]) -> type[Any]:
+    """Return the operation (backend, size, packets, numbers, active, most) -> sums.
+
+    size : how many sums.  packets : of summands that are added side by side.
+    numbers : which of the packets of sums they are added to.  active : which rays add any.
+    most : as of `OrderFreeSums`; None for the sum of the moduli of all summands.  base : dr.CustomOp.
+    """
+
+    class Scattered(base):
+        def eval(
+            self,
+            backend: Backend,
+            size: int,
+            packets: list[DrArray],
+            numbers: list[DrArray],
+            active: DrArray,
+            most: float | None,
+        ) -> DrArray:
+            self.backend, self.size, self.numbers, self.active = backend, size, numbers, active
+            self.Packet = type(packets[0])
+            return self.summed(packets, self.moduli(packets) if most is None else most)
+
+        def backward(self) -> None:
+            gather, slopes = self.backend.dr.gather, self.grad_out()
+            packets = [gather(self.Packet, slopes, number, self.active) for number in self.numbers]
+            self.set_grad_in("packets", packets)
+
+        def forward(self) -> None:
+            changes = self.grad_in("packets")
+            self.set_grad_out(self.summed(changes, self.moduli(changes)))
+
+        def moduli(self, packets: list[DrArray]) -> float:
+            """Return the sum of the moduli of all summands."""
+            dr = self.backend.dr
+            of_ray = sum(dr.abs(number) for packet in packets for number in packet)
+            return float(dr.sum(dr.select(self.active, of_ray, 0)).numpy()[0])
+
+        def summed(self, packets: list[DrArray], most: float) -> DrArray:
+            sums = OrderFreeSums(self.backend, self.size, most)
+            for packet, number in zip(packets, self.numbers):
+                sums.add(tuple(packet), number, self.active)
+            return sums.values()
+
+    return Scattered

@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isqrt, pi, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +27,13 @@ from scipy.ndimage import convolve
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.light.tracing import Tracer
 from optics.scene.receivers import receiver_at
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.sources import SourceCells
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
+from optics.scene.sources import SourceCells
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
 CELLS = 512  # of sharp light in each direction; their square is the number of rays of other light

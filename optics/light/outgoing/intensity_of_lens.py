@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.light.analysis import ROULETTE, plane_behind
 from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 REPLICATES = 8  # independent ones, whose spread is the noise
 RAYS_AT_ONCE = 1 << 17  # only memory: every ray has some branches

@@ -10,22 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.light.analysis import rel_l2
-from optics.scene.luminaires import IntensityGrid, Opening, directions_at
+from optics.scene.luminaires import IntensityGrid, Luminaire, Opening, directions_at
 from optics.scene.photometry import uniformity
 from optics.scene.receivers import Receiver, receiver_at
-
-if TYPE_CHECKING:
-    from optics.scene.luminaires import Luminaire
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 POINTS = 4  # of a pixel each way, and of a step at least
 FINE = 0.25  # degrees: between points of gamma at most; pixels are no finer as a rule
@@ -72,11 +66,6 @@ class StepsOnTarget:
         c, gamma = (a.ravel() for a in np.meshgrid(360 * middles, 180 * middles[: points // 2]))
         direction = directions_at(c, gamma)
         solid = np.sin(np.radians(gamma)) * 2 * (np.pi / points) ** 2
-        flux = self._intensity(direction) * solid
-        return self._beside(self._relit(grid.luminaire(grid.flux(direction, flux), Opening())))
-
-    def _intensity(self, direction: Floats) -> Floats:
-        """Return the intensity of the light of the lens in forward directions (3, n), 0 beside the target."""
         screen = self.system.target.screen()
         landed = self._receiver.land((0.0, 0.0, 0.0), direction)
         x, y, forward = landed.u, landed.v, direction[2]
@@ -90,7 +79,8 @@ class StepsOnTarget:
         intensity[on] = (
             np.maximum(self.light[row[on].astype(int), column[on].astype(int)], 0.0) / dilution[on]
         )
-        return intensity
+        flux = grid.flux(direction, intensity * solid)
+        return self._beside(self._relit(grid.luminaire(flux, Opening())))
 
     def _beside(self, light: Floats) -> OnTarget:
         region, grid = self.system.target.even_region, self.system.problem.verify.grid
@@ -101,8 +91,9 @@ class StepsOnTarget:
 
     def _relit(self, luminaire: Luminaire) -> Floats:
         """Return the mean light on every pixel."""
-        direction, dilution = self._points
-        return _pixel_means(luminaire.intensity(direction) * dilution, self.light.shape)
+        (direction, dilution), (rows, columns) = self._points, self.light.shape
+        values = luminaire.intensity(direction) * dilution
+        return np.asarray(values.reshape(rows, POINTS, columns, POINTS).mean(axis=(1, 3)))
 
     @cached_property
     def _points(self) -> tuple[Floats, Floats]:
@@ -123,9 +114,3 @@ class StepsOnTarget:
     def _distance(self) -> float:
         """From the middle of the rear to the plane of the target, mm."""
         return self.system.target.z - self.lens.thickness
-
-
-def _pixel_means(values: Floats, shape: tuple[int, ...]) -> Floats:
-    rows, columns = shape
-    means: Floats = values.reshape(rows, POINTS, columns, POINTS).mean(axis=(1, 3))
-    return means

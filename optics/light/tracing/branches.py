@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.light.intersections import DeviceRays
+from optics.base.runtime import Backend, DrArray
+from optics.light.intersections import DeviceRays, Vector
 from optics.light.tracing.lens_faces import lens_faces
 from optics.light.tracing.refraction import refract
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections import Vector
-    from optics.scene.sources import Rays
-    from thbcad.lens import Lens
+from optics.scene.sources import Rays
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 # what a branch in air met last: nothing, a face that it did not pass, the face it left by
 NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)
@@ -32,9 +29,9 @@ class Branches:
     left : what the branch met last while in air.  stage : on the direct path.
     """
 
-    origin: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    flux: NDArray[np.float64]
+    origin: Floats
+    direction: Floats
+    flux: Floats
     ray: NDArray[np.int64]
     inside: NDArray[np.bool_]
     left: NDArray[np.int8]
@@ -62,7 +59,7 @@ class Branches:
             *(np.concatenate([getattr(b, f.name) for b in (self, other)], axis=-1) for f in fields(self))
         )
 
-    def survivors(self, least: NDArray[np.float64], roulette: np.random.Generator) -> Branches:
+    def survivors(self, least: Floats, roulette: np.random.Generator) -> Branches:
         """Return the branches that Russian roulette leaves, none with less flux than `least`, (m,) W.
 
         A branch of flux F < least survives with the probability F / least and then carries `least`.
@@ -79,10 +76,10 @@ class Meetings:
     """
 
     face: NDArray[np.int8]
-    point: NDArray[np.float64]
-    refracted: NDArray[np.float64]
-    reflected: NDArray[np.float64]
-    transmittance: NDArray[np.float64]
+    point: Floats
+    refracted: Floats
+    reflected: Floats
+    transmittance: Floats
 
 
 class ClosedLens:
@@ -140,7 +137,7 @@ class ClosedLens:
         return x, y, z
 
 
-def _rows(vector: Vector) -> NDArray[np.float64]:
+def _rows(vector: Vector) -> Floats:
     """Return a vector on the device as an array, (3, m)."""
     return np.array([a.numpy() for a in vector])
 

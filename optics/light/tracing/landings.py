@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import and_
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
-    from optics.light.tracing.traced_surface import Passage
-    from thbcad.splines import KnotVector
+from optics.base.runtime import DrArray
+from optics.light.tracing.traced_surface import Passage
+from thbcad.checks import Floats
+from thbcad.splines import KnotVector
 
 
 @dataclass(eq=False)
@@ -52,22 +49,22 @@ class LandingPoints:
     flux : (n,) in W, 0 for these.
     """
 
-    points: NDArray[np.float64]
-    flux: NDArray[np.float64]
+    points: Floats
+    flux: Floats
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Floats:
         return self.points[:, 0]
 
     @property
-    def y(self) -> NDArray[np.float64]:
+    def y(self) -> Floats:
         return self.points[:, 1]
 
 
 class RayTracer(Protocol):
     """Rays of one source through a lens whose sags may change, differentiably: what an objective needs."""
 
-    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Any], Landing]:
+    def trace(self, coefficients: Sequence[Floats]) -> tuple[list[Any], Landing]:
         """Return (what `pull_back` needs of every sag, Landing).
 
         coefficients : of the sags, (dim,) each, front first.
@@ -76,14 +73,12 @@ class RayTracer(Protocol):
 
     def pull_back(
         self, traced: Sequence[Any], /, knots: Sequence[Sequence[KnotVector]] | None = None
-    ) -> list[NDArray[np.float64]]:
+    ) -> list[Floats]:
         """Return the derivative by each sag's coefficients, or by a net over other knots, after
         `dr.backward`."""
         ...
 
-    def set_directions(
-        self, traced: Sequence[Any], directions: Sequence[NDArray[np.float64]], /
-    ) -> list[DrArray]:
+    def set_directions(self, traced: Sequence[Any], directions: Sequence[Floats], /) -> list[DrArray]:
         """Set the derivatives of what was traced to those along a direction in the coefficients.
 
         Returned are the arrays from which they go forward.

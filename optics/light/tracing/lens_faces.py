@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface, first_crossing, last_root
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from thbcad.lens import Lens
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # Z, dZ/dx, dZ/dy, or a vector
 
@@ -53,7 +51,7 @@ class GraphFace:
     backend: Backend
     height: Callable[[DrArray, DrArray], Jet]
     outward: float
-    domain: NDArray[np.float64]
+    domain: Floats
     cell: tuple[float, float]
     size: float
     surface: PlacedSurface | None = None
@@ -257,7 +255,7 @@ def _edge_face(edge: _Edge, size: float) -> GraphFace:
     )
 
 
-def _domain(plan: list[list[float]], low: float, high: float, size: float) -> NDArray[np.float64]:
+def _domain(plan: list[list[float]], low: float, high: float, size: float) -> Floats:
     """Return unit rows that bound the plan, widened by RIM, and z, with room to spare."""
     room = 1e-6 * size
     rows = np.array([*plan, [0, 0, 1, room - low], [0, 0, -1, high + room]], dtype=float)

@@ -8,11 +8,11 @@ threshold or have met too many faces.  Every part of the source flux ends in one
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
     FRONT,
     LEFT,
@@ -21,18 +21,14 @@ from optics.light.tracing.branches import (
     UNDECIDED,
     Branches,
     ClosedLens,
-    Meetings,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
-from optics.scene.sources import require_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.receivers import Receiver
-    from optics.scene.sources import Rays
-    from thbcad.lens import Lens
+from optics.scene.receivers import Receiver
+from optics.scene.sources import Rays, require_rays
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 
 @dataclass(frozen=True)
@@ -50,8 +46,8 @@ class Departures:
     direction : (3, k), unit vectors.  flux : (k,), W.
     """
 
-    direction: NDArray[np.float64]
-    flux: NDArray[np.float64]
+    direction: Floats
+    flux: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +61,7 @@ class NonsequentialResult:
     departures : of the branches that left the lens, be it forward or back.
     """
 
-    by_ray: NDArray[np.float64]
+    by_ray: Floats
     landings: LandingPoints
     ray: NDArray[np.int64]
     fate: NDArray[np.int64]
@@ -118,7 +114,8 @@ def trace_nonsequential(
             account(branches[~leaving], FATES.index("trapped"))
             break
         if absorption:
-            kept = np.where(leaving, 1.0, _transmission(branches, meetings, absorption))
+            path = np.linalg.norm(meetings.point - branches.origin, axis=0)
+            kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
             account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
             branches = replace(branches, flux=branches.flux * kept)
         refracted, reflected = split(branches, meetings)
@@ -161,17 +158,11 @@ def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) ->
     return sum(gone[1:], start=gone[0])
 
 
-def _transmission(branches: Branches, meetings: Meetings, absorption: float) -> NDArray[np.float64]:
-    """Return what absorption leaves of branches on their way to the next face, exp(-a t), (m,)."""
-    path = np.linalg.norm(meetings.point - branches.origin, axis=0)
-    return np.where(branches.inside, np.exp(-absorption * path), 1.0)
-
-
 @dataclass(frozen=True, eq=False)
 class RayPath:
     """The strongest branch of a ray: points (k, 3), mm, from the source to the fate, a name out of FATES."""
 
-    points: NDArray[np.float64]
+    points: Floats
     fate: str
 
 
@@ -210,7 +201,7 @@ def trace_paths(
 
 def _fates(
     gone: Branches, undecided: NDArray[np.bool_], target: TargetArea
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.int64], Floats, Floats, NDArray[np.bool_]]:
     """Return (fates, x, y, crossing) of branches that meet no face, or none for sure.
 
     x, y : mm, in the target plane.  crossing : the mask of those that cross it.

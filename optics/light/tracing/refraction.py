@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections import Vector
-
-Array = NDArray[np.float64]
+from optics.base.runtime import Backend, DrArray
+from optics.light.intersections import Vector
+from thbcad.checks import Floats
 
 
 def refract(
@@ -66,7 +63,7 @@ def reflect(
     return reflected, dr.select(refracts, 1 - transmittance, 1), across > 0
 
 
-def transmittances(before: float, behind: float, angle: ArrayLike) -> tuple[Array, Array]:
+def transmittances(before: float, behind: float, angle: ArrayLike) -> tuple[Floats, Floats]:
     """Return the transmittances of power for s- and for p-polarised light, each (n,).
 
     T_s = 1 - |(n_i cos_i - n_t cos_t) / (n_i cos_i + n_t cos_t)|^2 and
@@ -83,7 +80,7 @@ def transmittances(before: float, behind: float, angle: ArrayLike) -> tuple[Arra
     return 1 - np.abs(r_s) ** 2, 1 - np.abs(r_p) ** 2
 
 
-def traced_transmittance(backend: Backend, before: float, behind: float, angle: ArrayLike) -> Array:
+def traced_transmittance(backend: Backend, before: float, behind: float, angle: ArrayLike) -> Floats:
     """Return the transmittance of unpolarised light as the tracer computes it, T_u = (T_s + T_p) / 2, (n,).
 
     before, behind : indices.  angle : of incidence, (n,) radians.

@@ -12,25 +12,28 @@ from collections.abc import Sequence
 from functools import cache, partial, reduce
 from itertools import pairwise, takewhile
 from operator import and_
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from optics.light.intersections import DeviceRays, Hits, KnownHits, SearchedHits, device_flux, on_device
+from optics.base.runtime import Backend, DrArray
+from optics.light.intersections import (
+    DeviceRays,
+    Hits,
+    KnownHits,
+    SearchedHits,
+    Vector,
+    device_flux,
+    on_device,
+)
 from optics.light.tracing.fates import SequentialFates
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.traced_surface import Passage, TracedSurface, knots_of
+from optics.scene.paths import LightPath
 from optics.scene.sources import RayGrid, Rays
+from thbcad.checks import Floats
 from thbcad.poses import IDENTITY
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections import Vector
-    from optics.scene.paths import LightPath
-    from thbcad.splines import KnotVector
-
-Coefficients: TypeAlias = "Sequence[NDArray[np.float64]]"
+Coefficients: TypeAlias = "Sequence[Floats]"
 LOSSES = (
     "beside_lens",
     "front_reflected",
@@ -67,7 +70,16 @@ class Tracer:
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
-            self._fixed, self._behind = self._through_plane()
+            # meeting points with the second surface are known, so that no ray is beside the plane
+            second, direction = self._surfaces[1].hits, (0.0, 0.0, 1.0)
+            assert isinstance(second, KnownHits)
+            _, share, _ = self._surfaces[0].turned(direction, (backend.Float(0), backend.Float(0)))
+            entering = self._flux * share
+            backend.dr.make_opaque(entering)
+            origin = second.x, second.y, self._ahead[0].shift[2].item()
+            before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
+            self._fixed = [(None, Passage(before, True, True, True, self._flux, entering))]
+            self._behind = DeviceRays(origin, direction, entering)
             return
         single = rays if isinstance(rays, Rays) else rays.rays(path.before)
         self._source = self._behind = on_device(backend, single.posed(frames[0].inverse()), self._flux)
@@ -88,7 +100,15 @@ class Tracer:
         There are no Hits of a plane through which light along z goes on to known meeting points.
         """
         steps, rays = self._follow(coefficients, len(self._surfaces))
-        return [hits for hits, _ in steps], self._landing([passage for _, passage in steps], rays)
+        passages, dr = [passage for _, passage in steps], self._backend.dr
+        goes_on = reduce(and_, (p.goes_on for p in passages[-1:]), True)
+        x, y, z = rays.direction
+        # where nothing goes on no denominator may vanish
+        landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
+        known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
+        return [hits for hits, _ in steps], Landing(
+            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
+        )
 
     def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of a surface, directions before it, flux before it, zero for rays that miss).
@@ -118,7 +138,7 @@ class Tracer:
             steps.append(step)
         return steps, rays
 
-    def _over(self, k: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> tuple[Step, DeviceRays]:
+    def _over(self, k: int, rays: DeviceRays, net: Floats | None) -> tuple[Step, DeviceRays]:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
         surface = self._surfaces[k]
         hits = surface.meet(rays, net)
@@ -128,34 +148,7 @@ class Tracer:
             point, direction = ahead.points(point), ahead.directions(direction)
         return (hits, passage), DeviceRays(point, direction, passage.leaving)
 
-    def _through_plane(self) -> tuple[list[Step], DeviceRays]:
-        """Return the step of light along z through a plane, and the rays behind it.
-
-        Their meeting points with the next surface are known, so that no ray is beside the plane.
-        """
-        dr, Float, second = self._backend.dr, self._backend.Float, self._surfaces[1].hits
-        assert isinstance(second, KnownHits)
-        direction = (0.0, 0.0, 1.0)
-        _, share, _ = self._surfaces[0].turned(direction, (Float(0), Float(0)))
-        entering = self._flux * share
-        dr.make_opaque(entering)
-        origin = second.x, second.y, self._ahead[0].shift[2].item()
-        before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
-        step = None, Passage(before, True, True, True, self._flux, entering)
-        return [step], DeviceRays(origin, direction, entering)
-
-    def _landing(self, passages: list[Passage], rays: DeviceRays) -> Landing:
-        dr = self._backend.dr
-        goes_on = reduce(and_, (p.goes_on for p in passages[-1:]), True)
-        x, y, z = rays.direction
-        # where nothing goes on no denominator may vanish
-        landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
-        known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
-        return Landing(
-            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
-        )
-
-    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64] | None]:
+    def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
         every = self._path.coefficients if coefficients is None else coefficients
         nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, every)])
@@ -163,7 +156,7 @@ class Tracer:
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
-    ) -> list[NDArray[np.float64]]:
+    ) -> list[Floats]:
         """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
 
         knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
@@ -174,9 +167,7 @@ class Tracer:
             return [s.pull_back(h, k) for s, h, k in zip(self._changing, hits, knots)]
         return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, self._changing, hits)]
 
-    def set_directions(
-        self, hits: Sequence[Hits], directions: Sequence[NDArray[np.float64]]
-    ) -> list[DrArray]:
+    def set_directions(self, hits: Sequence[Hits], directions: Sequence[Floats]) -> list[DrArray]:
         """Set the derivatives of all leaves to those along a direction in the coefficients; return them."""
         nets = [e.coefficients(d) for e, d in zip(self._embeddings, directions)]
         for surface, hit, net in zip(self._changing, hits, nets):

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from optics.light.intersections import DeviceRays, Hits, KnownHits, raised_hits, rim_fade
+from optics.base.runtime import Backend, DrArray
+from optics.light.intersections import (
+    DeviceRays,
+    Hits,
+    KnownHits,
+    SearchedHits,
+    Vector,
+    raised_hits,
+    rim_fade,
+)
 from optics.light.tracing.refraction import reflect, refract
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.runtime import Backend, DrArray
-    from optics.light.intersections import SearchedHits, Vector
-    from optics.scene.paths import Medium, Surface
-    from thbcad.lens import FreeformSurface
-    from thbcad.splines import KnotVector
+from optics.scene.paths import Medium, Surface
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface
+from thbcad.splines import KnotVector
 
 RAISING_STEPS = 6  # at most: an error of 1 um with slopes of 1e-3 takes one, a gross one of 0.01 mm three
 
@@ -64,7 +65,7 @@ class TracedSurface:
         error = surface.slope_error
         self._slope_error = error if error is None else [*map(backend.array, error)]
 
-    def meet(self, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
+    def meet(self, rays: DeviceRays, net: Floats | None) -> Hits:
         """Return the Hits of rays in the surface's own frame.  net : of its sag, where it has one."""
         error, known = self.surface.height_error, isinstance(self.hits, KnownHits)
 
@@ -84,8 +85,9 @@ class TracedSurface:
 
         Directions of rays that do not go on mean nothing.
         """
-        dr = self._backend.dr
-        direction, share, goes_on = self.turned(rays.direction, self._slopes(hits))
+        dr, error = self._backend.dr, self._slope_error
+        slopes = (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
+        direction, share, goes_on = self.turned(rays.direction, slopes)
         if self.surface.kind == "refract":
             goes_on = goes_on & (direction[2] > 0)
         reaching = self._left(rays, hits)
@@ -108,11 +110,6 @@ class TracedSurface:
         dr = self._backend.dr
         path = (hits.z - rays.origin[2]) / rays.direction[2]
         return rays.flux * dr.exp(-self._absorption * dr.select(hits.hit, path, 0))
-
-    def _slopes(self, hits: Hits) -> tuple[DrArray, DrArray]:
-        """Return the slopes by which rays go on."""
-        error = self._slope_error
-        return (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
 
     def _rim(self, hits: Hits) -> DrArray | float:
         """Return 1 inside the surface, falling to 0 at its rim, see `rim_fade`."""

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.light.tracing.sequential import Tracer
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.sources import Rays
-    from thbcad.lens import FreeformSurface
-
-    Floats = NDArray[np.float64]
+from optics.scene.paths import LightPath
+from optics.scene.sources import Rays
 
 SHARE = 0.01  # of the traced light, above which a fault is said
 GRAZING = np.sin(np.radians(1.0))  # of light that runs along the receiver
@@ -46,7 +38,11 @@ def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str
             for v in (passage.before.origin, passage.before.direction)
         )
         backward = direction[2] <= 0
-        behind = ~backward & _is_behind(surface.shape, origin)
+        x, y, z = origin
+        hx, hy = surface.shape.half_width
+        over = (np.abs(x) <= hx) & (np.abs(y) <= hy)
+        height = surface.shape(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
+        behind = ~backward & over & (z > height + ON_SURFACE * max(hx, hy))
         yield f"comes to surface {k} from behind; turn the surface round", coming[backward].sum() / total
         text = f"meets surface {k} before surface {k - 1}; exchange them, or move one"
         if k == 0:
@@ -60,12 +56,3 @@ def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str
         "runs along the receiver, within a degree; tilt the receiver",
         arriving[cosine < GRAZING].sum() / total,
     )
-
-
-def _is_behind(shape: FreeformSurface, points: Floats) -> NDArray[np.bool_]:
-    """Return which points lie behind a surface, over its rectangle.  points : in its frame, (3, n) mm."""
-    x, y, z = points
-    hx, hy = shape.half_width
-    over = (np.abs(x) <= hx) & (np.abs(y) <= hy)
-    height = shape(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
-    return over & (z > height + ON_SURFACE * max(hx, hy))

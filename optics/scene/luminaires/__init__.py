@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from optics.scene.luminaires.intensity_record import (
         Luminaire as Luminaire,
         Opening as Opening,
-        angles_of as angles_of,
         directions_at as directions_at,
     )
     from optics.scene.luminaires.intensity_sums import IntensityGrid as IntensityGrid

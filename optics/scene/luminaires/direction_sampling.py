@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.scene.luminaires.intensity_record import Luminaire, directions_at, interval_halves
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 STEPS = 6  # of Newton's method; three reach the last digit but near angles without light
 ROUNDING = 1e-15  # of an interval's flux: smaller differences are rounding errors
@@ -39,7 +38,19 @@ class DirectionSampler:
     def __call__(self, u: Floats, v: Floats) -> Floats:
         """Return the directions at quantiles u of gamma and v of C, (n,) each, in [0, 1): (3, n)."""
         j, gamma = self._gamma(u)
-        return directions_at(np.degrees(self._turn(j, gamma, v)), np.degrees(gamma))
+        a, b = self._gammas[j], self._gammas[j + 1]
+        t = np.clip((gamma - a) / (b - a), 0.0, 1.0)
+        candela, sums, widths = self.light.candela, self._sums, np.diff(self._planes)
+
+        def at(rows: Floats, i: NDArray[np.int64]) -> Floats:
+            return (1 - t) * rows[i, j] + t * rows[i, j + 1]
+
+        wanted = v * at(sums, np.full(len(v), len(widths)))
+        i = _last_not_above(lambda k: at(sums, k), wanted, len(widths))
+        p, q = at(candela, i), at(candela, i + 1)
+        part = np.maximum(at(sums, i + 1) - at(sums, i), TINY)
+        inside = _linear_quantile(p, q, np.clip((wanted - at(sums, i)) / part, 0.0, 1.0))
+        return directions_at(np.degrees(self._planes[i] + widths[i] * inside), np.degrees(gamma))
 
     @cached_property
     def _of_gamma(self) -> tuple[Floats, Floats]:
@@ -72,23 +83,6 @@ class DirectionSampler:
         light = self.light.candela
         each = np.diff(self._planes)[:, None] * (light[1:] + light[:-1]) / 2
         return np.vstack([np.zeros(light.shape[1]), np.cumsum(each, axis=0)])
-
-    def _turn(self, j: NDArray[np.int64], gamma: Floats, v: Floats) -> Floats:
-        """Return the angle C, radians, at quantiles v of the light at gamma in the interval j."""
-        a, b = self._gammas[j], self._gammas[j + 1]
-        t = np.clip((gamma - a) / (b - a), 0.0, 1.0)
-        candela, sums, widths = self.light.candela, self._sums, np.diff(self._planes)
-
-        def at(rows: Floats, i: NDArray[np.int64]) -> Floats:
-            return (1 - t) * rows[i, j] + t * rows[i, j + 1]
-
-        last = np.full(len(v), len(widths))
-        wanted = v * at(sums, last)
-        i = _last_not_above(lambda k: at(sums, k), wanted, len(widths))
-        p, q = at(candela, i), at(candela, i + 1)
-        part = np.maximum(at(sums, i + 1) - at(sums, i), TINY)
-        inside = _linear_quantile(p, q, np.clip((wanted - at(sums, i)) / part, 0.0, 1.0))
-        return self._planes[i] + widths[i] * inside
 
 
 def _flux_to(gamma: Floats, a: Floats, b: Floats, p: Floats, q: Floats) -> Floats:

@@ -9,17 +9,13 @@ National Lighting Conference 1998.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires.file_numbers import MOST_ANGLES, FileNumbers
 from optics.scene.luminaires.intensity_record import FULL_TURN, Luminaire, Opening
 from optics.scene.luminaires.plane_symmetry import closed, full_turn
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 # lines of the header, from 0
 SYMMETRY, PLANES, GAMMAS, OPENING, CONVERSION, LAMP_SETS, LAMPS = 2, 3, 5, 15, 23, 25, 26
@@ -45,7 +41,10 @@ def luminaire_of_ldt(text: str) -> Luminaire:
     UserError : a text that contradicts itself.
     """
     lines = [line.strip().replace(",", ".") for line in text.splitlines()]  # decimal commas too
-    whole = {key: _header(lines, key) for key in COUNTS}
+    whole = {
+        at: FileNumbers(lines[at : at + 1]).whole(f"{what} (line {at + 1})", low, high)
+        for at, (what, low, high) in COUNTS.items()
+    }
     symmetry, planes, gammas = whole[SYMMETRY], whole[PLANES], whole[GAMMAS]
     numbers = FileNumbers(lines[OPENING : OPENING + 2])
     length, width = numbers.number("luminous length"), numbers.number("luminous width")
@@ -70,12 +69,6 @@ def luminaire_of_ldt(text: str) -> Luminaire:
     round_ = width == 0 and length > 0
     opening = Opening((length if round_ else abs(width), abs(length)), round_)
     return Luminaire(turn, gamma, candela * factor * lumens / 1000, opening, lumens)
-
-
-def _header(lines: Sequence[str], at: int) -> int:
-    """Return the whole number in a line of the header."""
-    what, low, high = COUNTS[at]
-    return FileNumbers(lines[at : at + 1]).whole(f"{what} (line {at + 1})", low, high)
 
 
 def _held_planes(symmetry: int, c: Floats) -> Floats:

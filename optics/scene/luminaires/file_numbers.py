@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 MOST_ANGLES = 100_000  # of one kind: every hundredth of a degree would be 36 001
 
@@ -39,7 +39,7 @@ class FileNumbers:
             raise UserError(f"its {what} must be a whole number from {low} to {high}, got {value:g}")
         return int(value)
 
-    def row(self, count: int, what: str) -> NDArray[np.float64]:
+    def row(self, count: int, what: str) -> Floats:
         """Return the next `count` numbers; that they are there is known before memory is taken."""
         left = len(self._words) - self._next
         if count > left:

@@ -72,7 +72,11 @@ def _read(tilt: str, later: bool, text: str) -> Luminaire:
     factor = upright * _positive(numbers, "candela multiplier")
     verticals = numbers.whole("number of vertical angles", 2, MOST_ANGLES)
     horizontals = numbers.whole("number of horizontal angles", 1, MOST_ANGLES)
-    _require_type_c(numbers.whole("photometric type", 1, 3))
+    kind = numbers.whole("photometric type", 1, 3)
+    if kind != 1:
+        raise UserError(
+            f"its photometry is of type {'CBA'[kind - 1]}, and only type C is read; convert it to type C"
+        )
     unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
     width, length, _ = (unit * numbers.number(f"luminous {side}") for side in ("width", "length", "height"))
     factor *= _positive(numbers, "ballast factor")
@@ -87,7 +91,12 @@ def _read(tilt: str, later: bool, text: str) -> Luminaire:
     numbers.require_end()
     planes, candela = full_turn(planes, candela)
     lumens = None if each < 0 else lamps * each
-    return Luminaire(planes, gammas, factor * candela, _opening(width, length), lumens)
+    # negative sizes are round; a width alone is a diameter
+    if width < 0 and length == 0:
+        length = width
+    return Luminaire(
+        planes, gammas, factor * candela, Opening((abs(length), abs(width)), width < 0 and length < 0), lumens
+    )
 
 
 def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
@@ -134,17 +143,3 @@ def _positive(numbers: FileNumbers, what: str) -> float:
     if value <= 0:
         raise UserError(f"its {what} must be greater than 0, got {value:g}")
     return value
-
-
-def _require_type_c(kind: int) -> None:
-    if kind != 1:
-        raise UserError(
-            f"its photometry is of type {'CBA'[kind - 1]}, and only type C is read; convert it to type C"
-        )
-
-
-def _opening(width: float, length: float) -> Opening:
-    """Return the opening of sizes in mm; negative ones are round (a width alone is a diameter)."""
-    if width < 0 and length == 0:
-        length = width
-    return Opening((abs(length), abs(width)), width < 0 and length < 0)

@@ -16,14 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 FULL_TURN, FARTHEST_GAMMA = 360.0, 180.0  # degrees
 SAME = 1e-9  # of the peak: rounding errors of formulas at angles that are one, or mirror images
@@ -70,7 +68,12 @@ class Luminaire:
 
     def __post_init__(self) -> None:
         for name, dimensions in (("planes", 1), ("gammas", 1), ("candela", 2)):
-            object.__setattr__(self, name, _finite(name, getattr(self, name), dimensions))
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if array.ndim != dimensions:
+                raise UserError(f"{name} must have {dimensions} dimensions, got {array.ndim}")
+            if bad := int((~np.isfinite(array)).sum()):
+                raise UserError(f"{name} must be finite, got {bad} numbers that are not")
+            object.__setattr__(self, name, array)
         wanted = len(self.planes), len(self.gammas)
         if self.candela.shape != wanted:
             raise UserError(f"candela must have the shape {wanted}, got {self.candela.shape}")
@@ -169,15 +172,6 @@ def require_ascending(name: str, values: Floats) -> None:
     if len(falls):
         a, b = values[falls[0] : falls[0] + 2]
         raise UserError(f"{name} must ascend, got {b:g} after {a:g} degrees")
-
-
-def _finite(name: str, values: Any, dimensions: int) -> Floats:
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.ndim != dimensions:
-        raise UserError(f"{name} must have {dimensions} dimensions, got {array.ndim}")
-    if not np.isfinite(array).all():
-        raise UserError(f"{name} must be finite, got {int((~np.isfinite(array)).sum())} numbers that are not")
-    return array
 
 
 def _position(nodes: Sequence[float] | Floats, values: Floats) -> tuple[NDArray[np.int64], Floats]:

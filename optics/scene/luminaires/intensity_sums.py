@@ -18,8 +18,7 @@ from optics.scene.luminaires.intensity_record import (
     angles_of,
     hat_integrals,
 )
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 
 class IntensityGrid:

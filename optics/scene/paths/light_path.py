@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.scene.receivers import Receiver
 from optics.scene.sources import BEFORE
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import IDENTITY, Pose
+from thbcad.surfaces import THBSurface
 
-if TYPE_CHECKING:
-    from optics.scene.receivers import Receiver
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.surfaces import THBSurface
-
-Array = NDArray[np.float64]
-SlopeErrors: TypeAlias = "Sequence[Array | None]"  # one of each surface, as of `Surface.slope_error`
+SlopeErrors: TypeAlias = "Sequence[Floats | None]"  # one of each surface, as of `Surface.slope_error`
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ AIR = Medium(1.0)
 class HeightError(Protocol):
     """What is added to the height z of a surface, mm, in the frame of the surface's own x and y."""
 
-    def jet(self, x: Array, y: Array, /) -> Array:
+    def jet(self, x: Floats, y: Floats, /) -> Floats:
         """Return dh and its derivatives by x and by y, (3, n): mm, 1, 1."""
         ...
 
@@ -62,7 +59,7 @@ class Surface:
     kind: Literal["refract", "reflect"] = "refract"
     share: float | None = None
     beyond: Medium = AIR
-    slope_error: Array | None = None
+    slope_error: Floats | None = None
     height_error: HeightError | None = None
 
 
@@ -122,7 +119,7 @@ class LightPath:
         return [s.shape.sag for s in self.surfaces if s.shape.sag is not None]
 
     @property
-    def coefficients(self) -> list[Array]:
+    def coefficients(self) -> list[Floats]:
         """Of the sags, (dim,) each."""
         return [sag.coefficients for sag in self.sags]
 

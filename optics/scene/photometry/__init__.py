@@ -5,19 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.photometry.chromaticities import (
-        chromaticity as chromaticity,
-        chromaticity_distance as chromaticity_distance,
-    )
     from optics.scene.photometry.cie_tables import (
         ILLUMINANTS as ILLUMINANTS,
-        colour_matching as colour_matching,
-        illuminant as illuminant,
+        chromaticity_distance as chromaticity_distance,
     )
     from optics.scene.photometry.intensity_planes import (
         BEAM as BEAM,
         FIELD as FIELD,
-        PlaneCurve as PlaneCurve,
         plane_curves as plane_curves,
     )
     from optics.scene.photometry.light_units import (
@@ -32,16 +26,12 @@ if TYPE_CHECKING:
         edge_width as edge_width,
     )
     from optics.scene.photometry.reduced_spectra import (
-        MOST_LINES as MOST_LINES,
-        SpectralLine as SpectralLine,
         spectral_lines as spectral_lines,
         white_of as white_of,
     )
     from optics.scene.photometry.srgb_pictures import encoded_srgb as encoded_srgb, srgb as srgb
     from optics.scene.photometry.uniformity_grid import (
-        GRID as GRID,
         NOISE as NOISE,
-        Uniformity as Uniformity,
         uniformity as uniformity,
     )
 

@@ -1,4 +1,7 @@
-"""The tables of the CIE at 5 nm: the 1931 standard observer of 2 degrees, and illuminants (CIE 15:2018)."""
+"""The tables of the CIE at 5 nm: the 1931 standard observer of 2 degrees, and illuminants (CIE 15:2018).
+
+Beside them its diagram of uniform chromaticity of 1976.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,13 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 OBSERVER = ("x", "y", "z")
-
-Floats = NDArray[np.float64]
 
 
 @cache
@@ -51,3 +53,21 @@ def illuminant(name: str) -> tuple[Floats, Floats]:
         raise UserError(f"an illuminant must be one of {', '.join(ILLUMINANTS)}, got {name!r}")
     columns = _columns()
     return columns["nm"], columns[name]
+
+
+def chromaticity(xyz: Floats) -> Floats:
+    """Return u' = 4 X / (X + 15 Y + 3 Z) and v' = 9 Y / (X + 15 Y + 3 Z), (2, ...); NaN of black.
+
+    xyz : (3, ...), on any scale.
+    """
+    x, y, z = xyz
+    total = x + 15 * y + 3 * z
+    whole = np.where(total > 0, total, np.nan)
+    return np.stack([4 * x / whole, 9 * y / whole])
+
+
+def chromaticity_distance(xyz: Floats, white: Floats) -> Floats:
+    """Return the distance of colours from a white in (u', v'), (...).  xyz : (3, ...).  white : (3,)."""
+    u, v = chromaticity(xyz)
+    u0, v0 = chromaticity(white)
+    return np.hypot(u - u0, v - v0)

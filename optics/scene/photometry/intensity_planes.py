@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thbcad.checks import Floats
 
 BEAM = 0.5  # of the greatest intensity in a plane: where the IES ends the beam angle
 FIELD = 0.1  # and where it ends the field angle
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,14 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.photometry.cie_tables import colour_matching, illuminant
+from thbcad.checks import Floats
 
 MOST_LINES = 10  # docs/materials.md says what they leave
 STEP = 1.0  # nm, at which a spectrum is integrated
 
-Floats = NDArray[np.float64]
 Rows = Sequence[tuple[float, float]]
 
 
@@ -54,7 +53,14 @@ def spectral_lines(spectrum: str | Rows, most: int = MOST_LINES) -> tuple[Spectr
     else:
         nm, power = (np.array(column) for column in zip(*sorted(spectrum)))
     if len(nm) > most:
-        return _strata(nm, power, most)
+        fine = np.union1d(nm, np.arange(np.ceil(nm[0]), nm[-1], STEP))
+        flux = np.interp(fine, nm, power) * _widths(fine)
+        shares = (np.interp(fine, nm, power) ** (1 / 3) * _widths(fine) / fine**3).cumsum()
+        of = np.minimum((shares / shares[-1] * most).astype(int), most - 1)
+        xyz = colour_matching(fine)
+        sums = np.array([np.bincount(of, flux * row, most) for row in (np.ones_like(fine), fine**-2.0, *xyz)])
+        sums = sums[:, sums[0] > 0]
+        return _lines((sums[1] / sums[0]) ** -0.5, sums[0] / sums[0].sum(), sums[2:] / sums[0])
     lit = power > 0
     nm, power = nm[lit], power[lit]
     return _lines(nm, power / power.sum(), colour_matching(nm))
@@ -63,18 +69,6 @@ def spectral_lines(spectrum: str | Rows, most: int = MOST_LINES) -> tuple[Spectr
 def white_of(lines: Sequence[SpectralLine]) -> Floats:
     """Return the colour of a watt of the whole source, XYZ in units of 683 lm/W, (3,)."""
     return np.sum([line.weight * np.array(line.xyz) for line in lines], axis=0)
-
-
-def _strata(nm: Floats, power: Floats, count: int) -> tuple[SpectralLine, ...]:
-    """Return one line for each stratum of a curve."""
-    fine = np.union1d(nm, np.arange(np.ceil(nm[0]), nm[-1], STEP))
-    flux = np.interp(fine, nm, power) * _widths(fine)
-    shares = (np.interp(fine, nm, power) ** (1 / 3) * _widths(fine) / fine**3).cumsum()
-    of = np.minimum((shares / shares[-1] * count).astype(int), count - 1)
-    xyz = colour_matching(fine)
-    sums = np.array([np.bincount(of, flux * row, count) for row in (np.ones_like(fine), fine**-2.0, *xyz)])
-    sums = sums[:, sums[0] > 0]
-    return _lines((sums[1] / sums[0]) ** -0.5, sums[0] / sums[0].sum(), sums[2:] / sums[0])
 
 
 def _widths(nm: Floats) -> Floats:

@@ -8,9 +8,9 @@ brighter than the picture's white is cut off.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 # IEC 61966-2-1: chromaticities (x, y) of red, green, blue and white
 PRIMARIES = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
@@ -24,31 +24,17 @@ def srgb(xyz: Floats, white: ArrayLike) -> Floats:
     xyz : (3, ...) colours.  white : (3,) the source's, on the same scale; it becomes (1, 1, 1).
     """
     colours, white = np.asarray(xyz, dtype=np.float64), np.asarray(white, dtype=np.float64)
-    from_rgb = _rgb_to_xyz()
+    x, y = np.vstack([PRIMARIES, WHITE]).T
+    rays = np.stack([x / y, np.ones_like(x), (1 - x - y) / y])
+    from_rgb = rays[:, :3] * np.linalg.solve(rays[:, :3], rays[:, 3])  # to XYZ, whose white has Y = 1
     screen_white = from_rgb.sum(axis=1)
     gains = (BRADFORD @ screen_white) / (BRADFORD @ white)
     adapted = np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD)
     linear = np.tensordot(np.linalg.solve(from_rgb, adapted), colours, axes=1)
-    return encoded_srgb(np.clip(_shown(linear, from_rgb[1]), 0.0, 1.0))
-
-
-def _rgb_to_xyz() -> Floats:
-    """Return the matrix from linear sRGB to XYZ, whose white has Y = 1."""
-    x, y = np.vstack([PRIMARIES, WHITE]).T
-    rays = np.stack([x / y, np.ones_like(x), (1 - x - y) / y])
-    primaries, white = rays[:, :3], rays[:, 3]
-    return primaries * np.linalg.solve(primaries, white)
-
-
-def _shown(linear: Floats, luminances: Floats) -> Floats:
-    """Return colours without negative channels, of the same luminance.
-
-    luminances : (3,) of red, green and blue.
-    """
-    grey = np.maximum(np.tensordot(luminances, linear, axes=1), 0.0)
+    grey = np.maximum(np.tensordot(from_rgb[1], linear, axes=1), 0.0)  # of the same luminance
     least = linear.min(axis=0)
     kept = np.where(least < 0, grey / np.where(least < 0, grey - least, 1.0), 1.0)
-    return grey + kept * (linear - grey)
+    return encoded_srgb(np.clip(grey + kept * (linear - grey), 0.0, 1.0))
 
 
 def encoded_srgb(linear: Floats) -> Floats:

@@ -16,9 +16,11 @@ from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from optics.scene.photometry.lit_region import RASTER, LitRegion
+from thbcad.checks import Floats
 
 GRID = 21  # boxes in each direction
 LARGEST = 7  # parts of the rectangle, one of which a box is at most: larger ones do not see a dark rim
@@ -26,7 +28,6 @@ MARGIN = 0.025  # of the shorter side of the bounding rectangle
 LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
 NOISE = 0.01  # of the mean light: the most that a box may have
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
@@ -98,9 +99,17 @@ def _on_boxes(
     width: int,
 ) -> Uniformity:
     """Return the uniformity on all squares of width x width boxes of the grid."""
-    kept = _all_of(_full_boxes(region.inside & (region.depth >= margin * (1 - 1e-9)), grid), width)
+    # boxes that lie wholly within the margin count, where all of a square do
+    within = region.inside & (region.depth >= margin * (1 - 1e-9))
+    edges = np.arange(grid + 1) / grid * RASTER
+    first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
+    sums = np.pad((~within).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # of all cells above and before
+    rows, columns = np.ix_(last, first), np.ix_(first, last)
+    count = sums[np.ix_(last, last)] - sums[rows] - sums[columns] + sums[np.ix_(first, first)]
+    kept = np.asarray(sliding_window_view(count == 0, (width, width)).all(axis=(2, 3)))
     box = width * region.size[0] / grid, width * region.size[1] / grid
-    covered = _any_of(kept, width).sum() / grid**2
+    squares = sliding_window_view(np.pad(kept, width - 1), (width, width))
+    covered = squares.any(axis=(2, 3)).sum() / grid**2
     left = float(covered / region.inside.mean()) if region.inside.any() else 0.0
     found = Uniformity(0.0, grid, box, int(kept.sum()), left, margin)
     if left < LEAST_LEFT:
@@ -123,18 +132,7 @@ def _on_boxes(
 
 def _mean_of(shares: Floats, width: int) -> Floats:
     """Return the shares of pixels in rows of `width` boxes, (grid - width + 1, pixels)."""
-    return np.lib.stride_tricks.sliding_window_view(shares, width, axis=0).mean(axis=-1)
-
-
-def _all_of(boxes: Bools, width: int) -> Bools:
-    """Return which squares of boxes count as a whole, (n - width + 1, n - width + 1)."""
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(boxes, (width, width)).all(axis=(2, 3)))
-
-
-def _any_of(squares: Bools, width: int) -> Bools:
-    """Return which boxes lie in one of the squares."""
-    around = np.pad(squares, width - 1)
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(around, (width, width)).any(axis=(2, 3)))
+    return sliding_window_view(shares, width, axis=0).mean(axis=-1)
 
 
 def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
@@ -155,16 +153,6 @@ def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
         rsd=rsd,
         rsd_error=min(rsd_error, float(noise.max())),
     )
-
-
-def _full_boxes(within: Bools, grid: int) -> Bools:
-    """Return which boxes lie wholly within, (rows, columns).  within : cells of the raster."""
-    edges = np.arange(grid + 1) / grid * RASTER
-    first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
-    sums = np.pad((~within).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # of all cells above and before
-    rows, columns = np.ix_(last, first), np.ix_(first, last)
-    count = sums[np.ix_(last, last)] - sums[rows] - sums[columns] + sums[np.ix_(first, first)]
-    return np.asarray(count == 0)
 
 
 def _shares(pixels: int, half: float, span: tuple[float, float], grid: int) -> Floats:

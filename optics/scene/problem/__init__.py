@@ -22,8 +22,7 @@ if TYPE_CHECKING:
         limit_misses as limit_misses,
         require_limits as require_limits,
     )
-    from optics.scene.problem.problem_file import load_problem as load_problem
-    from optics.scene.problem.problem_record import Problem as Problem
+    from optics.scene.problem.problem_record import Problem as Problem, load_problem as load_problem
     from optics.scene.problem.run_schema import (
         Export as Export,
         Limits as Limits,
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     )
     from optics.scene.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
-        ILLUMINANTS as ILLUMINANTS,
         SUN as SUN,
         Freeform as Freeform,
         Front as Front,
@@ -47,7 +45,6 @@ if TYPE_CHECKING:
         freedom_of as freedom_of,
     )
     from optics.scene.problem.starting_problems import commented_problem as commented_problem
-    from optics.scene.problem.toml_records import AUTO as AUTO
-    from optics.scene.problem.toml_text import problem_to_toml as problem_to_toml
+    from optics.scene.problem.toml_records import AUTO as AUTO, problem_to_toml as problem_to_toml
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

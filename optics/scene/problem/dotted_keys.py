@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from typing import Any, ClassVar, Protocol, get_args, get_type_hints
 
 MOST = 3  # keys that are proposed
+
+
+class Record(Protocol):
+    """A dataclass: a table of the problem file."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ hints_of = cache(get_type_hints)  # names of types are looked up, which takes lo
 
 
 @cache
-def table_of(hint: Any) -> type[DataclassInstance] | None:
+def table_of(hint: Any) -> type[Record] | None:
     """Return the record that a field holds, or None for a plain value."""
     for part in (hint, *get_args(hint)):
         if isinstance(part, type) and is_dataclass(part):
@@ -38,7 +41,7 @@ def table_of(hint: Any) -> type[DataclassInstance] | None:
     return None
 
 
-def keys_of(kind: type[DataclassInstance], prefix: str = "") -> Iterator[Key]:
+def keys_of(kind: type[Record], prefix: str = "") -> Iterator[Key]:
     """Yield every key of a record and of its tables, a table before its keys.
 
     prefix : of their names, "" or "table."
@@ -51,7 +54,7 @@ def keys_of(kind: type[DataclassInstance], prefix: str = "") -> Iterator[Key]:
             yield from keys_of(table, f"{prefix}{f.name}.")
 
 
-def did_you_mean(key: str, kind: type[DataclassInstance]) -> str:
+def did_you_mean(key: str, kind: type[Record]) -> str:
     """Return " (did you mean KEY?)" for a key that does not exist, "" where none resembles it.
 
     A name that belongs to other tables is found there; else a name of the same table may be misspelt.

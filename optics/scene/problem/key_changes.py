@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
+from optics.scene.problem.dotted_keys import Key, Record, did_you_mean, keys_of, table_of
 from optics.scene.problem.toml_records import AUTO
 from thbcad.toml import MOST_PARTS, toml_tables
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 
 def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -39,7 +36,7 @@ def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> di
     return changed
 
 
-def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
+def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
     """Return key and value of a text "KEY=VALUE".
 
     VALUE is TOML.  A text that is none stands for itself where the key takes one.
@@ -79,7 +76,8 @@ def _wanted(key: Key) -> str:
     """Return what the value of a key must be, with an example."""
     if table_of(key.hint) is not None:
         return f"a table, such as {key.name}={{KEY = VALUE}}"
-    if _is_table(key.hint):
+    kinds = [kind for kind in (key.hint, *get_args(key.hint)) if get_origin(kind) is tuple]
+    if any(get_origin(get_args(kind)[0]) is tuple for kind in kinds):
         names = "".join(f", or {name}" for name in (key.limits["choices"] or ())[:1])
         return f"a list of rows, such as {key.name}=[[450, 1.5], [550, 1.49]]{names}"
     if get_origin(key.hint) is tuple:
@@ -92,9 +90,3 @@ def _wanted(key: Key) -> str:
     kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
     automatic = ' or "auto"' if key.limits["auto"] else ""
     return f"{kind}{automatic}, such as {key.name}={example}"
-
-
-def _is_table(hint: Any) -> bool:
-    """Return whether rows of numbers are wanted."""
-    kinds = [kind for kind in (hint, *get_args(hint)) if get_origin(kind) is tuple]
-    return any(get_origin(get_args(kind)[0]) is tuple for kind in kinds)

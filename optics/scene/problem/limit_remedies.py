@@ -12,18 +12,12 @@ with the millimetres a that lack and b that are too many.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, isinf, log10
-from typing import TYPE_CHECKING
 
-from optics.scene.problem.manufacturing_limits import limit_misses
-from thbcad.lens import mass
-
-if TYPE_CHECKING:
-    from optics.scene.problem.manufacturing_limits import Miss
-    from optics.scene.problem.problem_record import Problem
-    from thbcad.lens import Manufacturability
+from optics.scene.problem.manufacturing_limits import Miss, limit_misses
+from optics.scene.problem.problem_record import Problem
+from thbcad.lens import Manufacturability, mass
 
 DIGITS = 4  # of the numbers in a remedy
 THICKNESS = "lens.thickness"
@@ -50,16 +44,25 @@ def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: floa
 
     crossing : mm, by which surfaces crossed that the optimiser asked for.
     """
-    wishes = [_wish(problem, metrics, m) for m in limit_misses(problem, metrics) if m.most > 0]
+    wishes = []
+    for miss in limit_misses(problem, metrics):
+        if miss.most > 0:
+            wanted = f"wanted at {'most' if miss.beyond else 'least'} {miss.wanted:g} {miss.unit}"
+            cause = f"{miss.quantity}: got {_got(miss)} {miss.unit}, {wanted}{miss.where}"
+            kept = f"limits.{miss.key}={_allowed(problem, miss)}"
+            wishes.append(Wish(cause, *_setting(problem, metrics, miss), kept))
     if crossing:
         thicker = _rounded(problem.lens.thickness + crossing, True)
         cause = f"the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
         wishes.append(Wish(cause, THICKNESS, [thicker], True))
     wishes, given_up = _without_conflict(problem, metrics, wishes)
-    return [
-        f"{'; '.join(w.cause for w in same)}: --set {shlex.quote(f'{same[0].key}={_text(_best(same))}')}"
-        for same in _by_key(wishes)
-    ] + [f"{w.cause}: --set {shlex.quote(w.allowed)}" for w in given_up]
+    sentences = []
+    for key in dict.fromkeys(w.key for w in wishes):
+        same = [w for w in wishes if w.key == key]
+        numbers = ", ".join(f"{v:g}" for v in _best(same))
+        option = f"{key}={numbers}" if len(same[0].value) == 1 else f"{key}=[{numbers}]"
+        sentences.append(f"{'; '.join(w.cause for w in same)}: --set {shlex.quote(option)}")
+    return sentences + [f"{w.cause}: --set {shlex.quote(w.allowed)}" for w in given_up]
 
 
 def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
@@ -70,13 +73,6 @@ def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
     if isinf(problem.target.distance):
         return "target.half_width", [_rounded(h / factor, False) for h in problem.target.half_width], False
     return "target.distance", [_rounded(problem.target.distance * factor, True)], True
-
-
-def _wish(problem: Problem, metrics: Manufacturability, miss: Miss) -> Wish:
-    """Return the setting that helps most."""
-    wanted = f"wanted at {'most' if miss.beyond else 'least'} {miss.wanted:g} {miss.unit}"
-    cause = f"{miss.quantity}: got {_got(miss)} {miss.unit}, {wanted}{miss.where}"
-    return Wish(cause, *_setting(problem, metrics, miss), f"limits.{miss.key}={_allowed(problem, miss)}")
 
 
 def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:
@@ -134,22 +130,10 @@ def _without_conflict(
     return [replace(w, key=key, value=value, more=more) if w.key == THICKNESS else w for w in wishes], []
 
 
-def _by_key(wishes: list[Wish]) -> Iterator[list[Wish]]:
-    """Yield the wishes for every key."""
-    for key in dict.fromkeys(w.key for w in wishes):
-        yield [w for w in wishes if w.key == key]
-
-
 def _best(wishes: list[Wish]) -> list[float]:
     """Return the value that serves all wishes for a key, number by number."""
     best = max if wishes[0].more else min
     return [best(numbers) for numbers in zip(*(w.value for w in wishes), strict=True)]
-
-
-def _text(value: list[float]) -> str:
-    """Return a value as in a problem file."""
-    text = ", ".join(f"{v:g}" for v in value)
-    return text if len(value) == 1 else f"[{text}]"
 
 
 def _got(miss: Miss) -> str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from thbcad.certified import Enclosure
-    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
+from thbcad.certified import Enclosure
+from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 
 Row = tuple[str, float, str, str]
 

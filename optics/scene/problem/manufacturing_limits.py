@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log2, nextafter
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check, UserError
 from optics.scene.problem.manufacture_text import position, positions
-from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
-
-if TYPE_CHECKING:
-    from optics.scene.problem.problem_record import Problem
-    from optics.scene.problem.run_schema import Limits
-    from optics.scene.problem.schema import Freeform
-    from thbcad.certified import Enclosure
-    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
+from optics.scene.problem.problem_record import Problem
+from optics.scene.problem.run_schema import Limits
+from optics.scene.problem.schema import Freeform
+from thbcad.certified import Enclosure
+from thbcad.lens import (
+    NM_PER_MM,
+    HeightRange,
+    Lens,
+    Manufacturability,
+    SurfaceMetrics,
+    manufacturability,
+    mass,
+)
 
 THICKNESSES = {
     "thickness": "thickness",
@@ -114,18 +118,6 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
         bound = metrics.greatest_thickness
         limit = limits.greatest_thickness
         yield _beyond("thickness", "greatest_thickness", limit, bound, "mm", position(bound))
-    yield from _envelope_misses(problem, metrics)
-    for name, surface in metrics.surfaces.items():
-        if name in problem.lens.free:
-            yield from _free_misses(name, surface, limits, problem.source.wavelength)
-        yield from _height_misses(name, surface, limits)
-    if isfinite(limits.mass):
-        amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
-        yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
-
-
-def _envelope_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
-    """Yield how far the solid leaves its range of z: the front is its lower end, the rear its upper one."""
     low, high = problem.limits.envelope
     bottom, top = metrics.front.heights.least, metrics.rear.heights.greatest
     if isfinite(low):
@@ -136,6 +128,20 @@ def _envelope_misses(problem: Problem, metrics: Manufacturability) -> Iterator[M
         top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
         miss = _beyond("greatest z of the rear", "envelope", high, top, "mm", position(top))
         yield replace(miss, surface="rear")
+    for name, surface in metrics.surfaces.items():
+        if name in problem.lens.free:
+            yield from _free_misses(name, surface, limits, problem.source.wavelength)
+        if limits.slope < 90:
+            quantity, where = f"slope of the {name}", position(surface.slope)
+            miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
+            yield replace(miss, surface=name)
+        if isfinite(limits.sag_range):
+            quantity, where = f"range of heights of the {name}", positions(surface.heights)
+            miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
+            yield replace(miss, surface=name)
+    if isfinite(limits.mass):
+        amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
+        yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
 
 
 def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
@@ -159,18 +165,6 @@ def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength:
             surface=name,
             where=f", on level {surface.feature.level}",
         )
-
-
-def _height_misses(name: str, surface: SurfaceMetrics, limits: Limits) -> Iterator[Miss]:
-    """Yield the limits that hold for every surface."""
-    if limits.slope < 90:
-        quantity, where = f"slope of the {name}", position(surface.slope)
-        miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
-        yield replace(miss, surface=name)
-    if isfinite(limits.sag_range):
-        quantity, where = f"range of heights of the {name}", positions(surface.heights)
-        miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
-        yield replace(miss, surface=name)
 
 
 def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:

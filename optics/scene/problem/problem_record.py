@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
-from optics.scene.problem.toml_records import AUTO, checked_values, option, record
-from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
 from optics.scene.receivers import receiver_at
+from thbcad.lens import require_line
+from thbcad.toml import toml_tables
 
+MAX_FILE_BYTES = 1_000_000
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 LEAST_MERGED = 4  # pixels each way that merging leaves
@@ -75,37 +79,33 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        rows = _main_numbers(self).items()
-        cells = "".join(f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows)
-        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
-
-
-def _main_numbers(problem: Problem) -> dict[str, str]:
-    """Return what to show of a problem, by its table."""
-    source, lens, target = problem.source, problem.lens, problem.target
-    receiver = receiver_at(problem.target_z)
-    far, unit = receiver.far_field, receiver.unit
-    rows = {
-        "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
-        "lens": f"{_made_of(lens)}, thickness {lens.thickness:g} mm",
-    }
-    for name, surface in (("front", lens.front), ("rear", lens.rear)):
-        free = surface.freeform
-        rows[name] = (
-            f"half-width {_by(surface.half_width)} mm, radius {surface.radius} mm, conic {surface.conic}"
+        source, lens, target = self.source, self.lens, self.target
+        receiver = receiver_at(self.target_z)
+        far, unit = receiver.far_field, receiver.unit
+        made_of = f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
+        rows = {
+            "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
+            "lens": f"{made_of}, thickness {lens.thickness:g} mm",
+        }
+        for name, surface in (("front", lens.front), ("rear", lens.rear)):
+            free = surface.freeform
+            rows[name] = (
+                f"half-width {_by(surface.half_width)} mm, radius {surface.radius} mm, conic {surface.conic}"
+            )
+            if free:
+                rows[name] += (
+                    f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}"
+                )
+                rows[name] += f", sag within {free.z_freedom} mm"
+        rows["target"] = (
+            f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
+            f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
         )
-        if free:
-            rows[name] += f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}"
-            rows[name] += f", sag within {free.z_freedom} mm"
-    rows["target"] = (
-        f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
-        f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
-    )
-    return rows
-
-
-def _made_of(lens: LensSpec) -> str:
-    return f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
+        lines = (
+            f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items()
+        )
+        cells = "".join(lines)
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 
 def _by(size: tuple[float, float]) -> str:
@@ -114,8 +114,6 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
-    from thbcad.lens import require_line  # loads numpy, which the help of the commands does without
-
     for key, text in (
         ("lens.material", problem.lens.material),
         ("export.product", problem.export.product),
@@ -126,65 +124,7 @@ def _require_partners(problem: Problem) -> None:
             require_line(key, text)
         except ValueError as error:
             raise UserError(str(error)) from None
-    _require_target(problem.target)
-    _require_source(problem.source)
-    _require_spectra(problem)
-    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
-    if merge > 1 and pixels < LEAST_MERGED * merge:
-        raise UserError(
-            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
-        )
-    _require_free(problem.lens)
-    most = problem.lens.thickness + sum(f.freedom for f in problem.lens.free.values())
-    if problem.limits.thickness > most and not problem.lens.automatic:
-        raise UserError(
-            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
-            f"got {problem.limits.thickness:g}"
-        )
-
-
-def _require_spectra(problem: Problem) -> None:
-    """Refuse a lens without any index, and tables by wavelength that cannot be."""
-    lens, spectrum = problem.lens, problem.source.spectrum
-    if lens.index == AUTO and not (lens.indices or lens.material):
-        raise UserError(
-            "the key lens.index is missing (refractive index, relative to the air around); add it, or name a "
-            'known material, such as lens.material = "PMMA"'
-        )
-    _require_rows("lens.indices", lens.indices, LEAST_INDEX, 10.0)
-    _require_rows("lens.absorptions", lens.absorptions, 0.0, 1e3)
-    if not isinstance(spectrum, str):
-        _require_rows("source.spectrum", spectrum, 0.0, 1e12)
-        if spectrum and not any(weight for _, weight in spectrum):
-            raise UserError("source.spectrum is dark: every weight is 0; make one greater")
-
-
-def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
-    """Refuse rows (nm, value) out of their limits, and wavelengths that come twice."""
-    for k, (nm, value) in enumerate(rows):
-        if not 1 <= nm <= 1e6:
-            raise UserError(f"{key}[{k}][0] must be a wavelength from 1 to 1e+06 nm, got {nm:g}")
-        if not low <= value <= high:
-            raise UserError(f"{key}[{k}][1] must be from {low:.7g} to {high:g}, got {value:g}")
-    wavelengths = sorted(nm for nm, _ in rows)
-    for nm, following in pairwise(wavelengths):
-        if nm == following:
-            raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
-
-
-def _require_free(lens: LensSpec) -> None:
-    if not lens.free:
-        raise UserError(
-            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
-        )
-    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
-        raise UserError(
-            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
-            f'got "{AUTO}"'
-        )
-
-
-def _require_target(target: Target) -> None:
+    target, lens, spectrum = problem.target, problem.lens, problem.source.spectrum
     if target.kind == "image" and not target.image:
         raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
@@ -198,21 +138,51 @@ def _require_target(target: Target) -> None:
         raise UserError(
             f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
         )
-
-
-def _require_placed(source: Source) -> None:
-    """Refuse a rotation that is said twice, and a place for light that no file describes."""
-    if any(source.tilt) and any(source.turn):
+    _require_source(problem.source)
+    if lens.index == AUTO and not (lens.indices or lens.material):
         raise UserError(
-            "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
-            "leave one of them out"
+            "the key lens.index is missing (refractive index, relative to the air around); add it, or name a "
+            'known material, such as lens.material = "PMMA"'
         )
-    for key in ("shift", "tilt", "turn"):
-        if not SOURCES[source.kind].file and any(getattr(source, key)):
-            raise UserError(
-                f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
-                "shines along +z"
-            )
+    _require_rows("lens.indices", lens.indices, LEAST_INDEX, 10.0)
+    _require_rows("lens.absorptions", lens.absorptions, 0.0, 1e3)
+    if not isinstance(spectrum, str):
+        _require_rows("source.spectrum", spectrum, 0.0, 1e12)
+        if spectrum and not any(weight for _, weight in spectrum):
+            raise UserError("source.spectrum is dark: every weight is 0; make one greater")
+    merge, pixels = problem.optimizer.merge, min(target.pixels)
+    if merge > 1 and pixels < LEAST_MERGED * merge:
+        raise UserError(
+            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
+        )
+    if not lens.free:
+        raise UserError(
+            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
+        )
+    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
+        raise UserError(
+            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
+            f'got "{AUTO}"'
+        )
+    most = lens.thickness + sum(f.freedom for f in lens.free.values())
+    if problem.limits.thickness > most and not lens.automatic:
+        raise UserError(
+            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
+            f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
+    """Refuse rows (nm, value) out of their limits, and wavelengths that come twice."""
+    for k, (nm, value) in enumerate(rows):
+        if not 1 <= nm <= 1e6:
+            raise UserError(f"{key}[{k}][0] must be a wavelength from 1 to 1e+06 nm, got {nm:g}")
+        if not low <= value <= high:
+            raise UserError(f"{key}[{k}][1] must be from {low:.7g} to {high:g}, got {value:g}")
+    wavelengths = sorted(nm for nm, _ in rows)
+    for nm, following in pairwise(wavelengths):
+        if nm == following:
+            raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
 
 
 def _require_source(source: Source) -> None:
@@ -229,7 +199,17 @@ def _require_source(source: Source) -> None:
     if source.file and not has.file:
         kinds = " and ".join(f'"{name}"' for name, keys in SOURCES.items() if keys.file)
         raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {kind!r}")
-    _require_placed(source)
+    if any(source.tilt) and any(source.turn):
+        raise UserError(
+            "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
+            "leave one of them out"
+        )
+    for key in ("shift", "tilt", "turn"):
+        if not SOURCES[source.kind].file and any(getattr(source, key)):
+            raise UserError(
+                f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
+                "shines along +z"
+            )
     if not source.flux and not has.own_flux:
         raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
     if has.area and min(source.half_width) < SHORTEST:
@@ -259,3 +239,24 @@ def _require_source(source: Source) -> None:
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
             "take a smaller source.half_width"
         )
+
+
+def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) -> Problem:
+    """Read a problem file and return the Problem; its image paths are made absolute.
+
+    changes : {dotted key: value}, in place of what the file says; see `assignment`.
+
+    Raises
+    ------
+    UserError : with one sentence that names the file, the key, what came and what was wanted.
+    """
+    path = Path(path)
+    text = read_at_most(path, MAX_FILE_BYTES)
+    try:
+        data = toml_tables(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is no UTF-8 text from byte {error.start} on; save it as UTF-8") from None
+    except ValueError as error:
+        raise UserError(f"{path} cannot be read as TOML: {error}; mend it there") from None
+    with speaking_of(path):
+        return record(Problem, with_changes(data, changes or {}), path.parent)

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from optics.scene.photometry import ILLUMINANTS
 from optics.scene.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
 LEAST_FLUX = 1e-12  # of source.unit
-ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 SUN = 0.2665  # degrees: the mean half-angle of its disk
 
 Rows = tuple[tuple[float, float], ...]
@@ -52,7 +52,7 @@ SOURCES = {
 class Source:
     kind: str = option(
         choices=tuple(SOURCES),
-        note="parallel rays along +z, a glowing area, a point, rays or a luminaire's intensity of a file",
+        note="parallel rays along +z, a Lambertian emitter, a point, rays or a luminaire of a file",
     )
     half_width: tuple[float, float] = option(
         (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"

@@ -7,8 +7,7 @@ from typing import Any
 
 from optics.scene.problem.problem_record import Problem
 from optics.scene.problem.schema import Freeform, Front, LensSpec, Rear, Source, Target
-from optics.scene.problem.toml_records import AUTO
-from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.problem.toml_records import AUTO, problem_to_toml
 
 FAR_FIELD: dict[str, Any] = {
     "source.half_width": (9.5, 9.5),
@@ -62,13 +61,8 @@ def commented_problem(name: str = "collimated") -> str:
 
     name : one of STARTS.
     """
-    return problem_to_toml(_picture().with_(**CHANGES[name]), notes=True)
-
-
-def _picture() -> Problem:
-    """Return the problem of a picture by parallel light, whose base lens is left to the program."""
     freeform = Freeform(max_level=AUTO, z_freedom=AUTO)
-    return Problem(
+    picture = Problem(
         title="my lens",
         source=Source(kind="collimated", half_width=(47.5, 47.5)),
         lens=LensSpec(
@@ -79,3 +73,4 @@ def _picture() -> Problem:
         ),
         target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
     )
+    return problem_to_toml(picture.with_(**CHANGES[name]), notes=True)

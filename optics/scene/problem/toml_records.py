@@ -1,4 +1,4 @@
-"""Records from tables, of TOML files or of code: every key and value checked.
+"""Records from tables, of TOML files or of code: every key and value checked; and as TOML again.
 
 Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
 """
@@ -9,20 +9,17 @@ import math
 import os
 import reprlib
 from collections.abc import Mapping
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, field, fields, is_dataclass
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from optics.base.runtime import UserError, is_text
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import did_you_mean, hints_of, table_of
+from optics.scene.problem.dotted_keys import Record, did_you_mean, hints_of, table_of
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-Record = TypeVar("Record", bound="DataclassInstance")
+Kind = TypeVar("Kind", bound=Record)
 
 AUTO = "auto"  # of a number that the program chooses
 MOST_ROWS = 10_000  # of a table of numbers
@@ -63,7 +60,7 @@ def option(
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
-def record(kind: type[Record], data: object, folder: Path | None = None) -> Record:
+def record(kind: type[Kind], data: object, folder: Path | None = None) -> Kind:
     """Return the tables of a problem as a record; every key and value is checked.
 
     folder : see `checked_values`, which also raises.
@@ -76,7 +73,7 @@ def checked_values(
     data: object,
     folder: Path | None = None,
     prefix: str = "",
-    root: type[DataclassInstance] | None = None,
+    root: type[Record] | None = None,
 ) -> dict[str, Any]:
     """Return the fields of a record from a table, each checked against its options.
 
@@ -96,7 +93,15 @@ def checked_values(
         raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}")
     if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
-    _require_known(kind, data, prefix, root or kind)
+    root = root or kind
+    known = [f.name for f in fields(kind)]
+    for key in data:
+        if key not in known:
+            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
+                raise UserError(f"unknown key {prefix}{key}; {reason}")
+            meant = did_you_mean(f"{prefix}{key}", root)
+            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
+            raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
     values: dict[str, Any] = {}
     for f in fields(kind):
         key, hint = prefix + f.name, hints_of(kind)[f.name]
@@ -111,24 +116,11 @@ def checked_values(
         elif NoneType in get_args(hint) and (value is None or value is False):
             values[f.name] = None  # a table left out: None in code, false in a file
         else:
-            values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
+            values[f.name] = table(**checked_values(table, value, folder, key + ".", root))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())
             _require_text(key, values[f.name])
     return values
-
-
-def _require_known(
-    kind: type[DataclassInstance], data: Mapping[Any, object], prefix: str, root: type[DataclassInstance]
-) -> None:
-    known = [f.name for f in fields(kind)]
-    for key in data:
-        if key not in known:
-            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
-                raise UserError(f"unknown key {prefix}{key}; {reason}")
-            meant = did_you_mean(f"{prefix}{key}", root)
-            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
-            raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
@@ -203,7 +195,11 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
     kinds = get_args(hint)
     open_ended = kinds[-1] is Ellipsis
     if get_origin(kinds[0]) is tuple:
-        return _rows(key, kinds[0], value, limits)
+        if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
+            size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
+            rows = f"a list of rows of {len(get_args(kinds[0]))} numbers{size}"
+            raise UserError(f"{key} must be {rows}, got {_brief(value)}")
+        return tuple(_row(f"{key}[{k}]", kinds[0], row, limits) for k, row in enumerate(value))
     if open_ended and not isinstance(value, (list, tuple)):
         value = [value]
     if not isinstance(value, (list, tuple)) or not value or (not open_ended and len(value) != len(kinds)):
@@ -212,16 +208,46 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
 
 
-def _rows(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the rows of a table of numbers, which may have none."""
-    if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
-        size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
-        raise UserError(
-            f"{key} must be a list of rows of {len(get_args(hint))} numbers{size}, got {_brief(value)}"
-        )
-    return tuple(_row(f"{key}[{k}]", hint, row, limits) for k, row in enumerate(value))
-
-
 def _brief(value: object) -> str:
     """Return a short text of any value, for messages."""
     return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"
+
+
+def problem_to_toml(problem: Record, notes: bool = False) -> str:
+    """Return a Problem as TOML with every key, so that a run can be repeated from it.
+
+    notes : whether a comment explains every key.
+    """
+    return _toml(problem, "", notes).lstrip("\n")
+
+
+def _toml(record: Record, prefix: str, notes: bool = False) -> str:
+    lines: list[str] = []
+    tables: list[str] = []
+    for f in fields(record):
+        several = f.metadata["choices"] and len(f.metadata["choices"]) > 1
+        choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
+        words = "; ".join(w for w in (f.metadata["note"], choices) if w)
+        value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
+        if value is None and f.default is not None:
+            lines.append(f"{f.name} = false{remark}\n")
+            continue
+        if value is None:
+            tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
+            continue
+        if is_dataclass(value) and not isinstance(value, type):
+            tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
+        else:
+            lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
+    return "".join(lines) + "".join(tables)
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    return repr(value)

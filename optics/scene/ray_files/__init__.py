@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.ray_files.formats import (
-        WRITERS as WRITERS,
         read_rays as read_rays,
         require_ray_suffix as require_ray_suffix,
         write_rays as write_rays,

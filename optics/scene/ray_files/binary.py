@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,13 @@ def record(data: memoryview, kind: np.dtype[Any], path: Path) -> dict[str, Any]:
     row = np.frombuffer(data[: kind.itemsize], kind)[0]
     assert kind.names is not None
     return {name: row[name].tolist() for name in kind.names}
+
+
+def require_known(head: Mapping[str, Any], values: Mapping[str, Container[Any]], path: Path) -> None:
+    """Raise UserError where a field of a header has none of the values that it may have."""
+    for key, known in values.items():
+        if head[key] not in known:
+            raise UserError(f"{path} has an unknown {key.replace('_', ' ')} {head[key]} in its header")
 
 
 def rows(data: memoryview, start: int, count: int, columns: int) -> Single:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +45,25 @@ class RaySet:
         if n == 0:
             raise UserError("there must be at least one ray, got 0")
         for name, shape in columns.items():
-            values = _single(name, getattr(self, name), shape)
-            object.__setattr__(self, name, values)
-        _require_physical(self)
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            if array.shape != shape:
+                raise UserError(f"the {name} of rays must have the shape {shape}, got {array.shape}")
+            bad = ~np.isfinite(array)
+            if bad.any():
+                ray = int(np.argwhere(bad)[0][0])
+                raise UserError(f"the {name} of ray {ray} is not finite; {int(bad.sum())} numbers are not")
+            object.__setattr__(self, name, array)
+        length = np.linalg.norm(self.direction.astype(np.float64), axis=1)
+        worst = int(np.abs(length - 1).argmax())
+        if abs(length[worst] - 1) > UNIT_LENGTH:
+            raise UserError(f"the direction of ray {worst} must have length 1, got {length[worst]:g}")
+        darkest = int(self.flux.argmin())
+        if self.flux[darkest] < 0:
+            raise UserError(f"the flux of ray {darkest} must not be negative, got {self.flux[darkest]:g}")
+        if self.total == 0:
+            raise UserError("all rays have no flux")
+        if self.wavelength is not None and self.wavelength.min() <= 0:
+            raise UserError(f"wavelengths must be positive, got {self.wavelength.min():g} nm")
 
     @property
     def total(self) -> float:
@@ -56,28 +72,3 @@ class RaySet:
 
     def __len__(self) -> int:
         return len(self.flux)
-
-
-def _single(name: str, values: Any, shape: tuple[int, ...]) -> Single:
-    array = np.ascontiguousarray(values, dtype=np.float32)
-    if array.shape != shape:
-        raise UserError(f"the {name} of rays must have the shape {shape}, got {array.shape}")
-    bad = ~np.isfinite(array)
-    if bad.any():
-        ray = int(np.argwhere(bad)[0][0])
-        raise UserError(f"the {name} of ray {ray} is not finite; {int(bad.sum())} numbers are not")
-    return array
-
-
-def _require_physical(rays: RaySet) -> None:
-    length = np.linalg.norm(rays.direction.astype(np.float64), axis=1)
-    worst = int(np.abs(length - 1).argmax())
-    if abs(length[worst] - 1) > UNIT_LENGTH:
-        raise UserError(f"the direction of ray {worst} must have length 1, got {length[worst]:g}")
-    darkest = int(rays.flux.argmin())
-    if rays.flux[darkest] < 0:
-        raise UserError(f"the flux of ray {darkest} must not be negative, got {rays.flux[darkest]:g}")
-    if rays.total == 0:
-        raise UserError("all rays have no flux")
-    if rays.wavelength is not None and rays.wavelength.min() <= 0:
-        raise UserError(f"wavelengths must be positive, got {rays.wavelength.min():g} nm")

@@ -59,24 +59,6 @@ def read_tm25(path: Path, data: memoryview) -> RaySet:
         promises.
     """
     head = record(data, HEADER, path)
-    has = _flags(head, path)
-    columns = sum(width for width, there in zip(WIDTHS, has) if there) + head["own_columns"]
-    table = _table(path, data, head, columns)
-    first = np.cumsum([0, *(width * there for width, there in zip(WIDTHS, has))])
-    flux = WATTS if has[WATTS] else LUMENS
-    wavelength = table[:, first[WAVELENGTH]] if has[WAVELENGTH] else None
-    if wavelength is None and head["spectrum"] == 1 and head["wavelength"] > 0:
-        wavelength = np.full(len(table), head["wavelength"], np.float32)
-    return RaySet(table[:, :3], table[:, 3:6], table[:, first[flux]], "W" if has[WATTS] else "lm", wavelength)
-
-
-def _flags(head: dict[str, Any], path: Path) -> list[int]:
-    """Return which columns a row has, by the header.
-
-    Raises
-    ------
-    UserError : the header contradicts itself.
-    """
     if head["version"] not in VERSIONS:
         known = " and ".join(map(str, VERSIONS))
         raise UserError(f"{path} has version {head['version']} of TM-25; {known} are read")
@@ -92,7 +74,14 @@ def _flags(head: dict[str, Any], path: Path) -> list[int]:
             raise UserError(
                 f"{path} has a negative size of {key.replace('_', ' ')}, {head[key]}, in its header"
             )
-    return has
+    columns = sum(width for width, there in zip(WIDTHS, has) if there) + head["own_columns"]
+    table = _table(path, data, head, columns)
+    first = np.cumsum([0, *(width * there for width, there in zip(WIDTHS, has))])
+    flux = WATTS if has[WATTS] else LUMENS
+    wavelength = table[:, first[WAVELENGTH]] if has[WAVELENGTH] else None
+    if wavelength is None and head["spectrum"] == 1 and head["wavelength"] > 0:
+        wavelength = np.full(len(table), head["wavelength"], np.float32)
+    return RaySet(table[:, :3], table[:, 3:6], table[:, first[flux]], "W" if has[WATTS] else "lm", wavelength)
 
 
 def _table(path: Path, data: memoryview, head: dict[str, Any], columns: int) -> NDArray[np.float32]:

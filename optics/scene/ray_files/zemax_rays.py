@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.ray_files.binary import packed_type, record, require_rows, rows
+from optics.scene.ray_files.binary import packed_type, record, require_known, require_rows, rows
 from optics.scene.ray_files.ray_set import RaySet
 
 VERSION = 1010
@@ -45,9 +45,7 @@ def read_zemax(path: Path, data: memoryview) -> RaySet:
     UserError : an unknown unit, or fewer bytes than the header promises.
     """
     head = record(data, HEADER, path)
-    for key, known in (("length_unit", MILLIMETRES), ("spectral", (0, 2)), ("flux_unit", (0, 1))):
-        if head[key] not in known:
-            raise UserError(f"{path} has an unknown {key.replace('_', ' ')} {head[key]} in its header")
+    require_known(head, {"length_unit": MILLIMETRES, "spectral": (0, 2), "flux_unit": (0, 1)}, path)
     columns = 8 if head["spectral"] else 7
     require_rows(path, len(data), HEADER.itemsize, head["rays"], columns)
     table = rows(data, HEADER.itemsize, head["rays"], columns)

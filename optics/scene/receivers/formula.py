@@ -10,7 +10,7 @@ import ast
 import operator
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import reduce
 from math import isfinite
 from typing import Any
@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 
 MAX_LENGTH = 2000  # characters
 MAX_DEPTH = 100  # levels of operators and functions within each other
 SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is right to 0.2 % (L2)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
 
-Values = NDArray[np.float64] | np.float64
+Values = Floats | np.float64
 
 NAMES = ("x", "y", "r", "pi")
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
@@ -63,7 +64,7 @@ ALLOWED = (
 REFUSED = re.compile(r"[^\w\s.,+\-*/^()<>=!]", re.ASCII)
 
 
-def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> NDArray[np.float64]:
+def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> Floats:
     """Return the mean of a formula over every pixel, relative to the brightest pixel.
 
     The result is (rows, columns), row 0 at +y.  The mean is that of subpoints x subpoints midpoints (the
@@ -90,7 +91,7 @@ def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINT
     return _means(tree, pixels, subpoints) > 1 - 0.5 / subpoints**2  # one dark point makes 1 / subpoints^2
 
 
-def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> NDArray[np.float64]:
+def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> Floats:
     """Return the mean of a formula over every pixel, (rows, columns)."""
     columns, rows = pixels
     x, y = _midpoints(columns * subpoints), -_midpoints(rows * subpoints)
@@ -99,7 +100,7 @@ def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> NDArray[n
     return np.concatenate([_band(tree, x, part, subpoints) for part in parts])
 
 
-def _midpoints(count: int) -> NDArray[np.float64]:
+def _midpoints(count: int) -> Floats:
     """Return the middles of equal intervals over [-1, 1].
 
     The k-th from either end differ in nothing but their sign.
@@ -107,9 +108,7 @@ def _midpoints(count: int) -> NDArray[np.float64]:
     return np.arange(1 - count, count, 2) / count
 
 
-def _band(
-    tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoints: int
-) -> NDArray[np.float64]:
+def _band(tree: ast.expr, x: Floats, y: Floats, subpoints: int) -> Floats:
     """Return the mean over the pixels of some rows.
 
     x, y : coordinates of the columns and of the rows of midpoints.
@@ -154,19 +153,14 @@ def _value(node: ast.expr, names: Mapping[str, Values]) -> Values:
             return OPERATORS[type(op)](_value(left, names), _value(right, names))
         case ast.Compare(left=left, ops=ops, comparators=others):
             terms = [_value(term, names) for term in (left, *others)]
-            return _comparison(ops, terms)
+            holds: Values = np.float64(1)
+            for comparison, first, second in zip(ops, terms, terms[1:]):
+                holds = holds * COMPARISONS[type(comparison)](first, second)
+            return holds
         case ast.Call(func=ast.Name(id=name), args=arguments):
             values = (_value(a, names) for a in arguments)
             return reduce(EXTREMES[name], values) if name in EXTREMES else FUNCTIONS[name][0](*values)
     raise AssertionError(f"{type(node).__name__} was not refused")
-
-
-def _comparison(ops: Sequence[ast.cmpop], terms: Sequence[Values]) -> Values:
-    """Return 1 where all comparisons of a chain hold, else 0; one more term than comparisons."""
-    holds: Values = np.float64(1)
-    for op, first, second in zip(ops, terms, terms[1:]):
-        holds = holds * COMPARISONS[type(op)](first, second)
-    return holds
 
 
 def _formula(text: str) -> ast.expr:
@@ -184,7 +178,8 @@ def _formula(text: str) -> ast.expr:
             warnings.simplefilter("ignore", DeprecationWarning)  # "2if"
             tree = ast.parse(source, mode="eval").body
     except SyntaxError as error:
-        where = _whereabouts(source, error.offset)
+        rest = source[(error.offset or 1) - 1 :]
+        where = f"from {_brief(rest)} on" if rest else "at its end"
         raise UserError(f"target.formula cannot be understood {where}; {ALLOWED}") from None
     except (RecursionError, MemoryError):  # which of them, and from what depth on, is Python's choice
         raise UserError(_TOO_DEEP) from None
@@ -197,11 +192,6 @@ def _formula(text: str) -> ast.expr:
 
 
 _TOO_DEEP = f"target.formula is nested more than {MAX_DEPTH} levels deep; write it in a simpler way"
-
-
-def _whereabouts(source: str, offset: int | None) -> str:
-    rest = source[(offset or 1) - 1 :]
-    return f"from {_brief(rest)} on" if rest else "at its end"
 
 
 def _brief(code: str) -> str:
@@ -246,7 +236,14 @@ def _fault(node: ast.expr, source: str) -> str:
         case ast.Compare(ops=ops) if all(type(op) in COMPARISONS for op in ops):
             return ""
         case ast.Call(func=ast.Name(id=name), keywords=[]):
-            return _call_fault(name, len(node.args))
+            count = len(node.args)
+            if name in EXTREMES:
+                return "" if count >= 2 else f"the function {name} takes 2 or more values, got {count}"
+            if name not in FUNCTIONS:
+                return f"unknown function {_brief(name)}; {ALLOWED}"
+            if count == (wanted := FUNCTIONS[name][1]):
+                return ""
+            return f"the function {name} takes {wanted} value{'s' * (wanted > 1)}, got {count}"
     return f"{code} is not allowed; {ALLOWED}"
 
 
@@ -255,15 +252,3 @@ def _is_finite(number: float) -> bool:
         return isfinite(number)
     except OverflowError:  # a whole number beyond the floats
         return False
-
-
-def _call_fault(name: str, count: int) -> str:
-    """Return what is wrong with a call of a function with `count` values, or an empty text."""
-    if name in EXTREMES:
-        return "" if count >= 2 else f"the function {name} takes 2 or more values, got {count}"
-    if name not in FUNCTIONS:
-        return f"unknown function {_brief(name)}; {ALLOWED}"
-    wanted = FUNCTIONS[name][1]
-    if count == wanted:
-        return ""
-    return f"the function {name} takes {wanted} value{'s' * (wanted > 1)}, got {count}"

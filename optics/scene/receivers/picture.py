@@ -11,6 +11,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.sparse import csr_array
 
 from optics.base.runtime import UserError, require_regular_file
+from thbcad.checks import Floats
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
 MAX_SOURCE_PIXELS = 100_000_000  # 0.8 GB as linear light; Pillow itself refuses 179 million
@@ -28,7 +29,7 @@ FORMATS = {
 }
 
 
-def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64]:
+def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
     """Return the picture as linear light, (rows, columns) float, row 0 at the top.
 
     Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep their depth.
@@ -73,9 +74,7 @@ def _too_large(path: str | Path, size: str) -> str:
     )
 
 
-def fit_picture(
-    light: NDArray[np.float64], pixels: tuple[int, int], aspect: float, fit: str = "crop"
-) -> NDArray[np.float64]:
+def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str = "crop") -> Floats:
     """Return the mean light on each of the target's pixels, (rows, columns).
 
     pixels : (columns, rows).  aspect : width / height of the target.
@@ -110,7 +109,7 @@ def _overlap(count: int, extent: float, pixels: int) -> csr_array:
     return csr_array((covered[hit] / (extent / pixels), (target, source[hit])), shape=(pixels, count))
 
 
-def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
+def _linear(image: Image.Image, encoding: str) -> Floats:
     if image.mode in DEEP_MODES:
         values = np.asarray(image, dtype=np.float64)
         if values.max() > 65535:
@@ -123,7 +122,7 @@ def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
     return _luminance(np.asarray(image.convert("RGBA")), encoding)
 
 
-def _luminance(colours: NDArray[np.uint8], encoding: str) -> NDArray[np.float64]:
+def _luminance(colours: NDArray[np.uint8], encoding: str) -> Floats:
     """Return the linear light of (rows, columns, 4) colours with transparency, band after band."""
     light = np.empty(colours.shape[:2])
     step = max(1, BAND_PIXELS // colours.shape[1])
@@ -133,7 +132,7 @@ def _luminance(colours: NDArray[np.uint8], encoding: str) -> NDArray[np.float64]
     return light
 
 
-def _decoded(values: NDArray[np.float64], encoding: str, channels: int | None = None) -> NDArray[np.float64]:
+def _decoded(values: Floats, encoding: str, channels: int | None = None) -> Floats:
     """Undo the sRGB curve (of the first `channels` channels)."""
     if encoding == "linear":
         return values

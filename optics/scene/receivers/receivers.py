@@ -63,10 +63,11 @@ class Receiver(ABC):
         point, direction : triples of arrays, mm and unit vectors.  library : of the arrays, numpy or Dr.Jit.
         number : makes numbers for them that do not become part of a compiled kernel.
         """
-        p, q, r = _turned(self.pose, direction, number)
+        p, q, r = _rotated(self.pose, direction, number)
         met = r > 0
         choose = np.where if library is np else library.select  # numpy's `select` is another function
-        own = _turned(self.pose, _less(point, self.pose.shift, number), number)
+        apart = [x - number(s) if s else x for x, s in zip(point, self.pose.shift.tolist())]
+        own = _rotated(self.pose, apart, number)
         return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
 
     @abstractmethod
@@ -144,12 +145,8 @@ def receiver_at(z: float, pose: Pose = IDENTITY) -> Receiver:
     return FarField(pose) if isinf(z) else Plane(pose @ Pose.at((0.0, 0.0, z)))
 
 
-def _turned(pose: Pose, vector: Triple, number: Callable[[float], Any]) -> Triple:
+def _rotated(pose: Pose, vector: Triple, number: Callable[[float], Any]) -> Triple:
     """Return R^T of a vector."""
     if not pose.rotates:
         return vector
     return [sum(number(c) * v for c, v in zip(column, vector)) for column in pose.rotation.T.tolist()]
-
-
-def _less(point: Triple, shift: Any, number: Callable[[float], Any]) -> Triple:
-    return [x - number(s) if s else x for x, s in zip(point, shift.tolist())]

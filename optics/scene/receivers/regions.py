@@ -9,20 +9,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.checks import Floats
+
 SLICES = 32  # per pixel column
 
-Row = NDArray[np.float64]
 
-
-def _rectangle(s: Row) -> tuple[Row, Row]:
+def _rectangle(s: Floats) -> tuple[Floats, Floats]:
     return np.zeros_like(s), np.ones_like(s)
 
 
-def _ellipse(s: Row) -> tuple[Row, Row]:
+def _ellipse(s: Floats) -> tuple[Floats, Floats]:
     return np.zeros_like(s), np.sqrt(1 - s * s)
 
 
-def _crescent(s: Row) -> tuple[Row, Row]:
+def _crescent(s: Floats) -> tuple[Floats, Floats]:
     """Return a band of constant height along a parabola: middle 1/2 - s^2, height 1."""
     return 0.5 - s * s, np.full_like(s, 0.5)
 
@@ -30,7 +30,7 @@ def _crescent(s: Row) -> tuple[Row, Row]:
 REGIONS = {"rectangle": _rectangle, "ellipse": _ellipse, "crescent": _crescent}
 
 
-def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]) -> NDArray[np.float64]:
+def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]) -> Floats:
     """Return the fraction of every pixel that a region covers, (rows, columns), row 0 at the top.
 
     It is exact along t, and summed over 32 slices of every pixel along s.
@@ -52,7 +52,7 @@ def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]
     return light
 
 
-def _fill(light: Row, met: NDArray[np.bool_], top: Row, bottom: Row) -> None:
+def _fill(light: Floats, met: NDArray[np.bool_], top: Floats, bottom: Floats) -> None:
     """Set a column of pixels, (rows,), to the mean over its slices of the fraction that they cover.
 
     met : the slices that meet the region.  top, bottom : the rows where they enter and leave it.

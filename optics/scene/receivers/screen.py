@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.receivers.receivers import FarField, Plane
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class Screen:
         return self.pitch[0] * self.pitch[1]
 
     @property
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def centres(self) -> tuple[Floats, Floats]:
         """x of the columns and y of the rows, mm or degrees; y falls."""
         x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(self.half_width, self.pixels))
         return x, -y
 
-    def projection(self) -> NDArray[np.float64]:
+    def projection(self) -> Floats:
         """Return flux per pixel area of a unit picture, (rows, columns).
 
         In a plane it is 1.  In the far field it is the solid angle
@@ -74,7 +74,7 @@ class Screen:
         (px, py), (hx, hy) = self.pitch, self.half_width
         return (1 / px, hx / px + self.margin), (-1 / py, hy / py + self.margin)
 
-    def binned(self, points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def binned(self, points: Floats, weights: Floats) -> Floats:
         """Return the sum of weights in every pixel, (rows, columns), without the margin.
 
         points : (n, 2), mm or degrees; those beside the screen, and NaN, count nowhere.  weights : (n,).
@@ -98,19 +98,19 @@ class Screen:
         """Return a screen of the same size with so many times as many pixels in each direction."""
         return replace(self, pixels=(times * self.pixels[0], times * self.pixels[1]))
 
-    def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pad(self, image: Floats) -> Floats:
         """Return the image with the dark margin."""
         return np.pad(image, self.margin)
 
-    def crop(self, padded: NDArray[np.float64]) -> NDArray[np.float64]:
+    def crop(self, padded: Floats) -> Floats:
         """Return the image without the margin."""
         m = self.margin
         return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]
 
 
 def lit_part(
-    image: NDArray[np.float64], screen: Screen, dark: float
-) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+    image: Floats, screen: Screen, dark: float
+) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
     """Return the least rectangle of an irradiance outside of which all is dark, its centre and half-widths.
 
     dark : of the greatest irradiance, what counts as dark at most.  Lengths are in mm.

@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, erf, exp, pi, sqrt
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
+from optics.base.runtime import DrArray
+from thbcad.checks import Floats
 
 
 class Window(Protocol):
@@ -36,7 +35,7 @@ class Window(Protocol):
         """Return the weights of the taps for a point at distance t, in [0, 1), past the first tap's cell."""
         ...
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Floats:
         """Return the integrals of W over the pixels around its centre, (an odd number,)."""
         ...
 
@@ -50,7 +49,7 @@ class BoxWindow:
     def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray]) -> list[DrArray]:
         return [1.0]
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Floats:
         return np.array([1.0])
 
 
@@ -71,7 +70,7 @@ class BSplineWindow:
         """Return M_p(t + p - r), r = 0..p, for t in [0, 1)."""
         return cardinal_weights(t, self.degree)
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Floats:
         # a box convolved with M_p is M_(p+1); its values at whole distances from the centre
         values = cardinal_weights(0.0 if self.degree % 2 == 0 else 0.5, self.degree + 1)
         return np.array([v for v in values if v > 0])
@@ -98,7 +97,7 @@ class PixelWindow:
         second = 0.5 + s * (0.9375 - 0.625 * square + 0.1875 * square * square)
         return [1.0 - second, second]
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Floats:
         beside = self.blur * 5 / 32
         return np.array([beside, 1 - 2 * beside, beside])
 
@@ -144,7 +143,7 @@ class GaussianWindow:
             rows.append(lowered if all_within else (lowered + abs(lowered)) * 0.5)
         return rows
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Floats:
         most = ceil(self.cut * self.sigma + 0.5)
         edges = np.clip(np.arange(-most, most + 2) - 0.5, -self.cut * self.sigma, self.cut * self.sigma)
         gauss = np.array([self.sigma * sqrt(pi / 2) * erf(e / (self.sigma * sqrt(2))) for e in edges])
@@ -164,7 +163,7 @@ def cardinal_weights(t: DrArray, degree: int) -> list[DrArray]:
     return values
 
 
-def filter_image(image: NDArray[np.float64], window: Window) -> NDArray[np.float64]:
+def filter_image(image: Floats, window: Window) -> Floats:
     """Return what the window measures of an irradiance that is constant on every pixel, dark outside."""
     response = window.response()
     for axis in (0, 1):

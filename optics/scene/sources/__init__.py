@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     )
     from optics.scene.sources.collimated import collimated_beam as collimated_beam
     from optics.scene.sources.divergence import Divergence as Divergence
-    from optics.scene.sources.file_sources import FileSource as FileSource, RayFileSource as RayFileSource
+    from optics.scene.sources.file_sources import (
+        FileSource as FileSource,
+        RayFileSource as RayFileSource,
+        placed_rays as placed_rays,
+    )
     from optics.scene.sources.light_source import LightSource as LightSource
     from optics.scene.sources.luminaire_source import LuminaireSource as LuminaireSource
     from optics.scene.sources.plain_sources import (
@@ -22,7 +26,6 @@ if TYPE_CHECKING:
         PointSource as PointSource,
     )
     from optics.scene.sources.profile import Profile as Profile
-    from optics.scene.sources.ray_placement import placed_rays as placed_rays
     from optics.scene.sources.rays import (
         BEFORE as BEFORE,
         RayGrid as RayGrid,

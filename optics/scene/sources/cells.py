@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from math import cos, radians, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources.collimated import lit_part
 from optics.scene.sources.profile import UNIFORM, Profile
 from optics.scene.sources.rays import BEFORE, RayGrid, Rays
 from optics.scene.sources.spreading import concentric
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources.profile import UNIFORM, Profile
 from optics.scene.sources.rays import RayGrid
+from thbcad.checks import Floats
 
 
 def collimated_beam(
@@ -16,7 +16,7 @@ def collimated_beam(
     flux: float,
     aperture: Sequence[float],
     rays: Sequence[int],
-    shift: Sequence[float] | NDArray[np.float64] = (0.0, 0.0),
+    shift: Sequence[float] | Floats = (0.0, 0.0),
     profile: Profile = UNIFORM,
     centre: Sequence[float] = (0.0, 0.0),
 ) -> RayGrid:
@@ -58,6 +58,6 @@ def lit_part(
     return middles, halves
 
 
-def _borders(row: NDArray[np.float64], middle: float, half: float) -> NDArray[np.float64]:
+def _borders(row: Floats, middle: float, half: float) -> Floats:
     """Return the borders of the cells of rays in a row, which tile |x - middle| <= half."""
     return np.concatenate([[middle - half], (row[1:] + row[:-1]) / 2, [middle + half]])

@@ -17,13 +17,12 @@ from functools import cached_property
 from math import ceil, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
+
+from thbcad.checks import Floats
 
 NODES = 16  # of Gauss's rule in a panel: exact to rounding where a panel is no wider than a sigma
 LEAST_PANELS = 16  # of the quarter circle
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,17 +41,14 @@ class DiskLight:
 
         s, t : ascending in [-1, 1].
         """
-        light = np.diff(np.diff(self._quadrant(s, t), axis=0), axis=1)
-        return np.maximum(light, 0) / (4 * self.mean)
-
-    def _quadrant(self, s: Floats, t: Floats) -> Floats:
-        """Return the light between the axes and (s, t), with the sign of s t, (len(s), len(t))."""
         u, v = np.minimum(np.abs(s), 1), np.minimum(np.abs(t), 1)
         a = np.sqrt(1 - v * v)
         across, up = self._within(0), self._within(1)
         inside = across(u)[:, None] * up(v)
         beyond = across(a) * up(v) + self._below(u)[:, None] - self._below(a)
-        return np.sign(s)[:, None] * np.sign(t) * np.where(u[:, None] <= a, inside, beyond)
+        # between the axes and (s, t), with the sign of s t
+        light = np.sign(s)[:, None] * np.sign(t) * np.where(u[:, None] <= a, inside, beyond)
+        return np.maximum(np.diff(np.diff(light, axis=0), axis=1), 0) / (4 * self.mean)
 
     def _within(self, axis: int) -> Callable[[Floats], Floats]:
         """Return the antiderivative G from 0 along an axis."""

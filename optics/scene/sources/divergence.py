@@ -21,11 +21,9 @@ from dataclasses import dataclass
 from math import cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources.profile import Profile
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut
@@ -79,7 +77,8 @@ class Divergence:
         if self.kind == "theta_uniform":
             return np.inf
         if self.kind == "sun":
-            return 1 / (pi * sin(a) ** 2 * _limb_total())
+            mean = LIMB[0] + 2 / 3 * LIMB[1] + LIMB[2] / 2  # of L over the disk, over L in its middle
+            return 1 / (pi * sin(a) ** 2 * mean)
         return 1 / (2 * pi * a**2 * (1 - exp(-(min(FARTHEST, WIDEST / a) ** 2) / 2)))
 
     @property
@@ -100,11 +99,6 @@ class Divergence:
 
 
 PARALLEL = Divergence("uniform", 0.0)
-
-
-def _limb_total() -> float:
-    """Return the mean of L over the disk, over L in its middle."""
-    return LIMB[0] + 2 / 3 * LIMB[1] + LIMB[2] / 2
 
 
 def _limb_quantile(u: Floats) -> Floats:

@@ -6,20 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log2
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.scene.sources.cells import SourceCells
 from optics.scene.sources.divergence import PARALLEL, Divergence
 from optics.scene.sources.profile import UNIFORM, Profile
+from optics.scene.sources.rays import RayGrid, Rays
+from thbcad.certified import Stack
+from thbcad.checks import Floats
 
-if TYPE_CHECKING:
-    from optics.scene.sources.cells import SourceCells
-    from optics.scene.sources.rays import RayGrid, Rays
-    from thbcad.certified import Stack
-
-Floats = NDArray[np.float64]
 Counts = Sequence[int]
 Fresh = np.random.Generator | None
 Pair = Sequence[float]
@@ -136,7 +133,7 @@ class LightSource(ABC):
         """Return figures that hold the points where light starts, and its greatest angle from z, degrees."""
 
     def without_extent(self) -> LightSource:
-        """Return the source without its spread: of a beam parallel light, of a glowing area the point in its
+        """Return the source without its spread: of a beam parallel light, of an emitter the point in its
         middle, with its intensity; of a file's light one where its rays are nearest to."""
         return self
 

@@ -11,11 +11,12 @@ import numpy as np
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.luminaires import DirectionSampler, read_luminaire
 from optics.scene.sources.file_sources import FileSource
-from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Floats, Fresh, Pair, drawn_sobol
+from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, Pair, drawn_sobol
 from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import Rays
 from optics.scene.sources.spreading import MIRRORS, concentric, mirror_images
 from thbcad.certified import Stack, supports_of
+from thbcad.checks import Floats
 
 SAMPLE = (128, 128)  # rays that tell the point which stands for the light
 TRIED = (32, 32)  # rays of which none may start in the lens

@@ -18,7 +18,6 @@ from optics.scene.sources.light_source import (
     AXIS,
     Counts,
     Ends,
-    Floats,
     Fresh,
     LightSource,
     Pair,
@@ -29,6 +28,7 @@ from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import RayGrid, Rays
 from optics.scene.sources.spreading import area_parts, point_rays
 from thbcad.certified import DIRECTIONS, Stack, ellipse_supports, rectangle_supports
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -136,7 +136,7 @@ class CollimatedBeam(AreaSource):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LambertianArea(AreaSource):
-    """A glowing area: the same radiance in all directions of a cone of `half_angle` degrees."""
+    """A Lambertian emitter: the same radiance in all directions of a cone of `half_angle` degrees."""
 
     half_angle: float
     glowing = True

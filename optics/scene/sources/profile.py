@@ -7,11 +7,11 @@ from functools import cached_property
 from math import erf, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.special import erf as error_function
 
 from optics.scene.sources.disk_shares import DiskLight
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Profile:
 
     kind: str = "uniform"
     sigma: tuple[float, float] = (0.5, 0.5)
-    light: NDArray[np.float64] | None = None
+    light: Floats | None = None
 
     def __post_init__(self) -> None:
         if self.kind == "image" and self.light is None:
@@ -50,7 +50,7 @@ class Profile:
         """The area that shines, over half_width x half_width."""
         return pi if self.round else 4.0
 
-    def __call__(self, s: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, s: Floats, t: Floats) -> Floats:
         """Return the density at positions relative to half_width, in [-1, 1]; s and t are broadcast."""
         if self.kind == "round":
             return np.where(s**2 + t**2 < 1, 4 / pi, 0.0)
@@ -58,7 +58,11 @@ class Profile:
             light = np.exp(-0.5 * ((s / self.sigma[0]) ** 2 + (t / self.sigma[1]) ** 2))
             return np.where(s**2 + t**2 < 1, light, 0.0) / self._disk.mean
         if self.kind == "gaussian":
-            by_s, by_t = (np.exp(-0.5 * (r / w) ** 2) / _mean_gaussian(w) for r, w in zip((s, t), self.sigma))
+            # over the mean of exp(-r^2 / (2 sigma^2)) over [-1, 1]
+            by_s, by_t = (
+                np.exp(-0.5 * (r / w) ** 2) / (sqrt(pi / 2) * w * erf(1 / (w * sqrt(2))))
+                for r, w in zip((s, t), self.sigma)
+            )
             return by_s * by_t
         if self.kind == "image" and self.light is not None:
             rows, columns = self.light.shape
@@ -67,7 +71,7 @@ class Profile:
             return self.light[row, column] / self.light.mean()
         return np.ones(np.broadcast_shapes(s.shape, t.shape))
 
-    def shares(self, s: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shares(self, s: Floats, t: Floats) -> Floats:
         """Return the exact fractions of the light in cells with borders s and t, (len(s) - 1, len(t) - 1).
 
         s, t : relative to half_width, ascending in [-1, 1].
@@ -87,12 +91,7 @@ class Profile:
         return np.outer(np.diff(s), np.diff(t)) / 4
 
 
-def _mean_gaussian(sigma: float) -> float:
-    """Return the mean of exp(-r^2 / (2 sigma^2)) over [-1, 1]."""
-    return sqrt(pi / 2) * sigma * erf(1 / (sigma * sqrt(2)))
-
-
-def _overlaps(borders: NDArray[np.float64], pixels: int) -> csr_array:
+def _overlaps(borders: Floats, pixels: int) -> csr_array:
     """Return the fractions of pixels that tile [-1, 1] within intervals, (len(borders) - 1, pixels)."""
     position = np.clip((borders + 1) / 2 * pixels, 0, pixels)
     return csr_array(np.diff(np.clip(position[:, None] - np.arange(pixels), 0, 1), axis=0))

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from thbcad.lens import Lens
-    from thbcad.poses import Pose
+from thbcad.checks import Floats
+from thbcad.lens import Lens
+from thbcad.poses import Pose
 
 BEFORE = 10  # sizes of the lens, from its front to where a beam starts: no front bends back so far
 UNIT_LENGTH = 1e-9  # the greatest difference of a direction's length from 1
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,13 @@ from collections.abc import Iterator, Sequence
 from math import cos, radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources.divergence import Divergence
 from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import Rays
+from thbcad.checks import Floats
 
 MIRRORS = tuple((i, j) for i in (1.0, -1.0) for j in (1.0, -1.0))
-
-Floats = NDArray[np.float64]
 
 
 def lambertian_parts(

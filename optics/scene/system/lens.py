@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.problem import base_of
+from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Freeform, Front, Problem, Rear
 
 
 def base_lens(problem: Problem) -> Lens:

@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
-from optics.scene.materials import find_material, tabulated
+from optics.scene.materials import Material, find_material, tabulated
 from optics.scene.paths import Medium
 from optics.scene.photometry import spectral_lines
-from optics.scene.problem import AUTO
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from optics.scene.materials import Material
-    from optics.scene.photometry import SpectralLine
-    from optics.scene.problem import LensSpec, Problem
+from optics.scene.problem import AUTO, LensSpec, Problem
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
@@ -91,33 +84,22 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
     source = problem.source
     if not source.spectrum:
         nm = source.wavelength
-        return (Wavelength(nm, 1.0, medium_at(problem, nm)),)
+        return (Wavelength(nm, 1.0, Medium(index_at(problem, nm), absorption_at(problem, nm))),)
     lines = spectral_lines(source.spectrum)
     if source.unit == "lm":
-        lines = _by_lumens(lines)
-    return tuple(Wavelength(line.nm, line.weight, medium_at(problem, line.nm), line.xyz) for line in lines)
-
-
-def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
-    """Return lines whose weights are those of lumens, and whose colours are those of a lumen."""
-    seen = sum(line.weight * line.xyz[1] for line in lines)
-    if not seen:
-        raise UserError('source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"')
-    return tuple(
-        replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
-        for line, (x, y, z) in ((line, line.xyz) for line in lines)
-        if y
-    )
-
-
-def medium_at(problem: Problem, nm: float) -> Medium:
-    """Return what the lens is at a wavelength, nm.
-
-    Raises
-    ------
-    UserError : see `index_at` and `absorption_at`.
-    """
-    return Medium(index_at(problem, nm), absorption_at(problem, nm))
+        seen = sum(line.weight * line.xyz[1] for line in lines)
+        if not seen:
+            raise UserError(
+                'source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"'
+            )
+        # weights are those of lumens, and colours those of a lumen
+        lines = tuple(
+            replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
+            for line, (x, y, z) in ((line, line.xyz) for line in lines)
+            if y
+        )
+    media = [Medium(index_at(problem, line.nm), absorption_at(problem, line.nm)) for line in lines]
+    return tuple(Wavelength(line.nm, line.weight, glass, line.xyz) for line, glass in zip(lines, media))
 
 
 def index_at(problem: Problem, nm: float) -> float:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import load_backend
+from optics.base.runtime import Backend, load_backend
+from optics.scene.materials import Material
 from optics.scene.paths import LightPath
-from optics.scene.photometry import units_of
+from optics.scene.photometry import Density, Units, units_of
+from optics.scene.problem import Freeform, Problem
+from optics.scene.sources import LightSource
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
@@ -21,14 +23,7 @@ from optics.scene.system.lens_material import (
 from optics.scene.system.source import source_of
 from optics.scene.system.target import LightTarget
 from optics.scene.system.tracing_skips import Skip, skips
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.materials import Material
-    from optics.scene.photometry import Density, Units
-    from optics.scene.problem import Freeform, Problem
-    from optics.scene.sources import LightSource
-    from thbcad.lens import Lens, Product
+from thbcad.lens import Lens, Product
 
 
 @dataclass(frozen=True, eq=False)

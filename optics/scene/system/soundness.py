@@ -5,19 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isinf
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
-from optics.scene.problem import freedom_of, limit_advice, load_problem, require_limits
+from optics.scene.problem import Problem, freedom_of, limit_advice, load_problem, require_limits
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.source import source_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.scene.problem import Problem
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
@@ -130,29 +124,19 @@ def require_room(system: OpticalSystem) -> None:
         )
     starts = system.source.starts()
     if starts is not None:
-        _require_before(system, starts)
+        (u, v, z), (a, b) = starts, lens.front.half_width
+        within = (np.abs(u) <= a) & (np.abs(v) <= b)
+        depth = (z[within] - lens.front.conic(u[within], v[within])).max(initial=-np.inf)
+        if depth >= 0:
+            raise UserError(
+                f"rays of source.file start up to {depth:.4g} mm behind the front; "
+                "make source.distance larger"
+            )
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
             f"got {distance:g}"
-        )
-
-
-def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
-    """Refuse light of a file that starts behind the front.  origin : of its rays, (3, n) mm.
-
-    Raises
-    ------
-    UserError : names how far they reach into the lens.
-    """
-    front, (x, y, z) = system.lens.front, origin
-    a, b = front.half_width
-    within = (np.abs(x) <= a) & (np.abs(y) <= b)
-    depth = (z[within] - front.conic(x[within], y[within])).max(initial=-np.inf)
-    if depth >= 0:
-        raise UserError(
-            f"rays of source.file start up to {depth:.4g} mm behind the front; make source.distance larger"
         )
 
 

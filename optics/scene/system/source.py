@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
+from optics.scene.problem import Problem
 from optics.scene.sources import (
     CollimatedBeam,
     Divergence,
@@ -14,9 +14,6 @@ from optics.scene.sources import (
     PointSource,
     RayFileSource,
 )
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
 
 SOURCES: dict[str, type[LightSource]] = {  # by source.kind, which nothing else asks for
     "collimated": CollimatedBeam,

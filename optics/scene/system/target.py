@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.photometry import RASTER, LitRegion
+from optics.scene.problem import Target
 from optics.scene.receivers import (
     Receiver,
     Screen,
@@ -21,9 +21,7 @@ from optics.scene.receivers import (
     receiver_at,
     uniform_region,
 )
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Target
+from thbcad.checks import Floats
 
 WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
 
@@ -39,7 +37,7 @@ class LightTarget:
     z: float
 
     @cached_property
-    def light(self) -> NDArray[np.float64]:
+    def light(self) -> Floats:
         """Linear light: a picture at its own resolution, a region or a formula on the target's pixels.
 
         Row 0 is at the greatest y, column 0 at the least x.
@@ -50,7 +48,13 @@ class LightTarget:
         """
         target = self.settings
         if target.kind == "tophat":
-            return _lit_region(target)
+            light = uniform_region(target.shape, target.pixels, target.lit)
+            if not light.any():
+                raise UserError(
+                    f"target.lit = {list(target.lit)} leaves no light on the pixels; "
+                    "make it larger, or target.half_width smaller"
+                )
+            return light
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
         with speaking_of("target.image"):
@@ -106,7 +110,7 @@ class LightTarget:
         columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
         return Screen(self.settings.half_width, (columns, rows), margin, self.far_field)
 
-    def of_light(self, screen: Screen, irradiance: NDArray[np.float64]) -> LightTarget:
+    def of_light(self, screen: Screen, irradiance: Floats) -> LightTarget:
         """Return a target in the same plane that asks for a given irradiance on a screen's pixels."""
         settings = replace(
             self.settings, kind="image", fit="stretch", half_width=screen.half_width, pixels=screen.pixels
@@ -115,30 +119,12 @@ class LightTarget:
         target.__dict__["light"] = irradiance / screen.projection()  # in place of a picture that is read
         return target
 
-    def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
+    def irradiance(self, screen: Screen, flux: float) -> Floats:
         """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
         return target_irradiance(self.light, screen, self.settings.placing, flux)
 
 
-def _lit_region(target: Target) -> NDArray[np.float64]:
-    """Return the light of a uniform region.
-
-    Raises
-    ------
-    UserError : the region is so narrow that it falls between the samples of a pixel.
-    """
-    light = uniform_region(target.shape, target.pixels, target.lit)
-    if not light.any():
-        raise UserError(
-            f"target.lit = {list(target.lit)} leaves no light on the pixels; "
-            "make it larger, or target.half_width smaller"
-        )
-    return light
-
-
-def target_irradiance(
-    light: NDArray[np.float64], screen: Screen, fit: str, flux: float
-) -> NDArray[np.float64]:
+def target_irradiance(light: Floats, screen: Screen, fit: str, flux: float) -> Floats:
     """Return the target irradiance on a screen's pixels for a total flux, (rows, columns), W/mm^2.
 
     In the far field it is in W per square degree.

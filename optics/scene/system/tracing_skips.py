@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import erf, exp, pi, sqrt
-from typing import TYPE_CHECKING
 
+from optics.scene.problem import Problem
 from optics.scene.receivers import GaussianWindow
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.sources import LightSource
+from optics.scene.sources import LightSource
 
 ROUNDING = 1e-10  # relative, of loss and gradient: the resolution of meeting points in double precision
 
@@ -46,7 +43,44 @@ def skips(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
     source : its own.  parallel : rays stay parallel in the lens.
     """
     rays = _of_rays(problem, source, parallel)
-    return [*rays, *_of_surfaces(problem), *_of_measurement(problem, source)]
+    front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
+    frozen = front is None
+    deep = max(f.finest for f in (front, rear) if f is not None) > 0
+    state = "the front has no freeform" if frozen else "the front is free"
+    return [
+        *rays,
+        Skip("front", "the front in all evaluations but the first", frozen, state),
+        Skip("gradients", "gradients by the front's shape", frozen, state),
+        Skip(
+            "levels",
+            "knots and levels that no refined cell needs",
+            deep,
+            "the spline's net holds the knots of refined cells only" if deep else "there is one level",
+        ),
+        Skip(
+            "camera",
+            "screen and camera",
+            True,
+            "the irradiance is summed from the landing points; a camera would add noise",
+            None,
+        ),
+        Skip(
+            "fresnel",
+            "Fresnel's losses",
+            not problem.optimizer.fresnel,
+            "optimizer.fresnel = true, so that the light asked for reckons with them"
+            if problem.optimizer.fresnel
+            else "optimizer.fresnel = false; metrics and verify have them",
+            None,
+        ),
+        _far_pixels(problem, source),
+        Skip(
+            "compilation",
+            "compiling the kernels anew",
+            True,
+            "lens, screen and weights come to them as data, not as constants",
+        ),
+    ]
 
 
 def skip_lines(parts: Sequence[Skip]) -> list[str]:
@@ -63,6 +97,8 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
         aperture = "the beam is wider than the lens"
     else:
         aperture = "all of the beam meets the lens"
+    lens, colours = problem.lens, bool(problem.source.spectrum)
+    blurs = source.diverging or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
     return [
         Skip(
             "meeting points",
@@ -92,15 +128,6 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
             None,
         ),
         _edges(problem, parallel),
-        *_of_light(problem, source),
-    ]
-
-
-def _of_light(problem: Problem, source: LightSource) -> list[Skip]:
-    """Return the skips of what one direction, smooth surfaces and one wavelength spare the measurement."""
-    lens, colours = problem.lens, bool(problem.source.spectrum)
-    blurs = source.diverging or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
-    return [
         Skip(
             "blur",
             "directions of the beam and errors of the slopes",
@@ -122,59 +149,11 @@ def _edges(problem: Problem, parallel: bool) -> Skip:
     source, lens = problem.source, problem.lens
     beam = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
     within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
-    why = (
-        "no parallel ray meets an edge before the rear"
-        if within
-        else "rays may meet an edge: `thbcad trace` measures their flux"
-    )
-    return Skip(
-        "edges", "the edges and reflected light", True, f"{why}; light through front and rear is unchanged"
-    )
-
-
-def _of_surfaces(problem: Problem) -> list[Skip]:
-    front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
-    frozen = front is None
-    deep = max(f.finest for f in (front, rear) if f is not None) > 0
-    state = "the front has no freeform" if frozen else "the front is free"
-    return [
-        Skip("front", "the front in all evaluations but the first", frozen, state),
-        Skip("gradients", "gradients by the front's shape", frozen, state),
-        Skip(
-            "levels",
-            "knots and levels that no refined cell needs",
-            deep,
-            "the spline's net holds the knots of refined cells only" if deep else "there is one level",
-        ),
-    ]
-
-
-def _of_measurement(problem: Problem, source: LightSource) -> list[Skip]:
-    return [
-        Skip(
-            "camera",
-            "screen and camera",
-            True,
-            "the irradiance is summed from the landing points; a camera would add noise",
-            None,
-        ),
-        Skip(
-            "fresnel",
-            "Fresnel's losses",
-            not problem.optimizer.fresnel,
-            "optimizer.fresnel = true, so that the light asked for reckons with them"
-            if problem.optimizer.fresnel
-            else "optimizer.fresnel = false; metrics and verify have them",
-            None,
-        ),
-        _far_pixels(problem, source),
-        Skip(
-            "compilation",
-            "compiling the kernels anew",
-            True,
-            "lens, screen and weights come to them as data, not as constants",
-        ),
-    ]
+    why = "no parallel ray meets an edge before the rear"
+    if not within:
+        why = "rays may meet an edge: `thbcad trace` measures their flux"
+    why = f"{why}; light through front and rear is unchanged"
+    return Skip("edges", "the edges and reflected light", True, why)
 
 
 def _far_pixels(problem: Problem, source: LightSource) -> Skip:

@@ -12,7 +12,7 @@ from optics.light.analysis.closed_lens_light import (
     PILOT,
     THROUGH,
     _replicate,
-    light_by_other_ways,
+    nonsequential_light,
 )
 from optics.light.analysis.metrics import measure
 from optics.light.tracing import TargetArea, trace_nonsequential
@@ -41,10 +41,10 @@ def lens_of(system):
     params=[pytest.param({}, id="lambertian", marks=pytest.mark.slow), pytest.param(POINT, id="point")],
 )
 def found(request, tmp_path_factory, backend):
-    """Return (system, lens, OtherWays)."""
+    """Return (system, lens, OtherLight)."""
     system = system_of(tmp_path_factory.mktemp("ways"), request.param)
     lens = lens_of(system)
-    return system, lens, light_by_other_ways(system, lens, system.target.screen(), backend)
+    return system, lens, nonsequential_light(system, lens, system.target.screen(), backend)
 
 
 def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
@@ -105,7 +105,7 @@ def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     """A cone three times as wide as the lens: what passes beside it would meet the target too."""
     wide = {"source.distance": 20.0, "target.half_width": [3000.0, 3000.0], "target.distance": 300.0}
     system = system_of(tmp_path, POINT | wide)
-    other = light_by_other_ways(system, system.lens, system.target.screen(), backend)
+    other = nonsequential_light(system, system.lens, system.target.screen(), backend)
     assert other.fates.beside_lens > 1.0
     on_pixels = other.light.irradiance.sum() * system.target.screen().pixel_area
     assert on_pixels == pytest.approx(other.light.on_target, rel=1e-9)  # which the fates tell
@@ -115,7 +115,7 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     system, again, other = (system_of(tmp_path, NARROW | {"run.seed": seed}) for seed in (0, 0, 1))
     one, same, different = (
-        light_by_other_ways(s, s.lens, s.target.screen(), backend).light.irradiance
+        nonsequential_light(s, s.lens, s.target.screen(), backend).light.irradiance
         for s in (system, again, other)
     )
     assert one.tobytes() == same.tobytes()

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.light.analysis.ray_fans import FAN, WIDEST, fans
+from optics.light.analysis.lens_trace import FAN, WIDEST, fans
 from optics.light.tracing import FATES
 from optics.scene.problem import load_problem
 from optics.scene.sources import Rays

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optics.light.blur import landing_shifts
+from optics.light.blur.spot_matrices import landing_shifts
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import rough, write_problem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.light.refraction.surface_slopes import refracted, refracting_slopes
+from optics.light.refraction.shaped_refraction import refracted, refracting_slopes
 
 
 def unit(*v):

@@ -6,7 +6,8 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 from scipy.stats import chisquare
 
-from optics.scene.luminaires import DirectionSampler, Luminaire, angles_of
+from optics.scene.luminaires import DirectionSampler, Luminaire
+from optics.scene.luminaires.intensity_record import angles_of
 from tests.optics.scene.luminaires.cases import GAMMA, C, asymmetric, lambertian
 
 GRID = (np.arange(200) + 0.5) / 200

@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from optics.base.runtime import UserError
-from optics.scene.luminaires import Luminaire, Opening, angles_of, directions_at
+from optics.scene.luminaires import Luminaire, Opening, directions_at
+from optics.scene.luminaires.intensity_record import angles_of
 from tests.optics.scene.luminaires.cases import GAMMA, C, asymmetric, lambertian
 
 

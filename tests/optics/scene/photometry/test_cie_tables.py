@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
-from optics.scene.photometry import ILLUMINANTS, colour_matching, illuminant, spectral_lines, white_of
-from optics.scene.problem import ILLUMINANTS as OF_THE_PROBLEM_FILE
+from optics.scene.photometry import ILLUMINANTS, spectral_lines, white_of
+from optics.scene.photometry.cie_tables import colour_matching, illuminant
 from tests.optics.scene.photometry.colour_cases import colour
 
 OBSERVER = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
@@ -44,10 +44,6 @@ def test_lines_keep_the_white_of_an_illuminant(name):
     with colour.utilities.suppress_warnings(colour_runtime_warnings=True):  # of another step
         wanted = colour.sd_to_XYZ(colour.SDS_ILLUMINANTS[name], OBSERVER)
     assert white[:2] / white.sum() == pytest.approx(wanted[:2] / wanted.sum(), abs=3e-4)
-
-
-def test_the_problem_file_knows_the_same_names():
-    assert OF_THE_PROBLEM_FILE == ILLUMINANTS
 
 
 def test_another_name_is_refused():

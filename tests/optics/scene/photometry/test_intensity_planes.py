@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.scene.photometry import BEAM, FIELD, PlaneCurve, plane_curves
+from optics.scene.photometry import BEAM, FIELD, plane_curves
+from optics.scene.photometry.intensity_planes import PlaneCurve
 
 FORMULAS = {BEAM: degrees(2 * acos(0.5)), FIELD: degrees(2 * acos(0.1))}
 

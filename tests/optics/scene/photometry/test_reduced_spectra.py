@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.scene.photometry import (
-    ILLUMINANTS,
-    MOST_LINES,
-    chromaticity,
-    colour_matching,
-    illuminant,
-    spectral_lines,
-    white_of,
-)
+from optics.scene.photometry import ILLUMINANTS, spectral_lines, white_of
+from optics.scene.photometry.cie_tables import chromaticity, colour_matching, illuminant
+from optics.scene.photometry.reduced_spectra import MOST_LINES
 
 CURVES = st.lists(st.floats(0, 1), min_size=MOST_LINES + 1, max_size=60).filter(lambda s: sum(s) > 0.01)
 

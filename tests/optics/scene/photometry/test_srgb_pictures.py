@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.scene.photometry import (
-    ILLUMINANTS,
-    chromaticity,
-    chromaticity_distance,
-    colour_matching,
-    spectral_lines,
-    srgb,
-    white_of,
-)
+from optics.scene.photometry import ILLUMINANTS, chromaticity_distance, spectral_lines, srgb, white_of
+from optics.scene.photometry.cie_tables import chromaticity, colour_matching
 from tests.optics.scene.photometry.colour_cases import colour
 
 D65 = np.array([0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290])

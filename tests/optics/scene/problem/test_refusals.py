@@ -10,7 +10,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem, assignment, cannot_do, keys_of
-from optics.scene.problem.toml_text import problem_to_toml
+from optics.scene.problem.toml_records import problem_to_toml
 from tests.cases import ROOT
 from tests.optics.cases import SMALL, toml_text, toml_value
 from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, one_sentence

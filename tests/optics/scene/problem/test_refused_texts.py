@@ -5,7 +5,7 @@ import os
 import pytest
 
 from optics.base.runtime import UserError
-from optics.scene.problem.problem_file import MAX_FILE_BYTES, load_problem
+from optics.scene.problem.problem_record import MAX_FILE_BYTES, load_problem
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.scene.problem.cases import load_text, one_sentence
 

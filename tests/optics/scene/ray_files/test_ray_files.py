@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics import UserError
-from optics.scene.ray_files import WRITERS, RaySet, read_rays, write_rays
+from optics.scene.ray_files import RaySet, read_rays, write_rays
+from optics.scene.ray_files.formats import WRITERS
 
 SUFFIXES = [*WRITERS]
 NUMBERS = st.floats(-1e6, 1e6, width=32)
