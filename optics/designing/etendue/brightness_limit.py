@@ -11,17 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.designing.etendue.silhouette import pixel_etendue
 from optics.designing.etendue.throughput_bound import radiance
+from optics.scene.system import OpticalSystem
 from thbcad.checks import EPS
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
 
 Array = NDArray[np.float64]
 

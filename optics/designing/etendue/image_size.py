@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from math import isinf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from optics.designing.etendue.throughput_bound import Array, brightest, rear_area, spread
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 # the multiplier of `least_mean` is searched for between these, times 1 / standard deviation
 STRENGTHS = (1e-7, 1e7)

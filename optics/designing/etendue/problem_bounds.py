@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, log10, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
 from optics.designing.etendue.image_size import image_half_width
@@ -12,10 +12,8 @@ from optics.designing.etendue.source_image_bound import ImageBound, any_proporti
 from optics.designing.etendue.throughput_bound import front_fraction, rear_area
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import freedom_of
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one

@@ -33,18 +33,15 @@ Factors, for polygons.
 from __future__ import annotations
 
 from math import ceil, hypot, isqrt, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from optics.scene.problem import freedom_of
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import FreeformSurface
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.lens import FreeformSurface
 
 CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
 PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 or 2 % too large

@@ -24,19 +24,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isinf, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.scene.problem import freedom_of
-from optics.scene.sources import Rays
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.sources import Profile
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.problem import Problem, freedom_of
+from optics.scene.sources import Profile, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 RAYS = (512, 256)  # for the fraction of the light that meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, in each direction

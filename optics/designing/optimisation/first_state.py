@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import NumericalError
+from optics.base.runtime import Backend, NumericalError
 from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State, first_sags
 from optics.designing.optimisation.transport_start import TransportFit, TransportStart
-from thbcad.lens import require_sound
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.surfaces import THBSurface
+from optics.light.engines import Engine
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, require_sound
+from thbcad.surfaces import THBSurface
 
 
 def first_state(

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import gcd
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.indicators import (
     mark,
     promised_decrease,
@@ -19,23 +18,17 @@ from optics.designing.optimisation.indicators import (
     vertex_knots,
 )
 from optics.designing.optimisation.objective import Objective
-from optics.designing.optimisation.stage_plan import PROBES, last_level
+from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
+from optics.designing.optimisation.transport_start import TransportStart
 from optics.designing.penalties import shape_penalty
 from optics.light.analysis import light_by_other_ways
-from optics.light.engines import Film, sharp_engine
-from optics.scene.problem import feature_levels, per_level
+from optics.light.engines import Engine, Film, LightModel, sharp_engine
+from optics.scene.problem import Problem, feature_levels, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.designing.optimisation.transport_start import TransportStart
-    from optics.light.engines import Engine, LightModel
-    from optics.scene.problem import Problem
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide

@@ -15,25 +15,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from optics.designing.optimisation.stage_search import Interrupted, minimised
-from optics.designing.penalties import ROOM, shape_penalty
-from optics.scene.problem import limit_misses
-from thbcad.lens import manufacturability
+from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
+from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
+from optics.scene.problem import Miss, Problem, limit_misses
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.stage_search import Found, Log, Search
-    from optics.designing.penalties import ShapePenalty
-    from optics.scene.problem import Miss, Problem
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 PASSES = 3  # of the augmented Lagrangian at most
 SHORTER = 0.5  # of the stage's iterations, in every pass

@@ -17,12 +17,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.first_state import first_state, fitted, transport_start, with_sags
 from optics.designing.optimisation.level_objective import (
@@ -32,22 +31,17 @@ from optics.designing.optimisation.level_objective import (
     stage_objective,
 )
 from optics.designing.optimisation.limit_keeper import LimitKeeper
-from optics.designing.optimisation.stage_plan import stages
+from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
 from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.problem import Limits, limit_sentences
-from thbcad.lens import manufacturability, require_sound
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, manufacturability, require_sound
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 FRESH = 1  # what makes the draw of fresh rays another than that of the measurement

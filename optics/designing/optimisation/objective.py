@@ -15,15 +15,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.designing.penalties import ShapePenalty
-    from optics.light.engines import Light, LightModel
-    from thbcad.splines import KnotVector
+from optics.designing.penalties import ShapePenalty
+from optics.light.engines import Light, LightModel
+from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from optics.scene.problem import per_level
-from optics.scene.system import freeforms
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
+from optics.scene.problem import Problem, per_level
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem, freeforms
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 MOST_RAYS = 40_000_000  # at once

@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.optimisers import LBFGS, Adam
 from optics.base.runtime import NumericalError
-from optics.designing.optimisation.stage_plan import PROBES
+from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.objective import Evaluation, Objective
+from optics.designing.optimisation.stage_plan import PROBES, Stage
 from optics.designing.optimisation.state import Row, State
+from optics.designing.penalties import ShapePenalty
+from optics.scene.problem import Problem
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.objective import Evaluation, Objective
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.designing.penalties import ShapePenalty
-    from optics.scene.problem import Problem
 
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time

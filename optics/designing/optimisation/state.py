@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.stage_plan import first_level, stages
 from optics.scene.problem import feature_levels
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 
 @dataclass(frozen=True)

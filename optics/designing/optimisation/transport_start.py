@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.designing.optimisation.indicators import summed_over_cells
 from optics.designing.optimisation.rear_light import (
     DARK,
@@ -28,16 +28,11 @@ from optics.designing.optimisation.rear_light import (
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
 from optics.scene.receivers import Screen, lit_part
-from optics.scene.system import target_irradiance
+from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
-from thbcad.lens import require_sound
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
 
 SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next

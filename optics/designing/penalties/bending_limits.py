@@ -16,15 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians, tan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.designing.penalties.sample_points import Excess, Floats, Pull, SurfaceSamples, free_surfaces
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import Lens
+from optics.scene.problem import Limits
+from thbcad.lens import Lens
 
 Matrix = tuple[Floats, Floats, Floats]  # xx, xy, yy of symmetric matrices
 

@@ -14,17 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
 from optics.designing.penalties.sample_points import Excess, Floats, SurfaceSamples, free_surfaces
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import Lens
+from optics.scene.problem import Limits
+from thbcad.lens import Lens
 
 WEIGHT = 100.0  # charge for the mean square of relative excesses
 ROOM = 1e-3  # of a limit: what lies between the points stays within it

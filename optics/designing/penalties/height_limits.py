@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -29,15 +28,11 @@ from optics.designing.penalties.sample_points import (
     free_surfaces,
     simpson,
 )
-from thbcad.lens import mass
-from thbcad.splines import gauss_rule, tensor_apply
+from optics.scene.problem import Limits
+from thbcad.lens import FreeformSurface, Lens, mass
+from thbcad.splines import KnotVector, gauss_rule, tensor_apply
 
 TIGHT = 1e-14  # of half the range: tolerance of its middle
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.splines import KnotVector
 
 
 @dataclass(frozen=True, eq=False)

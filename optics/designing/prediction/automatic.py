@@ -14,25 +14,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, inf, isinf, sqrt
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from optics.base.runtime import UserError
-from optics.designing.optimisation import TransportStart, transmitted_flux
+from optics.base.runtime import Backend, UserError
+from optics.designing.optimisation import RearLight, TransportStart, transmitted_flux
 from optics.designing.prediction.start_light import seen_level
-from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, base_of
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.fitting import fit_slopes, seen_functions
+from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import RearLight
-    from optics.scene.problem import Front, Problem, Rear
-    from thbcad.lens import FreeformSurface
 
 Surface = TypeVar("Surface", "Front", "Rear")
 Floats = NDArray[np.float64]

@@ -10,25 +10,20 @@ for which `optics.designing.etendue.approximate` has a certificate.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from optics.base.runtime import Backend
 from optics.designing.etendue import Kernel, approximate
 from optics.light.analysis import rel_l2
-from optics.light.blur import blur_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from optics.base.runtime import Backend
-    from optics.light.blur import Blur
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.blur import Blur, blur_of
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
 FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too

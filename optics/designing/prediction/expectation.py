@@ -5,27 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.designing.etendue import image_half_width, usual_efficiency
-from optics.designing.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
+from optics.designing.optimisation import (
+    RearLight,
+    Stage,
+    TransportStart,
+    first_sags,
+    last_level,
+    stages,
+    transmitted_flux,
+)
 from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.picture_error import predicted_rel_l2
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import light_before
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration
-from thbcad.lens import mass
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import RearLight, Stage
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import Lens, mass
 
 Floats = NDArray[np.float64]
 

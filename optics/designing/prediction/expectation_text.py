@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from optics.designing.prediction.expectation import Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.light.outgoing import concentration_sentence
-
-if TYPE_CHECKING:
-    from optics.designing.prediction.expectation import Expectation
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000

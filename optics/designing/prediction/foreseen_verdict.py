@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
+from optics.designing.prediction.blurred_picture import BlurLimits
+from optics.designing.prediction.expectation import Expectation
 from optics.light.analysis import contrast_error, picture_limit
 from optics.light.blur import spot_rms
 from optics.scene.photometry import uniformity
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from optics.base.runtime import Backend
-    from optics.designing.prediction.blurred_picture import BlurLimits
-    from optics.designing.prediction.expectation import Expectation
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 WILL = "this design will miss its limit"
 MAY = "this design may miss its limit"

@@ -16,16 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.designing.optimisation import RearLight
 from optics.light.refraction import FixedRear, ShapedFront
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import RearLight
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 Floats = NDArray[np.float64]
 

@@ -7,19 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from time import perf_counter
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-from optics.base.runtime import Phase, Progress
-from optics.designing.optimisation import stage_seconds
-from optics.designing.progress.progress_bar import drawing
-from optics.scene.problem import AUTO, FINEST_AUTO, per_level
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Moment
-    from optics.designing.optimisation import Row, Stage
-    from optics.designing.progress.progress_bar import Bar, Lines
-    from optics.scene.problem import Freeform
-    from optics.scene.system import OpticalSystem
+from optics.base.runtime import Moment, Phase, Progress
+from optics.designing.optimisation import Row, Stage, stage_seconds
+from optics.designing.progress.progress_bar import Bar, Lines, drawing
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, per_level
+from optics.scene.system import OpticalSystem
 
 SETUP, START = "setup", "start surface"
 # in evaluations: what the first one of a stage takes more, for which programs are compiled, and what one that

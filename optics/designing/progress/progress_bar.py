@@ -7,10 +7,9 @@ from collections.abc import Callable
 from functools import cached_property
 from importlib.util import find_spec
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Moment
+from optics.base.runtime import Moment
 
 REDRAWN = 0.5  # seconds, between two drawings of the bar in a phase that says nothing
 DRAWN = 0.1  # seconds, at least, between two drawings in a phase that says much

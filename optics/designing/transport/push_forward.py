@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import OrderFreeSums
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 
 Floats = NDArray[np.float64]
 

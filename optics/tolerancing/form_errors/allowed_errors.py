@@ -17,22 +17,18 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from math import ceil, pi, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.light.analysis import rel_l2
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.form_errors.local_formula import SIDES, LocalFormula, local_formula_of
-from optics.tolerancing.form_errors.period_bands import BandFormula, period_bands_of, seen_by_cells
+from optics.tolerancing.form_errors.period_bands import Band, BandFormula, period_bands_of, seen_by_cells
 from optics.tolerancing.perturbations import HeightSum, random_field
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.form_errors.period_bands import Band
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]

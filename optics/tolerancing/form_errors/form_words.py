@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from optics.tolerancing.form_errors.allowed_errors import FormErrors, SideCost
+from optics.tolerancing.form_errors.allowed_errors import FormErrors, SideCost
 
 FORM_HEAD = (
     "side",

@@ -23,21 +23,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
+from optics.scene.paths import HeightError
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.form_errors.form_trace import ConstantJet, FormTrace, Traced, form_trace
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.paths import HeightError
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

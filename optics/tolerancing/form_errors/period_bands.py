@@ -16,18 +16,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import cos, pi, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from optics.tolerancing.form_errors.local_formula import middles, solved
+from optics.tolerancing.form_errors.local_formula import LocalFormula, middles, solved
 from optics.tolerancing.form_errors.pixel_transfer import on_target, pixel_mtf
 from optics.tolerancing.perturbations import shortest_period
-
-if TYPE_CHECKING:
-    from optics.tolerancing.form_errors.local_formula import LocalFormula
 
 Floats = NDArray[np.float64]
 Band = tuple[float, float]

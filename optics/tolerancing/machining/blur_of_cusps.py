@@ -10,18 +10,15 @@ This is geometrical optics: cusps also diffract light, into orders wavelength / 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.scene.receivers import Screen
+from optics.tolerancing.machining.response_to_slopes import LandingResponse
+from optics.tolerancing.machining.tool_order import ToolOrder
+from thbcad.splines import BSplineSurface
 from thbcad.tools import Cusps, ball_cusps, nose_cusps
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.tolerancing.machining.response_to_slopes import LandingResponse
-    from optics.tolerancing.machining.tool_order import ToolOrder
-    from thbcad.splines import BSplineSurface
 
 Floats = NDArray[np.float64]
 

@@ -7,24 +7,20 @@ u w, with the smooth field w of `thbcad.tools.Cusps.slopes`: traced exactly at t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis import coloured, rel_l2, unit_mean
 from optics.light.measuring import MappedCells
+from optics.scene.paths import LightPath
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining.response_to_slopes import crossings, slope_errors, traced_points
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import atan, ceil, degrees
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.light.blur import spot_width
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
 from optics.tolerancing.machining.cusp_light import CuspLight, light_with_cusps
 from optics.tolerancing.machining.response_to_slopes import landing_response
-from optics.tolerancing.machining.tool_order import SPEED
+from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
+from thbcad.certified import Enclosure
+from thbcad.lens import Lens
+from thbcad.splines import BSplineSurface
 from thbcad.tools import (
     SURFACES,
     Draft,
     Fit,
+    Gaps,
     SpiralCut,
     acceleration_at,
     air_side,
@@ -30,15 +34,6 @@ from thbcad.tools import (
     nose_fit,
     rim_gaps,
 )
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.machining.tool_order import ToolOrder
-    from thbcad.certified import Enclosure
-    from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface
-    from thbcad.tools import Gaps
 
 Floats = NDArray[np.float64]
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.scene.problem import position
-from optics.tolerancing.machining.tool_order import SPEED
-
-if TYPE_CHECKING:
-    from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
-    from optics.tolerancing.machining.tool_order import ToolOrder
-    from thbcad.certified import Enclosure
-    from thbcad.tools import Draft, Fit
+from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
+from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
+from thbcad.certified import Enclosure
+from thbcad.tools import Draft, Fit
 
 NM = 1e6  # of a mm
 LONG = 24.0  # hours of one pass: no machine keeps its temperature so long

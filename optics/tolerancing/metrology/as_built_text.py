@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from math import floor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from optics.tolerancing.metrology.alignment import Alignment
-    from optics.tolerancing.metrology.as_built_light import AsBuilt, Way
-    from optics.tolerancing.metrology.rigid_corrections import Move, RigidCorrection
+from optics.tolerancing.metrology.alignment import Alignment
+from optics.tolerancing.metrology.as_built_light import AsBuilt, Way
+from optics.tolerancing.metrology.rigid_corrections import Move, RigidCorrection
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work

@@ -11,18 +11,15 @@ traces, to both sides.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis import rel_l2, unit_mean
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance, tolerances_of
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

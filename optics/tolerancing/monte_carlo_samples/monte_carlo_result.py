@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.tolerancing.monte_carlo_samples.made_batch import CONFIDENCE, SHOWN
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
-    from optics.tolerancing.monte_carlo_samples.sampling import ErrorModel, Sampled
-    from optics.tolerancing.perturbations import ToleranceBudget
+from optics.tolerancing.monte_carlo_samples.made_batch import CONFIDENCE, SHOWN, MadeBatch
+from optics.tolerancing.monte_carlo_samples.sampling import ErrorModel, Sampled
+from optics.tolerancing.perturbations import ToleranceBudget
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,25 +8,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import chain
 from operator import add
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.base.runtime import grade, load_backend
-from optics.base.workers import run_tasks
+from optics.base.workers import WorkerPool, run_tasks
 from optics.light.analysis import delivered, delivery_checks, rel_l2
 from optics.light.blur import spot_rms
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, Draw, FormTolerance, draws
-from optics.tolerancing.perturbations import NOMINAL, PerturbedLight
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.workers import WorkerPool
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations import Perturbation, Tolerance
-    from thbcad.lens import Lens
+from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance
+from thbcad.lens import Lens
 
 FIELDS = 4  # form errors, with both signs, whose mean rise of rel_l2^2 is told: they differ by some per cent
 

@@ -16,17 +16,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import distance_transform_edt
 
+from optics.scene.sources import SourceCells
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
-
-if TYPE_CHECKING:
-    from optics.scene.sources import SourceCells
-    from optics.tolerancing.perturbations.traced_light import PerturbedLight
+from optics.tolerancing.perturbations.traced_light import PerturbedLight
 
 SAMPLES = 65  # in each direction: light slides over the whole lens in much the same way
 STEP = 0.5  # of the perturbation, for differences

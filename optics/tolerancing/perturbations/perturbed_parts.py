@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError
+from optics.scene.paths import LightPath
 from optics.scene.sources import RayGrid, Rays, SourceCells
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.scene.paths import LightPath
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite, radians
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.perturbation import Perturbation
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
 
 # mm: a fine length of 0.5 to 6 mm, such as a lens's seat (ISO 2768-1, class f), and one of 6 to 30 mm, at
 # which a source is mounted; where the target is set up in a room with a ruler, and its distance with a tape

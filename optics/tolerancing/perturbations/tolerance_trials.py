@@ -7,13 +7,13 @@ is no good for a prediction: its derivative holds for hundredths of a pixel only
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.base.runtime import UserError, speaking_of
+from optics.base.runtime import Backend, UserError, speaking_of
 from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.allowed_amount import amount_of
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
@@ -25,15 +25,11 @@ from optics.tolerancing.perturbations.light_limits import (
     usual_limits,
 )
 from optics.tolerancing.perturbations.linear_light import LinearLight
+from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
 from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
 STILL = 1e-9  # of a pixel per amount: what moves no light

@@ -7,25 +7,21 @@ from dataclasses import replace
 from functools import cached_property, reduce
 from math import isqrt
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.light.analysis import coloured, traced_cells
 from optics.light.measuring import Splat
-from optics.light.tracing import Tracer
+from optics.light.tracing import Landing, SequentialFates, Tracer
+from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells, single_rays
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_index
+from thbcad.lens import Lens
 from thbcad.poses import Pose
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import Landing, SequentialFates
-    from optics.scene.paths import SlopeErrors
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
