@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.designing.etendue.silhouette import pixel_etendue
+from optics.designing.etendue.silhouette import Array, pixel_etendue
 from optics.designing.etendue.throughput_bound import radiance
 from optics.scene.system import OpticalSystem
 from thbcad.checks import EPS
-
-Array = NDArray[np.float64]
 
 CURVE = tuple(k / 10 for k in range(1, 11))  # efficiencies
 ROUNDING = 64 * EPS  # of sums over pixels by pairs, relative; numpy errs by a few EPS

@@ -175,7 +175,20 @@ class Indicators:
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         indicator = self.system.problem.refinement.indicator
         if indicator == "decrease":
-            return self._decrease(lens, stage)
+            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
+            finer = [
+                THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
+                for sag, space in zip(lens.sags, spaces)
+            ]
+            refined = lens.with_sags(finer)
+            objective = self._objective(refined, stage)
+            coefficients = [sag.coefficients for sag in finer]
+            gradients = objective(coefficients).gradients
+            probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
+            return [
+                promised_decrease(sag.space, space, g, p)
+                for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
+            ]
         if indicator == "vertex" or not self.start:
             return self.vertex(lens, stage)
         misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
@@ -198,22 +211,6 @@ class Indicators:
 
     def _objective(self, lens: Lens, stage: Stage) -> Objective:
         return stage_objective(self.system, lens, stage, self.target, self.engine, background=self.background)
-
-    def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
-        finer = [
-            THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
-            for sag, space in zip(lens.sags, spaces)
-        ]
-        refined = lens.with_sags(finer)
-        objective = self._objective(refined, stage)
-        coefficients = [sag.coefficients for sag in finer]
-        gradients = objective(coefficients).gradients
-        probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
-        return [
-            promised_decrease(sag.space, space, g, p)
-            for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
-        ]
 
 
 def _vertices(rays: int, spans: int) -> int:

@@ -17,10 +17,9 @@ from collections.abc import Callable, Sequence
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
 from optics.scene.problem import Miss, Problem, limit_misses
@@ -39,8 +38,6 @@ TRIES = 60  # lengths of a step: charges of curvature begin suddenly, far below 
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
-
-Floats = NDArray[np.float64]
 
 
 class LimitKeeper:
@@ -96,7 +93,15 @@ class LimitKeeper:
         """
         start = self._moved(self._lens.sags, charges, variables)
         if start:
-            self._note_cut(charges)
+            # tell where z_freedom cuts off much of a start that is moved within the limits
+            _, heights, cut = self._lifted(self._lens.sags, charges)
+            if cut > CUT * min(self._bounds):
+                shaped = self._system.shaped
+                thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
+                self._note(
+                    f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom "
+                    f"cuts off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
+                )
             return start, charges.keys
         best = self._lens.sags
         keys: tuple[str, ...] = ()
@@ -146,17 +151,6 @@ class LimitKeeper:
         lifted = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
         cut = max(float(np.abs(c + h - d).max()) for c, h, d in zip(before, heights, lifted))
         return lifted, heights, cut if heights.any() else 0.0
-
-    def _note_cut(self, charges: ShapePenalty) -> None:
-        """Tell where z_freedom cuts off much of a start that is moved within the limits."""
-        _, heights, cut = self._lifted(self._lens.sags, charges)
-        if cut > CUT * min(self._bounds):
-            shaped = self._system.shaped
-            thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
-            self._note(
-                f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom cuts "
-                f"off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
-            )
 
 
 def chargeable_misses(problem: Problem, lens: Lens) -> list[Miss]:

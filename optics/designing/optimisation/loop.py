@@ -19,10 +19,9 @@ from functools import partial
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.first_state import first_state, fitted, transport_start, with_sags
 from optics.designing.optimisation.level_objective import (
     Indicators,
@@ -46,8 +45,6 @@ from thbcad.surfaces import THBSurface
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 FRESH = 1  # what makes the draw of fresh rays another than that of the measurement
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
-
-Floats = NDArray[np.float64]
 
 
 def _ignored(*_: object) -> None:

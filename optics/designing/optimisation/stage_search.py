@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.optimisers import LBFGS, Adam
 from optics.base.runtime import NumericalError
-from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.objective import Evaluation, Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage
 from optics.designing.optimisation.state import Row, State
@@ -22,8 +21,6 @@ from thbcad.surfaces import THBSurface
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
 LEAST_DECREASE = 2.2e-9  # of the loss: it ends a run that starts near a minimum
-
-Floats = NDArray[np.float64]
 
 
 class Interrupted(Exception):

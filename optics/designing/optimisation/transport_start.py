@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.designing.optimisation.indicators import summed_over_cells
 from optics.designing.optimisation.rear_light import (
     DARK,
     LEAST_WEIGHT,
+    Floats,
     RearLight,
     centres,
     refraction_of,
@@ -48,8 +48,6 @@ MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
 CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

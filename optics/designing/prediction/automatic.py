@@ -85,20 +85,16 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
         if not wide.parallel:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
-        _require_bent(start.bent)
+        if start.bent < LEAST_BENT:
+            raise UserError(
+                f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
+                f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
+                "the lens as numbers, or make target.half_width smaller or target.distance larger"
+            )
         light, slopes = start.rear_slopes()
         base = _nearest_base(asked, light, slopes)
     based = solvable_system(_with_numbers(asked, base, widest))
     return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
-
-
-def _require_bent(share: float) -> None:
-    if share < LEAST_BENT:
-        raise UserError(
-            f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
-            f"{share:.0%} of the light to where it should go; give radius, conic and z_freedom of the lens "
-            "as numbers, or make target.half_width smaller or target.distance larger"
-        )
 
 
 def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) -> tuple[float, float]:

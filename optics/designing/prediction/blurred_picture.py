@@ -111,11 +111,6 @@ def _who(system: OpticalSystem) -> str:
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _merged(pixels: tuple[int, int]) -> int:
-    """Return how many pixels are merged in each direction."""
-    return -(-max(pixels) // MOST_PIXELS)
-
-
 def _least(
     system: OpticalSystem, target: NDArray[np.float64], shown: NDArray[np.float64], blur: Blur
 ) -> float | None:
@@ -124,7 +119,7 @@ def _least(
     With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than
     | k * F - T | / (max P | T / P |).
     """
-    merge = _merged(system.target.settings.pixels)
+    merge = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]
     goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import prod, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.designing.etendue import image_half_width, usual_efficiency
@@ -27,10 +26,7 @@ from optics.designing.prediction.start_light import light_before
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration
 from optics.scene.system import OpticalSystem
-from thbcad.hierarchy import THBSpace
 from thbcad.lens import Lens, mass
-
-Floats = NDArray[np.float64]
 
 MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
@@ -89,7 +85,9 @@ def expected(
     stages(system.shaping, moved=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
-    fit = start.fit(_start_space(system))
+    # the start is traced on the mesh of the finest level, or the last before it that is quick
+    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
+    fit = start.fit(system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0))))
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
     moved = _moves(system, start)
     traced = system.shaping
@@ -123,13 +121,6 @@ def expected(
     ), plan
 
 
-def _start_space(system: OpticalSystem) -> THBSpace:
-    """Return the mesh on which the start is traced: that of the finest level, or the last before it that is
-    quick."""
-    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
-    return system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0)))
-
-
 def _moves(system: OpticalSystem, start: TransportStart) -> bool:
     """Return whether the design starts from the whole transport map."""
     if system.problem.optimizer.start == "flat":
@@ -156,16 +147,12 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
     half : half-widths of the lit part of the target.
     """
     surface, freeform = getattr(system.lens, system.shaped), system.freeforms[-1]
-    magnification = sqrt(prod(half) / prod(_half_lit(light)))
+    lit = light.weight > light.weight.max() / 10
+    seen = (light.x, lit.any(axis=1)), (light.y, lit.any(axis=0))
+    half_lit = [float(np.ptp(at[where]) + at[1] - at[0]) / 2 for at, where in seen]
+    magnification = sqrt(prod(half) / prod(half_lit))
     span = max(2 * h / (n << freeform.finest) for h, n in zip(surface.half_width, freeform.spans))
     return span * magnification
-
-
-def _half_lit(light: RearLight) -> Sequence[float]:
-    """Return half of the width and the height of the light on the shaped surface, mm."""
-    lit = light.weight > light.weight.max() / 10
-    seen = light.x[lit.any(axis=1)], light.y[lit.any(axis=0)]
-    return [float(np.ptp(a) + cell[1] - cell[0]) / 2 for a, cell in zip(seen, (light.x, light.y))]
 
 
 def _blur(system: OpticalSystem) -> float | None:

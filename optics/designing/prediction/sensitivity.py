@@ -52,7 +52,14 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
     spec, source, target = system.problem.lens, system.problem.source, system.problem.target
     far = system.target.far_field
     throw = degrees(1.0) if far else target.distance
-    shift = throw * INDEX * _turn(light, slopes, spec.known_index)
+    # sin i / cos r at the rear, (nx, ny); 0 where light does not pass
+    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
+    dx, dy, dz = light.direction
+    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
+    sine = np.sqrt(1 - cosine**2)
+    passes = spec.known_index * sine < 1
+    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.known_index * sine) ** 2, 1)), 0)
+    shift = throw * INDEX * turn
     if system.shaped == "front":
         shift = _shift_by_front(system, light, slopes)
     lit = light.weight > LIT
@@ -66,16 +73,6 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
         ripple=throw * (spec.known_index - 1) * 2 * pi * RIPPLE / PERIOD,
         decentre=decentre,
     )
-
-
-def _turn(light: RearLight, slopes: Sequence[Floats], index: float) -> Floats:
-    """Return sin i / cos r at the rear, (nx, ny); 0 where light does not pass."""
-    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
-    dx, dy, dz = light.direction
-    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
-    sine = np.sqrt(1 - cosine**2)
-    passes = index * sine < 1
-    return np.where(passes, sine / np.sqrt(np.where(passes, 1 - (index * sine) ** 2, 1)), 0)
 
 
 def _shift_by_front(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Floats:

@@ -117,7 +117,9 @@ class Bar:
 
 def drawing(stream: TextIO) -> Bar | Lines:
     """Return what draws progress on a stream: a bar in a notebook and on a terminal, or else plain lines."""
-    notebook = _kernel_runs()
+    # whether this process is a notebook's kernel; clients of kernels import ipykernel too
+    module = sys.modules.get("ipykernel.kernelapp")
+    notebook = module is not None and module.IPKernelApp.initialized()
     if notebook and find_spec("ipywidgets"):
         from tqdm.notebook import tqdm as notebook_tqdm
 
@@ -127,9 +129,3 @@ def drawing(stream: TextIO) -> Bar | Lines:
 
         return Bar(stream, tqdm)
     return Lines(stream)
-
-
-def _kernel_runs() -> bool:
-    """Return whether this process is a notebook's kernel; clients of kernels import ipykernel too."""
-    module = sys.modules.get("ipykernel.kernelapp")
-    return module is not None and module.IPKernelApp.initialized()

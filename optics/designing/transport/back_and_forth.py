@@ -22,15 +22,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
 from optics.base.runtime import Backend
-from optics.designing.transport.c_transform import c_transform
+from optics.designing.transport.c_transform import Floats, c_transform
 from optics.designing.transport.poisson import solved_poisson
 from optics.designing.transport.push_forward import push_forward
 
-Floats = NDArray[np.float64]
 Density = Callable[[tuple[int, int]], Floats]
 
 COARSE = 64  # cells in the shorter direction of the coarsest grid, at least

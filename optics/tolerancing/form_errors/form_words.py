@@ -26,7 +26,12 @@ def form_sentences(errors: FormErrors) -> list[str]:
     """Return what the shop must hold of both sides, and of what light that is said where there is other."""
     words = (_danger, _peak_to_valley_misleads)
     said = [sentence(cost) for cost in errors.sides for sentence in words]
-    return [*said, _one_wavelength(errors)] if errors.spectral else said
+    if errors.spectral:
+        said.append(
+            f"Form errors are traced at the design wavelength alone, {errors.wavelength:g} nm; "
+            f"there the design has rel_l2 = {errors.rel_l2:.2%}."
+        )
+    return said
 
 
 def form_rows(errors: FormErrors) -> list[tuple[str, ...]]:
@@ -45,14 +50,6 @@ def form_rows(errors: FormErrors) -> list[tuple[str, ...]]:
         for cost in errors.sides
         for band in cost.bands
     ]
-
-
-def _one_wavelength(errors: FormErrors) -> str:
-    """Return that light of one wavelength is traced, and its rel_l2, a sentence."""
-    return (
-        f"Form errors are traced at the design wavelength alone, {errors.wavelength:g} nm; "
-        f"there the design has rel_l2 = {errors.rel_l2:.2%}."
-    )
 
 
 def _danger(cost: SideCost) -> str:

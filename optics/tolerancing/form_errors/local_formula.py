@@ -25,17 +25,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.scene.paths import HeightError
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.form_errors.form_trace import ConstantJet, FormTrace, Traced, form_trace
+from optics.tolerancing.form_errors.form_trace import ConstantJet, Floats, FormTrace, Traced, form_trace
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 STEP = 1e-5  # of the source's extent, mm and slopes, in central differences: errors below 1e-8
 INSIDE = 1e-4  # of the source's extent, by which cells end before its rim: rays beside it are traced too

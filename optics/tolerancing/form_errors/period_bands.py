@@ -18,14 +18,12 @@ from itertools import pairwise
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from optics.tolerancing.form_errors.local_formula import LocalFormula, middles, solved
+from optics.tolerancing.form_errors.local_formula import Floats, LocalFormula, middles, solved
 from optics.tolerancing.form_errors.pixel_transfer import on_target, pixel_mtf
 from optics.tolerancing.perturbations import shortest_period
 
-Floats = NDArray[np.float64]
 Band = tuple[float, float]
 
 EDGES = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0)  # mm: from the marks of a tool to the figure of a polisher

@@ -12,15 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.receivers import Screen
-from optics.tolerancing.machining.response_to_slopes import LandingResponse
+from optics.tolerancing.machining.response_to_slopes import Floats, LandingResponse
 from optics.tolerancing.machining.tool_order import ToolOrder
 from thbcad.splines import BSplineSurface
 from thbcad.tools import Cusps, ball_cusps, nose_cusps
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

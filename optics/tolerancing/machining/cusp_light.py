@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.analysis import coloured, rel_l2, unit_mean
 from optics.light.measuring import MappedCells
 from optics.scene.paths import LightPath
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.machining.response_to_slopes import crossings, slope_errors, traced_points
+from optics.tolerancing.machining.response_to_slopes import Floats, crossings, slope_errors, traced_points
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 CELLS_PER_PIXEL, LEAST_CELLS = 3, 257  # in each direction
 PHASES_PER_PIXEL, LEAST_PHASES, MOST_PHASES = 2, 4, 32  # of the blur where it is widest

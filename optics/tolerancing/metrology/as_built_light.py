@@ -8,21 +8,19 @@ from math import hypot, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, Verdict, contrast_error, delivery_checks, judged, measure
 from optics.scene.problem import Verify
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import landing_response
-from optics.tolerancing.metrology.alignment import Alignment, best_fit, by_datums, outliers
+from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, by_datums, outliers
 from optics.tolerancing.metrology.corrected_surface import MadeSurface, made_surface
 from optics.tolerancing.metrology.measured_area import RAYS, measured_light
 from optics.tolerancing.metrology.measured_points import MeasuredPoints
 from optics.tolerancing.metrology.rigid_corrections import RigidCorrection, rigid_correction
 from thbcad.lens import FreeformSurface, Lens
 
-Floats = NDArray[np.float64]
 Side = Literal["front", "rear"]
 Way = Literal["datums", "best fit"]
 RelL2 = Callable[["FreeformSurface"], float]

@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.tolerancing.metrology.alignment import Alignment
 from optics.tolerancing.metrology.as_built_light import AsBuilt, Way
-from optics.tolerancing.metrology.rigid_corrections import Move, RigidCorrection
+from optics.tolerancing.metrology.rigid_corrections import RigidCorrection
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work
@@ -37,7 +37,13 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
         "alignments": {
             name: None
             if alignment is None
-            else _alignment(alignment)
+            else {
+                "shift_mm": alignment.motion.shift.tolist(),
+                "tilt_degrees": np.degrees(alignment.motion.rotation_vector).tolist(),
+                "peak_to_valley_mm": alignment.peak_to_valley,
+                "rms_mm": alignment.rms,
+                "undetermined": list(alignment.undetermined),
+            }
             | {"beside": _beside(built, alignment), "rel_l2": built.rel_l2_of[name]}
             for name, alignment in ways.items()
         },
@@ -78,26 +84,15 @@ def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
     return {
         "rel_l2_before": correction.before,
         "rel_l2_after": correction.after,
-        "moves": {m.name: _move(m) for m in correction.moves},
-    }
-
-
-def _move(move: Move) -> dict[str, Any]:
-    return {
-        "unit": move.unit,
-        "amount": move.amount,
-        "alone": move.alone,
-        "rel_l2_alone": move.rel_l2_alone,
-    }
-
-
-def _alignment(alignment: Alignment) -> dict[str, Any]:
-    return {
-        "shift_mm": alignment.motion.shift.tolist(),
-        "tilt_degrees": np.degrees(alignment.motion.rotation_vector).tolist(),
-        "peak_to_valley_mm": alignment.peak_to_valley,
-        "rms_mm": alignment.rms,
-        "undetermined": list(alignment.undetermined),
+        "moves": {
+            m.name: {
+                "unit": m.unit,
+                "amount": m.amount,
+                "alone": m.alone,
+                "rel_l2_alone": m.rel_l2_alone,
+            }
+            for m in correction.moves
+        },
     }
 
 

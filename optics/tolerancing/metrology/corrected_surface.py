@@ -11,17 +11,14 @@ from dataclasses import dataclass
 from math import floor, log2, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from optics.tolerancing.metrology.alignment import Alignment
+from optics.tolerancing.metrology.alignment import Alignment, Floats
 from thbcad.fitting import NoisyFit, Samples, fit_noisy
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-Floats = NDArray[np.float64]
 
 POINTS_PER_FUNCTION = 1.5  # finer cells hold no more of what was measured
 MOST_FUNCTIONS = 60_000  # the factors of their matrix take 0.3 GB
@@ -49,10 +46,8 @@ class MadeSurface:
 
     def with_noise(self, noise: Floats, factor: float = 1.0) -> FreeformSurface:
         """Return the surface that other noise, (n,) mm, would make of this one: the fit is linear."""
-        return _made(self.designed, self._corrected(self.fit.carried(factor * noise)))
-
-    def _corrected(self, more: Floats) -> THBSurface:
-        return THBSurface(self.fit.surface.space, self.fit.surface.coefficients + more)
+        fitted, more = self.fit.surface, self.fit.carried(factor * noise)
+        return _made(self.designed, THBSurface(fitted.space, fitted.coefficients + more))
 
 
 def made_surface(
@@ -63,7 +58,10 @@ def made_surface(
     smoothing : of the fit, see `fit_noisy`; None is as much as the noise asks for.
     """
     x, y, _ = aligned.points
-    space = _fit_space(_base(designed), len(x))
+    base = _base(designed)
+    # the space with all cells refined as far as the points resolve
+    wanted = min(len(x) / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
+    space = base.uniform(max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans))))))
     whole = designed if designed.sag is not None else _with_flat_sag(designed)
     u, v = whole.to_parameters(x, y)
     fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
@@ -93,13 +91,6 @@ def _base(designed: FreeformSurface) -> THBSpace:
 def _with_flat_sag(designed: FreeformSurface) -> FreeformSurface:
     space = _base(designed)
     return designed.with_sag(THBSurface(space, np.zeros(space.dim)))
-
-
-def _fit_space(base: THBSpace, points: int) -> THBSpace:
-    """Return the space with all cells refined as far as the points resolve."""
-    wanted = min(points / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
-    level = max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans)))))
-    return base.uniform(level)
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

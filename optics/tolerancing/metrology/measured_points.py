@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology.point_text import grid_header, grid_rows, number_rows, read_text
+from optics.tolerancing.metrology.point_text import Floats, grid_header, grid_rows, number_rows, read_text
 from thbcad.lens import FreeformSurface
 
-Floats = NDArray[np.float64]
 Unit = Literal["m", "mm", "um", "nm"]
 Kind = Literal["heights", "errors"]
 
@@ -103,7 +102,14 @@ def read_measured(
         x, y, values = x[on], y[on], values[on]
         values = values + surface(x, y)
         on = on[on]
-    _require_near(path, values[on] - surface(x[on], y[on]), surface)
+    most = float(np.median(np.abs(values[on] - surface(x[on], y[on]))))
+    if most > FARTHEST * max(surface.half_width):
+        raise UserError(
+            f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
+            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
+            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
+            "of the front."
+        )
     return MeasuredPoints(np.stack([x, y, values]), missing, int(there.sum() - on.sum()))
 
 
@@ -141,16 +147,4 @@ def _require_on_surface(
         raise UserError(
             f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
             "unit right (--unit)?"
-        )
-
-
-def _require_near(path: str | Path, apart: Floats, surface: FreeformSurface) -> None:
-    """Raise UserError where the points lie so far from the surface that they are of something else."""
-    most = float(np.median(np.abs(apart)))
-    if most > FARTHEST * max(surface.half_width):
-        raise UserError(
-            f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
-            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
-            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
-            "of the front."
         )

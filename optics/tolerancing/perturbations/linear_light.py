@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 
 from optics.light.measuring import MappedCells
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
+from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.lens_path import STEP, LensPath, LensPaths
-from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.traced_light import CORNERS_AT_ONCE, PerturbedLight, Trace
 
 

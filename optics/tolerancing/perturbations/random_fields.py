@@ -5,14 +5,11 @@ from __future__ import annotations
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
 from optics.base.runtime import UserError
 from optics.tolerancing.perturbations.height_errors import SplineHeight
 from thbcad.checks import half_widths, require_integer, require_number
-
-Floats = NDArray[np.float64]
 
 SPANS_PER_PERIOD = 5  # of the shortest: a cubic spline then holds the field to 1 %
 MOST_SPANS = 4096  # in each direction
@@ -62,14 +59,10 @@ def random_field(
     filtered = np.where(within, noise / (np.where(within, k, 1.0) * weakened), 0.0)
     net = fft.irfft2(filtered, shape)[: spans[0] + 3, : spans[1] + 3]
     field = SplineHeight(net, half_width)
-    return SplineHeight((net - net.mean()) * (rms / _rms(field, spans)), half_width)
-
-
-def _rms(field: SplineHeight, spans: list[int]) -> float:
-    """Return the rms of a field about its mean, at the middles of its spans."""
     x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(field.half_width, spans))
     points = np.meshgrid(x, y, indexing="ij")
-    return float(field.jet(points[0].ravel(), points[1].ravel())[0].std())
+    unscaled = float(field.jet(points[0].ravel(), points[1].ravel())[0].std())
+    return SplineHeight((net - net.mean()) * (rms / unscaled), half_width)
 
 
 def _band(

@@ -29,9 +29,19 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
     ranked = budget.by_cost()
     limited = [e for e in ranked if e.allowed is not None]
     free = [e.tolerance.name for e in ranked if e.allowed is None]
-    lines = [_asked(budget)]
+    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
+    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
+    floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
+    lines = [f"The design has {numbers}. Each error alone must keep {keep}{floats}."]
     if budget.missed:
-        lines.append(_missed(budget))
+        parts = [
+            f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
+            for name, bound in budget.missed.items()
+        ]
+        lines.append(
+            f"The design itself misses what its errors are to keep ({'; '.join(parts)}), so that no error is "
+            f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
+        )
     else:
         lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
         if more := len(limited) - SAID:
@@ -46,26 +56,6 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         "(root mean square)."
     )
     return [*lines, *_notes(budget)]
-
-
-def _asked(budget: ToleranceBudget) -> str:
-    """Return what the design delivers, and what light must keep, as a sentence."""
-    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
-    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
-    floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
-    return f"The design has {numbers}. Each error alone must keep {keep}{floats}."
-
-
-def _missed(budget: ToleranceBudget) -> str:
-    """Return that the design does not keep a limit, and which one to give, as a sentence."""
-    parts = [
-        f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
-        for name, bound in budget.missed.items()
-    ]
-    return (
-        f"The design itself misses what its errors are to keep ({'; '.join(parts)}), so that no error is "
-        f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
-    )
 
 
 def _held(effect: ToleranceEffect) -> str:

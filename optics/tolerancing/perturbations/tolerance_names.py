@@ -61,7 +61,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     ------
     UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number from 0.
     """
-    known = {t.name: t for t in _all(system)}
+    known = {t.name: t for t in [*_of_lens(system), *_of_source(system), *_of_target(system)]}
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
         absent = name in SOMETIMES and name not in known and amount == 0  # what is not there may be left out
@@ -96,11 +96,6 @@ def _checked(name: str, amount: object) -> float:
     if isinstance(amount, bool) or not isinstance(amount, int | float) or not isfinite(amount) or amount < 0:
         raise UserError(f"the tolerance {name} must be a number from 0, such as {name}=0.05, got {amount!r}")
     return float(amount)
-
-
-def _all(system: OpticalSystem) -> list[Tolerance]:
-    """Return all tolerances of a system, with their usual amounts."""
-    return [*_of_lens(system), *_of_source(system), *_of_target(system)]
 
 
 def _of_lens(system: OpticalSystem) -> list[Tolerance]:

@@ -15,6 +15,7 @@ from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.allowed_amount import amount_of
+from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
     LightNumbers,
@@ -25,7 +26,7 @@ from optics.tolerancing.perturbations.light_limits import (
     usual_limits,
 )
 from optics.tolerancing.perturbations.linear_light import LinearLight
-from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
+from optics.tolerancing.perturbations.perturbation import Perturbation
 from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight

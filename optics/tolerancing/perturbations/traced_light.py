@@ -18,7 +18,8 @@ from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
+from optics.tolerancing.perturbations.height_errors import Floats
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_index
 from thbcad.lens import Lens
 from thbcad.poses import Pose
@@ -68,7 +69,10 @@ class PerturbedLight:
             self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
             fresh = np.random.default_rng(system.problem.run.seed)
             self._rays = list(system.source.parts(self._counts, None, RAYS_AT_ONCE))
-            self._errors = [self._slope_errors(rays.flux.size, fresh) for rays in self._rays]
+            self._errors = [
+                [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
+                for rays in self._rays
+            ]
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
@@ -189,10 +193,6 @@ class PerturbedLight:
             missed = part.missed if isinstance(part, RayGrid) else 0.0
             fates.append(replace(fate, beside_lens=fate.beside_lens + missed))
         return image, reduce(add, fates)
-
-    def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
-        """Return random errors of the slopes where rays meet front and rear."""
-        return [fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms]
 
     def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
         """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
