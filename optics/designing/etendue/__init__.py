@@ -46,10 +46,7 @@ if TYPE_CHECKING:
         usual_efficiency as usual_efficiency,
     )
     from optics.designing.etendue.silhouette import greatest_slack as greatest_slack
-    from optics.designing.etendue.source_image_bound import (
-        ImageBound as ImageBound,
-        any_proportions as any_proportions,
-    )
+    from optics.designing.etendue.source_image_bound import ImageBound as ImageBound
     from optics.designing.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,

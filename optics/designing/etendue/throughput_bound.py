@@ -124,7 +124,10 @@ def aperture_etendue(problem: Problem) -> float:
     target = problem.target
     far = isinf(target.distance)
     half = np.tan(np.radians(target.half_width)) if far else np.divide(target.half_width, target.distance)
-    x, y, area = _aperture_nodes(problem)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    rx, ry = problem.lens.rear.half_width
+    x, y = (a.ravel() for a in np.meshgrid(rx * nodes, ry * nodes, indexing="ij"))
+    area = (rx * ry * np.outer(weights, weights)).ravel()
     # of the target's corners as seen from each point; an aperture is a point in the far field
     across, up = (np.zeros_like(a) if far else a / target.distance for a in (x, y))
     seen = sum(i * j * _corner(i * half[0] - across, j * half[1] - up) for i in (1, -1) for j in (1, -1))
@@ -162,14 +165,6 @@ def spread(system: OpticalSystem) -> Array:
     lateral = up[:, None] ** 2 + across[None, :] ** 2
     distance = np.clip(np.sqrt(lateral / 2), nearest, farthest)
     return (distance**2 + lateral) ** 1.5 / distance
-
-
-def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:
-    """Return x, y in mm and areas in mm^2 of the nodes over the rear aperture, each (n,)."""
-    a, w = np.polynomial.legendre.leggauss(NODES)
-    rx, ry = problem.lens.rear.half_width
-    x, y = np.meshgrid(rx * a, ry * a, indexing="ij")
-    return x.ravel(), y.ravel(), (rx * ry * np.outer(w, w)).ravel()
 
 
 def _corner(x: Array, y: Array) -> Array:

@@ -121,26 +121,18 @@ def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
 def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
     exact = final and problem.optimizer.window == "cells" and not system.source.extended
-    counts = _cells(system, level, screen) if exact else _rays(system, level, screen)
+    if exact:
+        counts = _cells(system, level, screen)
+    else:
+        per_pixel, spans = problem.optimizer.rays_per_pixel, _spans(problem, level)
+        counts = [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
     rays_x, rays_y = (n + 1 for n in counts)
     if rays_x * rays_y > MOST_RAYS:
         raise UserError(
             f"level {level} would trace {rays_x} x {rays_y} rays at once, too many for the memory of most "
             "machines; use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
-    return Stage(
-        level=level,
-        iterations=iterations,
-        screen=screen,
-        rays=(rays_x, rays_y),
-        final=final,
-        exact=exact,
-    )
-
-
-def _rays(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
-    per_pixel, spans = system.problem.optimizer.rays_per_pixel, _spans(system.problem, level)
-    return [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
+    return Stage(level, iterations, screen, (rays_x, rays_y), final, exact)
 
 
 def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:

@@ -18,7 +18,8 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     rear = system.lens.rear.conic
     return [
         f"expected lens: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
-        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with {_conic(rear.radius, rear.constant)}",
+        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with "
+        f"radius {rear.radius:.4g} mm, K {rear.constant:.3g}",
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
@@ -30,10 +31,6 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"about {expected.memory_mb / 1000:.2g} GB of memory",
         *_sensitivity_lines(system, expected),
     ]
-
-
-def _conic(radius: float, constant: float) -> str:
-    return f"radius {radius:.4g} mm, K {constant:.3g}"
 
 
 def _detail_line(system: OpticalSystem, expected: Expectation) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from time import perf_counter
@@ -192,3 +192,42 @@ def _finest(freeform: Freeform) -> int:
 
 def _name(stage: Stage) -> str:
     return stage.name if stage.iterations else f"mesh of {stage.name}"
+
+
+class RunClock:
+    """The phases of a run so far, seconds by name."""
+
+    def __init__(self, progress: DesignProgress) -> None:
+        self.progress = progress
+        self._start = self._mark = perf_counter()
+        self.phases: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """End a phase."""
+        now = perf_counter()
+        self.phases[name] = now - self._mark
+        self._mark = now
+        self.progress.over(name)
+
+    def total(self) -> dict[str, float]:
+        """Return the seconds of every phase, and of the whole run."""
+        return {**self.phases, "total": perf_counter() - self._start}
+
+
+class Notes(list[str]):
+    """Sentences in the order in which they came; call it to add one.
+
+    listener : called with every new sentence.
+    """
+
+    def __init__(
+        self, sentences: Iterable[str] = (), listener: Callable[[str], object] | None = None
+    ) -> None:
+        super().__init__(sentences)
+        self._listener = listener
+
+    def __call__(self, sentence: str) -> None:
+        if sentence not in self:
+            self.append(sentence)
+            if self._listener is not None:
+                self._listener(sentence)

@@ -198,16 +198,12 @@ def _traced_inside(trace: FormTrace) -> tuple[FormTrace, Traced]:
     """
     nominal, beyond = trace.traced(), _scaled(trace, 1 + INSIDE).traced()
     arriving = (trace.cells.emitted > 0) & (middles(nominal.passing) > 0)
-    if not (arriving & (_least(beyond.passing) == 0)).any():
+    along = np.minimum(beyond.passing[1:], beyond.passing[:-1])
+    least = np.minimum(along[:, 1:], along[:, :-1])  # of the four corners of cells
+    if not (arriving & (least == 0)).any():
         return trace, nominal
     inside = _scaled(trace, 1 - INSIDE)
     return inside, inside.traced()
-
-
-def _least(corners: Floats) -> Floats:
-    """Return the least of the four corners of cells, (nx, ny)."""
-    along = np.minimum(corners[1:], corners[:-1])
-    return np.minimum(along[:, 1:], along[:, :-1])
 
 
 def _scaled(trace: FormTrace, factor: float) -> FormTrace:

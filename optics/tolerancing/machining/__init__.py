@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.machining.response_to_slopes import (
         LandingResponse as LandingResponse,
-        crossings as crossings,
         landing_response as landing_response,
         traced_points as traced_points,
     )

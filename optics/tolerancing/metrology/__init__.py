@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.tolerancing.metrology.alignment import (
-        Alignment as Alignment,
         best_fit as best_fit,
         by_datums as by_datums,
         outliers as outliers,

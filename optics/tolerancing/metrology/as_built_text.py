@@ -62,7 +62,15 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
             "fitted_lens": built.measurement.metrics["rel_l2"],
             "noise_floor": light and light.floor,
         },
-        "re_positioning": _correction(built.correction),
+        "re_positioning": built.correction
+        and {
+            "rel_l2_before": built.correction.before,
+            "rel_l2_after": built.correction.after,
+            "moves": {
+                m.name: {"unit": m.unit, "amount": m.amount, "alone": m.alone, "rel_l2_alone": m.rel_l2_alone}
+                for m in built.correction.moves
+            },
+        },
         "change": float(np.linalg.norm(built.change) / np.linalg.norm(built.nominal.irradiance)),
         "efficiency": built.measurement.metrics["efficiency"],
     }
@@ -76,24 +84,6 @@ def _on_surface(built: AsBuilt) -> int:
 def _beside(built: AsBuilt, alignment: Alignment) -> int:
     """Return how many points with a value lie beside the surface."""
     return _on_surface(built) + built.measured.beside - alignment.points.shape[1]
-
-
-def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
-    if correction is None:
-        return None
-    return {
-        "rel_l2_before": correction.before,
-        "rel_l2_after": correction.after,
-        "moves": {
-            m.name: {
-                "unit": m.unit,
-                "amount": m.amount,
-                "alone": m.alone,
-                "rel_l2_alone": m.rel_l2_alone,
-            }
-            for m in correction.moves
-        },
-    }
 
 
 def as_built_lines(built: AsBuilt) -> list[str]:

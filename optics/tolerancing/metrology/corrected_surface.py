@@ -62,23 +62,20 @@ def made_surface(
     # the space with all cells refined as far as the points resolve
     wanted = min(len(x) / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
     space = base.uniform(max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans))))))
-    whole = designed if designed.sag is not None else _with_flat_sag(designed)
+    whole = designed if designed.sag is not None else designed.with_sag(THBSurface(base, np.zeros(base.dim)))
     u, v = whole.to_parameters(x, y)
     fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
     cells = len(np.unique(space.locate(u, v)))
+    # the mean product of each residual with that of the nearest other point, over the mean square
+    nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)[1][:, 1]
+    likeness = np.mean(fit.residuals * fit.residuals[nearest]) / (np.mean(fit.residuals**2) or 1.0)
     return MadeSurface(
         designed=designed,
         surface=_made(designed, fit.surface),
         fit=fit,
         covered=cells / len(space.cells),
-        unresolved=_likeness(x, y, fit.residuals),
+        unresolved=float(likeness),
     )
-
-
-def _likeness(x: Floats, y: Floats, residuals: Floats) -> float:
-    """Return the mean product of each residual with that of the nearest other point, over the mean square."""
-    _, nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)
-    return float(np.mean(residuals * residuals[nearest[:, 1]]) / (np.mean(residuals**2) or 1.0))
 
 
 def _base(designed: FreeformSurface) -> THBSpace:
@@ -86,11 +83,6 @@ def _base(designed: FreeformSurface) -> THBSpace:
     if designed.sag is not None:
         return THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
     return THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
-
-
-def _with_flat_sag(designed: FreeformSurface) -> FreeformSurface:
-    space = _base(designed)
-    return designed.with_sag(THBSurface(space, np.zeros(space.dim)))
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

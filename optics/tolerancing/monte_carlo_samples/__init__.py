@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch as MadeBatch, Range as Range
+    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch as MadeBatch
     from optics.tolerancing.monte_carlo_samples.monte_carlo_result import MonteCarlo as MonteCarlo
     from optics.tolerancing.monte_carlo_samples.random_errors import (
         Draw as Draw,

@@ -124,7 +124,10 @@ def sample_lenses(
     """
     sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
     model.form(0)  # refuses bands before any worker starts
-    alone = _forms_alone(model)
+    # lenses with nothing but form errors, each with both signs: what changes sign has no mean
+    right = (0.0,) * len(model.tolerances)
+    fields = range(FIELDS if model.forms else 0)
+    alone = [Draw(right, seed, sign) for seed in fields for sign in (1.0, -1.0)]
     items = [*alone, *chain.from_iterable(sets)]
     found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
     failures: dict[str, None] = {}
@@ -141,11 +144,3 @@ def sample_lenses(
     rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
     return Sampled(MadeBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
-
-
-def _forms_alone(model: ErrorModel) -> list[Draw]:
-    """Return lenses with nothing but form errors, each with both signs: what changes sign has no mean."""
-    if not model.forms:
-        return []
-    right = (0.0,) * len(model.tolerances)
-    return [Draw(right, seed, sign) for seed in range(FIELDS) for sign in (1.0, -1.0)]

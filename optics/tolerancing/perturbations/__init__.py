@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from optics.tolerancing.perturbations.tolerance_trials import tolerance_budget as tolerance_budget
     from optics.tolerancing.perturbations.traced_light import (
         PerturbedLight as PerturbedLight,
-        perturbed_light as perturbed_light,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

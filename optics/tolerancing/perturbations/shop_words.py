@@ -55,7 +55,13 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "
         "(root mean square)."
     )
-    return [*lines, *_notes(budget)]
+    if "min_over_mean" in budget.bounds and budget.noise >= NOISY:  # it is that of counted rays
+        lines.append(
+            f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers "
+            "min_over_mean; limit rel_l2 or efficiency, or measure on fewer and larger pixels "
+            "(target.pixels)."
+        )
+    return lines
 
 
 def _held(effect: ToleranceEffect) -> str:
@@ -64,16 +70,6 @@ def _held(effect: ToleranceEffect) -> str:
     reached = f"{allowed.limit} is {_number(allowed.limit, allowed.light.data()[allowed.limit])} there"
     cost = f"its amount, +- {tolerance.words}, is {effect.cost:.0%} of that"
     return f"Hold {tolerance.name} within +- {tolerance.in_words(allowed.amount)} ({reached}); {cost}."
-
-
-def _notes(budget: ToleranceBudget) -> list[str]:
-    """Return how far min_over_mean is that of counted rays, where it is judged."""
-    if "min_over_mean" not in budget.bounds or budget.noise < NOISY:
-        return []
-    return [
-        f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers min_over_mean; "
-        "limit rel_l2 or efficiency, or measure on fewer and larger pixels (target.pixels)."
-    ]
 
 
 def _number(name: str, value: float) -> str:

@@ -111,6 +111,11 @@ class _Trial:
         moves = self._light.moved_by(tolerance.at(amount))
         moves = moves if moves > STILL * self._pixel else 0.0
         (_, behind), (image, ahead) = (self._traced(tolerance.at(sign * amount)) for sign in (-1, 1))
+        # rel_l2 at - amount and + amount by landing points that move in proportion
+        images = self._linear.moved(self._light.aimed(tolerance.at(amount)))
+        predicted = None
+        if images is not None:
+            predicted = rel_l2(images[0], self.judge.target), rel_l2(images[1], self.judge.target)
         tenth = None
         errors: tuple[float | None, float | None] = None, None
         if moves:
@@ -120,7 +125,7 @@ class _Trial:
             tolerance=tolerance,
             moves=(moves, moves / self._pixel),
             ends=(behind, ahead),
-            predicted=self._predicted(tolerance),
+            predicted=predicted,
             tenth=tenth,
             prediction_error=errors[0],
             derivative_error=errors[1],
@@ -133,14 +138,6 @@ class _Trial:
         """Return light scaled to unit mean, and what it is judged by."""
         image, fates = self._light(perturbation)
         return unit_mean(image), self.judge.numbers(image, fates.on_target)
-
-    def _predicted(self, tolerance: Tolerance) -> tuple[float, float] | None:
-        """Return rel_l2 at - amount and + amount by landing points that move in proportion."""
-        moved = self._linear.moved(self._light.aimed(tolerance.at(tolerance.amount)))
-        if moved is None:
-            return None
-        behind, ahead = (rel_l2(image, self.judge.target) for image in moved)
-        return behind, ahead
 
     def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
         """Return the errors of the predicted change and of J p, relative to the traced change."""

@@ -226,10 +226,3 @@ class PerturbedLight:
         x, y = np.meshgrid(np.linspace(-hx, hx, HEIGHTS), np.linspace(-hy, hy, HEIGHTS))
         z = self.lens.front(x.ravel(), y.ravel())
         return float(z.min()), float(z.max())
-
-
-def perturbed_light(
-    system: OpticalSystem, lens: Lens, perturbation: Perturbation, backend: Backend
-) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of one perturbed lens, see `PerturbedLight`."""
-    return PerturbedLight(system, lens, backend)(perturbation)

@@ -18,7 +18,6 @@ from optics.tolerancing.perturbations import (
     Perturbation,
     PerturbedLight,
     effect_rows,
-    perturbed_light,
     shop_sentences,
     tolerance_budget,
     tolerances_of,
@@ -76,7 +75,7 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
         ok = []
         for sign in (-1, 1):
             p = effect.tolerance.at(sign * factor * effect.allowed.amount)
-            irradiance, _ = perturbed_light(system, lens, p, backend)
+            irradiance, _ = PerturbedLight(system, lens, backend)(p)
             e = irradiance / irradiance.mean()
             rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
             region, half_width = system.target.even_region, system.target.settings.half_width
