@@ -1,4 +1,4 @@
-"""What etendue forbids every lens of a problem, whatever its six faces do: the universal rung.
+"""What etendue forbids every lens of a problem, whatever its six faces do: the universal bound.
 
 No passive optics makes light brighter.  At a point x of the target light of radiance L at most comes from
 within the silhouette of the lens's envelope, so that 0 <= E(x) <= L P(x), and a pixel gets L times the mean

@@ -1,4 +1,4 @@
-"""What etendue says about a problem, in two rungs: for every lens, and for lenses of one blur everywhere."""
+"""What etendue says about a problem, in two bounds: for every lens, and for lenses of one blur everywhere."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
-    """Return the universal rung in one sentence, with its class."""
+    """Return the universal bound in one sentence, with its class."""
     freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.lens.free.items()]
     least = universal.least_rel_l2(efficiency)
     brought = f"{efficiency:.4g} of the source's light to the target"

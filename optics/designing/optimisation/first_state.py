@@ -55,8 +55,9 @@ def transport_start(
     if system.problem.optimizer.start == "flat":
         return None
     if state is not None:
-        plan = stages(system, state.moved)
-        if not state.moved or state.stage >= len(plan) or plan[state.stage].level == plan[-1].level:
+        plan = stages(system, state.started_from_transport)
+        over = state.stage >= len(plan) or plan[state.stage].level == plan[-1].level
+        if over or not state.started_from_transport:
             return None
     start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):

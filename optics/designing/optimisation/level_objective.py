@@ -91,7 +91,7 @@ def stage_objective(
     fresh: np.random.Generator | None = None,
     background: NDArray[np.float64] | None = None,
 ) -> Objective:
-    """Return the Objective of a stage: its light, its target, and the problem's charges.
+    """Return the Objective of a stage: its light, its target, and the problem's penalties.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
     fresh : draws other rays than those of the optimiser; cells are always the same.
@@ -100,7 +100,7 @@ def stage_objective(
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
-    return charged_objective(system, lens, model, target, background)
+    return penalised_objective(system, lens, model, target, background)
 
 
 def background(
@@ -122,14 +122,14 @@ def background(
     return image
 
 
-def charged_objective(
+def penalised_objective(
     system: OpticalSystem,
     lens: Lens,
     model: LightModel,
     target: NDArray[np.float64],
     background: NDArray[np.float64] | None = None,
 ) -> Objective:
-    """Return the Objective of a light model with the charges of a problem."""
+    """Return the Objective of a light model with the penalties of a problem."""
     options, limits = system.problem.optimizer, system.problem.limits
     if not limits.thickness and surfaces_can_cross(system):
         limits = replace(limits, thickness=THINNEST * lens.thickness)

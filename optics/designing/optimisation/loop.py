@@ -120,9 +120,9 @@ def shape_lens(
         engine,
         flux,
         axes,
-        start if state.moved else None,
+        start if state.started_from_transport else None,
         clock,
-        stages(system, state.moved),
+        stages(system, state.started_from_transport),
     )
     crossing = 0.0
     for stage in run.plan[state.stage :]:

@@ -78,13 +78,13 @@ def stage_seconds(iterations: int, rays: float, dof: float) -> float:
     return (iterations + 1 + PROBES) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
 
 
-def first_level(problem: Problem, moved: bool) -> int:
+def first_level(problem: Problem, from_transport: bool) -> int:
     """Return the level at which optimisation starts.
 
     A transport start makes the levels superfluous whose spans are wider than four pixels.
     """
     last = last_level(problem)
-    if not moved:
+    if not from_transport:
         return 0
     fine = [level for level in range(last + 1) if _coarsening(problem, level) == problem.optimizer.merge]
     return fine[0] if fine else last
@@ -95,22 +95,22 @@ def last_level(problem: Problem) -> int:
     return max(f.finest for f in freeforms(problem))
 
 
-def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
+def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     """Return the Stage of every level that is optimised.
 
     A blurred system that starts from transport optimises its sharp light before its blurred light: the loss
     of blurred light alone falls slowly, since it hardly sees single pixels.
 
-    moved : the design starts from an optimal-transport map
+    from_transport : the design starts from an optimal-transport map
     """
     system = system.shaping
     problem = system.problem
     last = last_level(problem)
     out = []
-    for level in range(first_level(problem, moved), last + 1):
-        iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
+    for level in range(first_level(problem, from_transport), last + 1):
+        iterations = 0 if from_transport and level < last else per_level(problem.optimizer.iterations, level)
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
-    if moved and system.aim:
+    if from_transport and system.aim:
         screen = system.aim.screen(margin=MARGIN)
         out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
     if problem.optimizer.finish:

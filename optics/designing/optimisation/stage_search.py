@@ -91,8 +91,8 @@ class Search:
         return replace(self, variables=self.variables.preconditioned(vectors), scaled=True)
 
     def begun_again(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> Search:
-        """Return the search from other sags, with other charges for the shape."""
-        objective, variables = self.objective.charging(shape), self.variables.around(sags)
+        """Return the search from other sags, with another penalty on the shape."""
+        objective, variables = self.objective.with_shape(shape), self.variables.around(sags)
         return replace(self, objective=objective, variables=variables, sags=tuple(sags), again=True)
 
 

@@ -6,7 +6,7 @@ k of B = S A S / W, S = (I + g g^T)^(-1/2).  With unit eigenvectors e and N = W 
     dk = v^T (dA - k dN) v,    v = S e / W^(1/2).
 
 The excess over a least radius R is R k - 1 for both k where z bends towards +z, -R k - 1 where it bends
-towards -z.  A charge that is the same function of both k is smooth where they meet.  The excess over a
+towards -z.  A penalty that is the same function of both k is smooth where they meet.  The excess over a
 greatest slope a is |g| / tan(a) - 1.
 
 Source: M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-3.

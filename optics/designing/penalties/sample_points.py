@@ -1,4 +1,4 @@
-"""Points at which the shape of a free surface is charged, and the derivatives there.
+"""Points at which the penalties see the shape of a free surface, and the derivatives there.
 
 Means are taken by Simpson's rule on every knot span: derivatives of cubics are greatest at the knots, which
 are points of the rule.  The parameters of the sags are x and y in mm.

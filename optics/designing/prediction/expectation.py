@@ -47,7 +47,7 @@ class Expectation:
     efficiency, stray : of the transport start, share of the source's flux on the target and beside it.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
-    moved : the design starts from the whole transport map.
+    from_transport : the design starts from the whole transport map.
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
         cuts it off, or where rays spread in the lens.
     start_rel_l2 : of the transport start, None where the source has extent.
@@ -65,7 +65,7 @@ class Expectation:
     pixel: float
     net: float
     blur: float | None
-    moved: bool
+    from_transport: bool
     rel_l2: float | None
     start_rel_l2: float | None
     seconds: float
@@ -85,16 +85,16 @@ def expected(
     ------
     UserError : the design would take too much memory, (almost) nothing passes the lens.
     """
-    stages(system.shaping, moved=True)  # refuses sizes before any memory is taken
+    stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
     # the start is traced on the mesh of the finest level, or the last before it that is quick
     quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
     fit = start.fit(system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0))))
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
-    moved = _moves(system, start)
+    from_transport = _follows_map(system, start)
     traced = system.shaping
-    plan = stages(traced, moved)
+    plan = stages(traced, from_transport)
     fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
     flux = system.problem.source.flux
     light, slopes = start.rear_slopes()
@@ -112,9 +112,9 @@ def expected(
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
         blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),
-        moved=moved,
+        from_transport=from_transport,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and moved and start.within(fit) and system.parallel and not system.blurred
+        if error and from_transport and start.within(fit) and system.parallel and not system.blurred
         else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
@@ -144,13 +144,13 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
     return float(min(SCALE * fine / jumps * start_error**POWER, start_error))
 
 
-def _moves(system: OpticalSystem, start: TransportStart) -> bool:
+def _follows_map(system: OpticalSystem, start: TransportStart) -> bool:
     """Return whether the design starts from the whole transport map."""
     if system.problem.optimizer.start == "flat":
         return False
     if start.traced is not None and not start.within(start.traced):
         return False
-    return start.follows(start.fit(first_sags(system, moved=True)[-1].space))
+    return start.follows(start.fit(first_sags(system, from_transport=True)[-1].space))
 
 
 def _size(lens: Lens) -> tuple[float, float, float]:

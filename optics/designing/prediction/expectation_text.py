@@ -58,7 +58,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
     start = f"the start has {expected.start_rel_l2:.2g}"
-    if not expected.moved or expected.sag > expected.freedom:
+    if not expected.from_transport or expected.sag > expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
         return f"rel_l2: not predicted where rays spread in the lens; {start}"

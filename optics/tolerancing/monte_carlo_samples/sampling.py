@@ -1,4 +1,4 @@
-"""Made lenses traced by workers, each with all of its errors at once."""
+"""Monte Carlo samples traced by workers, each with all of its errors at once."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from optics.base.workers import WorkerPool, run_tasks
 from optics.light.analysis import delivered, delivery_checks, rel_l2
 from optics.light.blur import spot_rms
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, Draw, FormTolerance, draws
+from optics.tolerancing.monte_carlo_samples.sample_batch import SampleBatch
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance
 from thbcad.lens import Lens
 
@@ -86,13 +86,13 @@ class Traced(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """The light of made lenses.
+    """The light of Monte Carlo samples.
 
     sets : their errors, in the order of the batch.
     by_form : rel_l2^2, mean of lenses with nothing but form errors; None without such errors.
     """
 
-    batch: MadeBatch
+    batch: SampleBatch
     sets: list[list[Draw]]
     by_form: float | None
 
@@ -114,7 +114,7 @@ def sample_lenses(
     pool: WorkerPool,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sampled:
-    """Return the light of `samples` made lenses.
+    """Return the light of `samples` lenses made with errors at random.
 
     samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
 
@@ -143,4 +143,4 @@ def sample_lenses(
                 progress(done, len(items))
     rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(MadeBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
+    return Sampled(SampleBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
