@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         Approximation as Approximation,
         approximate as approximate,
         certified as certified,
+        descend as descend,
         require_target as require_target,
     )
     from optics.designing.etendue.brightness_limit import (
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
         per_column_sum as per_column_sum,
         scaled_bound as scaled_bound,
     )
-    from optics.designing.etendue.image_size import image_half_width as image_half_width
     from optics.designing.etendue.kernel import Kernel as Kernel, Real as Real
-    from optics.designing.etendue.nonnegative_solvers import descend as descend
     from optics.designing.etendue.problem_bounds import (
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from optics.designing.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,
+        image_half_width as image_half_width,
         radiance as radiance,
         rear_area as rear_area,
         throughput as throughput,

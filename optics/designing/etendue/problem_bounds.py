@@ -7,9 +7,8 @@ from math import ceil, floor, inf, log10, prod
 from typing import Any, NamedTuple
 
 from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
-from optics.designing.etendue.image_size import image_half_width
 from optics.designing.etendue.source_image_bound import ImageBound, any_proportions, image_bound
-from optics.designing.etendue.throughput_bound import front_fraction, rear_area
+from optics.designing.etendue.throughput_bound import front_fraction, image_half_width, rear_area
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import freedom_of
 from optics.scene.system import OpticalSystem

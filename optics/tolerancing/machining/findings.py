@@ -10,8 +10,14 @@ import numpy as np
 from optics.base.runtime import Backend, Check
 from optics.light.blur import spot_width
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.machining.blur_of_cusps import CuspBlur, Floats, cusp_blur, cusps_of
-from optics.tolerancing.machining.cusp_light import CuspLight, light_with_cusps
+from optics.tolerancing.machining.blur_of_cusps import (
+    CuspBlur,
+    CuspLight,
+    Floats,
+    cusp_blur,
+    cusps_of,
+    light_with_cusps,
+)
 from optics.tolerancing.machining.response_to_slopes import landing_response
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from optics.tolerancing.perturbations.allowed_amount import FREE
 from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers
 from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
+from optics.tolerancing.perturbations.tolerance_trials import FREE
 
 SAID = 5  # tolerances that have a sentence; the others are in the table
 NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light

@@ -22,8 +22,8 @@ from optics.tolerancing.perturbations import (
     tolerance_budget,
     tolerances_of,
 )
-from optics.tolerancing.perturbations.allowed_amount import FREE, amount_of
 from optics.tolerancing.perturbations.light_limits import bounds_of, limits_of, parts_taken
+from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.perturbations.cases import small_system
 
