@@ -70,7 +70,6 @@ def approximate(
     splitting : steps of the splitting
 
     Splitting (`split`), then gradient steps (`descend`) in single precision, then in double precision.
-    `optics.designing.etendue.approximation`.
 
     Raises
     ------

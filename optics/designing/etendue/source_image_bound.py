@@ -212,7 +212,16 @@ def _blur(
     """
     if profile.kind == "uniform":
         return KernelStack.boxes(*_boxes(size, merge, shape))
-    return _picture(profile, size[0] / merge, size[1] / merge, shape)
+    # its picture, turned by 180 degrees, as by a pinhole
+    high, wide = (side / merge for side in size)
+    rows, columns = (
+        min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape)
+    )
+    t = ((2 * np.arange(rows * SUBPIXELS) + 1) / SUBPIXELS - rows) / high
+    s = (columns - (2 * np.arange(columns * SUBPIXELS) + 1) / SUBPIXELS) / wide
+    inside = (np.abs(t) < 1)[:, None] & (np.abs(s) < 1)[None, :]
+    fine = np.where(inside, profile(np.clip(s, -1, 1)[None, :], np.clip(t, -1, 1)[:, None]), 0.0)
+    return Kernel(fine.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
 
 
 def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: float) -> ImageBound:
@@ -234,21 +243,6 @@ def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: fl
         image=best.image,
         kernel=blur.weights,
     )
-
-
-def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...]) -> Kernel:
-    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of this shape.
-
-    It is turned by 180 degrees, as by a pinhole.
-    """
-    rows, columns = (
-        min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape)
-    )
-    t = ((2 * np.arange(rows * SUBPIXELS) + 1) / SUBPIXELS - rows) / high
-    s = (columns - (2 * np.arange(columns * SUBPIXELS) + 1) / SUBPIXELS) / wide
-    inside = (np.abs(t) < 1)[:, None] & (np.abs(s) < 1)[None, :]
-    fine = np.where(inside, profile(np.clip(s, -1, 1)[None, :], np.clip(t, -1, 1)[:, None]), 0.0)
-    return Kernel(fine.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
 
 
 def _merged(image: Array, merge: int) -> Array:

@@ -199,8 +199,8 @@ def image_half_width(
 def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float) -> float:
     """Return the least area of the images of a lens that throws the same image through all of its rear, mm^2.
 
-    It is a of `etendue.throughput_bound`, in the far field in square degrees: for the least mean of
-    D^2 / cos^3 over all irradiances of that rel_l2, in the far field over any light on the target.
+    It is the a of this module, in the far field in square degrees: for the least mean of D^2 / cos^3 over all
+    irradiances of that rel_l2, in the far field over any light on the target.
 
     lens : its rear's area counts.  The rear lies within the z_freedom of the problem.
     efficiency : fraction of the source's flux that the lens brings to the target, at least

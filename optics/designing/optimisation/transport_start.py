@@ -217,7 +217,13 @@ class TransportStart:
 
         None where it would hardly be another one.
         """
-        landing = self._landing(light, _height(light, above))
+        sag = _height(light, above)
+        # where light lands that a sag on the cells refracts, mm or degrees
+        x, y = light.x[:, None], light.y[None, :]
+        steep = np.gradient(sag, *_spacing(light))
+        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
+        height = self._vertex + self._surface.conic(x, y) + sag
+        landing = self._refraction.landing((x, y, height), light.direction, slopes)
         sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
         beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
         wanted = self._density(self.lit, self._cells)
@@ -225,14 +231,6 @@ class TransportStart:
         change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
         much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
         return asked.T[::-1] if much else None
-
-    def _landing(self, light: RearLight, sag: Floats) -> list[Floats]:
-        """Return where light lands that a sag on the cells refracts, mm or degrees."""
-        x, y = light.x[:, None], light.y[None, :]
-        steep = np.gradient(sag, *_spacing(light))
-        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
-        height = self._vertex + self._surface.conic(x, y) + sag
-        return self._refraction.landing((x, y, height), light.direction, slopes)
 
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.

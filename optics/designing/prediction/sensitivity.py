@@ -61,7 +61,14 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
     turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.known_index * sine) ** 2, 1)), 0)
     shift = throw * INDEX * turn
     if system.shaped == "front":
-        shift = _shift_by_front(system, light, slopes)
+        # the front's own height hardly matters: it is taken as its conic
+        x, y = light.x[:, None], light.y[None, :]
+        points = x, y, system.lens.front.conic(x, y)
+        landings = []
+        for index in (system.lens.index, system.lens.index + INDEX):
+            rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
+            landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
+        shift = np.hypot(*(b - a for a, b in zip(*landings)))
     lit = light.weight > LIT
     if system.source.from_afar:
         decentre = 0.0 if far else DECENTRE
@@ -73,17 +80,3 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
         ripple=throw * (spec.known_index - 1) * 2 * pi * RIPPLE / PERIOD,
         decentre=decentre,
     )
-
-
-def _shift_by_front(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Floats:
-    """Return how far INDEX moves the light that a front with these slopes sends on, (nx, ny).
-
-    The front's own height hardly matters: it is taken as its conic.
-    """
-    x, y = light.x[:, None], light.y[None, :]
-    points = x, y, system.lens.front.conic(x, y)
-    landings = []
-    for index in (system.lens.index, system.lens.index + INDEX):
-        rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
-        landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
-    return np.hypot(*(b - a for a, b in zip(*landings)))

@@ -58,7 +58,10 @@ def made_surface(
     smoothing : of the fit, see `fit_noisy`; None is as much as the noise asks for.
     """
     x, y, _ = aligned.points
-    base = _base(designed)
+    if designed.sag is not None:
+        base = THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
+    else:
+        base = THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
     # the space with all cells refined as far as the points resolve
     wanted = min(len(x) / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
     space = base.uniform(max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans))))))
@@ -76,13 +79,6 @@ def made_surface(
         covered=cells / len(space.cells),
         unresolved=float(likeness),
     )
-
-
-def _base(designed: FreeformSurface) -> THBSpace:
-    """Return the space of the first level of a surface's sag."""
-    if designed.sag is not None:
-        return THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
-    return THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.tolerancing.metrology.point_text import Floats, grid_header, grid_rows, number_rows, read_text
@@ -97,7 +96,17 @@ def read_measured(
         raise UserError(f"{path} holds {len(x)} points with a value, fewer than {LEAST_POINTS}")
     hx, hy = surface.half_width
     on = (np.abs(x) <= hx) & (np.abs(y) <= hy)
-    _require_on_surface(path, x, y, on, surface)
+    reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
+    if on.mean() < LEAST_INSIDE:
+        raise UserError(
+            f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
+            "is the unit right (--unit), and is the origin the vertex of the surface?"
+        )
+    if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
+        raise UserError(
+            f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
+            "unit right (--unit)?"
+        )
     if frame.kind == "errors":  # they belong to points of the surface alone
         x, y, values = x[on], y[on], values[on]
         values = values + surface(x, y)
@@ -130,21 +139,3 @@ def _values(path: str | Path, frame: FileFrame) -> tuple[Floats, Floats, Floats]
     up = header[6] + ((ny - 1) / 2 - np.arange(ny)) * header[3]
     unit = GRID_UNITS[flag]
     return unit * np.tile(across, ny), unit * np.repeat(up, nx), unit * heights
-
-
-def _require_on_surface(
-    path: str | Path, x: Floats, y: Floats, on: NDArray[np.bool_], surface: FreeformSurface
-) -> None:
-    """Raise UserError unless most points lie on the surface, and cover some of it."""
-    hx, hy = surface.half_width
-    reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
-    if on.mean() < LEAST_INSIDE:
-        raise UserError(
-            f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
-            "is the unit right (--unit), and is the origin the vertex of the surface?"
-        )
-    if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
-        raise UserError(
-            f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
-            "unit right (--unit)?"
-        )

@@ -170,17 +170,13 @@ class PerturbedLight:
 
     def _light(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
         """Return the light of one wavelength, as if it had all of the flux."""
-        if not self.by_cells:
-            return self._light_of_rays(parts)
-        cells = parts.cells(self._cells_of(parts))
-        image, fates = traced_cells(
-            self.trace_through(parts), self.screen, cells, self.backend, CORNERS_AT_ONCE
-        )
-        if not cells.parallel:  # such rays do not know of the light that has none
-            fates = replace(fates, beside_lens=fates.beside_lens + cells.missed)
-        return image, fates
-
-    def _light_of_rays(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
+        if self.by_cells:
+            cells = parts.cells(self._cells_of(parts))
+            trace = self.trace_through(parts)
+            image, fate = traced_cells(trace, self.screen, cells, self.backend, CORNERS_AT_ONCE)
+            if not cells.parallel:  # such rays do not know of the light that has none
+                fate = replace(fate, beside_lens=fate.beside_lens + cells.missed)
+            return image, fate
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
         for part, errors in zip(self._rays_of(parts), self._errors):
