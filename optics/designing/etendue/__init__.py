@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     )
     from optics.designing.etendue.brightness_limit import (
         UniversalBound as UniversalBound,
-        least_distance as least_distance,
         universal_bound as universal_bound,
     )
     from optics.designing.etendue.certificate import (
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
         SEARCH as SEARCH,
-        SEARCH_QUICK as SEARCH_QUICK,
         OneBlur as OneBlur,
         base_rear as base_rear,
         blur_sentence as blur_sentence,

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.form_errors.period_bands import (
         BandFormula as BandFormula,
-        period_bands_of as period_bands_of,
         pixel_mtf as pixel_mtf,
     )
 

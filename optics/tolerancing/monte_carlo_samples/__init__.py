@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from optics.tolerancing.monte_carlo_samples.random_errors import (
         Draw as Draw,
         FormTolerance as FormTolerance,
-        draws as draws,
         each_set as each_set,
     )
     from optics.tolerancing.monte_carlo_samples.sample_batch import SampleBatch as SampleBatch

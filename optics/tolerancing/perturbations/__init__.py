@@ -13,10 +13,9 @@ if TYPE_CHECKING:
         random_field as random_field,
         shortest_period as shortest_period,
     )
-    from optics.tolerancing.perturbations.light_limits import RISE as RISE, LightNumbers as LightNumbers
+    from optics.tolerancing.perturbations.light_limits import RISE as RISE
     from optics.tolerancing.perturbations.linear_light import LinearLight as LinearLight
     from optics.tolerancing.perturbations.perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
-    from optics.tolerancing.perturbations.perturbed_parts import perturbed_lens as perturbed_lens
     from optics.tolerancing.perturbations.shop_words import (
         HEAD as HEAD,
         effect_rows as effect_rows,

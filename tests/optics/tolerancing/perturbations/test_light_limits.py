@@ -14,7 +14,6 @@ from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import ErrorModel
 from optics.tolerancing.perturbations import (
-    LightNumbers,
     Perturbation,
     PerturbedLight,
     effect_rows,
@@ -22,7 +21,7 @@ from optics.tolerancing.perturbations import (
     tolerance_budget,
     tolerances_of,
 )
-from optics.tolerancing.perturbations.light_limits import bounds_of, limits_of, parts_taken
+from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_of, limits_of, parts_taken
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.perturbations.cases import small_system
