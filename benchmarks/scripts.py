@@ -19,7 +19,13 @@ import optics
 from benchmarks.checkout import EXAMPLES
 from benchmarks.rows.row import Row
 from optics.base.runtime import load_backend
-from optics.designing.optimisation import MARGIN, Objective, charged_objective, transmitted_flux, window_named
+from optics.designing.optimisation import (
+    MARGIN,
+    Objective,
+    penalised_objective,
+    transmitted_flux,
+    window_named,
+)
 from optics.light.engines import ExactEngine, Film
 from thbcad import THBSpace, THBSurface
 
@@ -95,7 +101,7 @@ def _objective(system: optics.System, space: THBSpace) -> Objective:
     lens = optical.lens.with_sags([THBSurface(space, np.zeros(space.dim))])
     light = ExactEngine(backend).model(optical, lens, film)
     target = optical.target.irradiance(optical.target.screen(), transmitted_flux(optical, backend))
-    return charged_objective(optical, lens, light, target)
+    return penalised_objective(optical, lens, light, target)
 
 
 def _gradient(system: optics.System) -> list[Row]:

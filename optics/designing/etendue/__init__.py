@@ -9,11 +9,11 @@ if TYPE_CHECKING:
         Approximation as Approximation,
         approximate as approximate,
         certified as certified,
+        descend as descend,
         require_target as require_target,
     )
     from optics.designing.etendue.brightness_limit import (
         UniversalBound as UniversalBound,
-        least_distance as least_distance,
         universal_bound as universal_bound,
     )
     from optics.designing.etendue.certificate import (
@@ -22,14 +22,11 @@ if TYPE_CHECKING:
         per_column_sum as per_column_sum,
         scaled_bound as scaled_bound,
     )
-    from optics.designing.etendue.image_size import image_half_width as image_half_width
     from optics.designing.etendue.kernel import Kernel as Kernel, Real as Real
-    from optics.designing.etendue.nonnegative_solvers import descend as descend
     from optics.designing.etendue.problem_bounds import (
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
         SEARCH as SEARCH,
-        SEARCH_QUICK as SEARCH_QUICK,
         OneBlur as OneBlur,
         base_rear as base_rear,
         blur_sentence as blur_sentence,
@@ -46,13 +43,11 @@ if TYPE_CHECKING:
         usual_efficiency as usual_efficiency,
     )
     from optics.designing.etendue.silhouette import greatest_slack as greatest_slack
-    from optics.designing.etendue.source_image_bound import (
-        ImageBound as ImageBound,
-        any_proportions as any_proportions,
-    )
+    from optics.designing.etendue.source_image_bound import ImageBound as ImageBound
     from optics.designing.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,
+        image_half_width as image_half_width,
         radiance as radiance,
         rear_area as rear_area,
         throughput as throughput,

@@ -1,4 +1,4 @@
-"""What etendue forbids every lens of a problem, whatever its six faces do: the universal rung.
+"""What etendue forbids every lens of a problem, whatever its six faces do: the universal bound.
 
 No passive optics makes light brighter.  At a point x of the target light of radiance L at most comes from
 within the silhouette of the lens's envelope, so that 0 <= E(x) <= L P(x), and a pixel gets L times the mean
@@ -11,19 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.designing.etendue.silhouette import pixel_etendue
+from optics.designing.etendue.silhouette import Array, pixel_etendue
 from optics.designing.etendue.throughput_bound import radiance
+from optics.scene.system import OpticalSystem
 from thbcad.checks import EPS
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-
-Array = NDArray[np.float64]
 
 CURVE = tuple(k / 10 for k in range(1, 11))  # efficiencies
 ROUNDING = 64 * EPS  # of sums over pixels by pairs, relative; numpy errs by a few EPS

@@ -196,20 +196,17 @@ class Kernel:
             everywhere = _transform_error(self.weights, image)
             faint = np.argsort(np.where(sums > 0, sums, np.inf), axis=None)[:MOST_FAINT]
             rows, columns = np.unravel_index(faint, sums.shape)
-            light[rows, columns] = self._summed(image, rows, columns)
+            # A^T y at some pixels of light, tap by tap
+            k, l = self.weights.shape
+            padded = np.pad(image, [(k - 1, k - 1), (l - 1, l - 1)])
+            total = np.zeros(len(rows))
+            for i, j, weight in self.taps:
+                total += weight * padded[rows + i, columns + j]
+            light[rows, columns] = total
             error = np.where(np.isin(np.arange(sums.size), faint).reshape(sums.shape), error, everywhere)
         most = np.divide(light + error, sums, out=np.zeros_like(sums), where=sums > 0).max()
         # the sums of k l positive taps, and the last few operations
         return max(0.0, float(most)) * (1 + (sum(self.weights.shape) + 4) * EPS)
-
-    def _summed(self, image: Array, rows: Rows, columns: Rows) -> Array:
-        """Return A^T y at some pixels of light, tap by tap."""
-        k, l = self.weights.shape
-        padded = np.pad(image, [(k - 1, k - 1), (l - 1, l - 1)])
-        total = np.zeros(len(rows))
-        for i, j, weight in self.taps:
-            total += weight * padded[rows + i, columns + j]
-        return total
 
     def column_sums(self, shape: tuple[int, ...]) -> Array:
         """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape.

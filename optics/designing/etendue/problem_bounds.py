@@ -1,21 +1,18 @@
-"""What etendue says about a problem, in two rungs: for every lens, and for lenses of one blur everywhere."""
+"""What etendue says about a problem, in two bounds: for every lens, and for lenses of one blur everywhere."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, log10, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
-from optics.designing.etendue.image_size import image_half_width
 from optics.designing.etendue.source_image_bound import ImageBound, any_proportions, image_bound
-from optics.designing.etendue.throughput_bound import front_fraction, rear_area
+from optics.designing.etendue.throughput_bound import front_fraction, image_half_width, rear_area
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import freedom_of
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
@@ -204,7 +201,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
-    """Return the universal rung in one sentence, with its class."""
+    """Return the universal bound in one sentence, with its class."""
     freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.lens.free.items()]
     least = universal.least_rel_l2(efficiency)
     brought = f"{efficiency:.4g} of the source's light to the target"

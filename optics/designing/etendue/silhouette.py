@@ -33,18 +33,15 @@ Factors, for polygons.
 from __future__ import annotations
 
 from math import ceil, hypot, isqrt, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from optics.scene.problem import freedom_of
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import FreeformSurface
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.lens import FreeformSurface
 
 CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
 PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 or 2 % too large
@@ -58,7 +55,11 @@ Array = NDArray[np.float64]
 def pixel_etendue(system: OpticalSystem) -> Array:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
     points, screen = envelope(system), system.target.screen()
-    parts = _parts(screen, 180 / pi if screen.angular else system.target.z - points[:, 2].max())
+    depth = 180 / pi if screen.angular else system.target.z - points[:, 2].max()
+    # into how many parts a pixel is divided in each direction
+    affordable = isqrt(POINTS // (screen.pixels[0] * screen.pixels[1]))
+    wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
+    parts = max(1, wanted)
     fine = screen.finer(parts)
     if screen.angular:
         part = _shadow(fine, points) * _solid_angle(fine)
@@ -66,16 +67,6 @@ def pixel_etendue(system: OpticalSystem) -> Array:
         part = _seen(fine, points, system.target.z) * fine.pixel_area
     rows, columns = screen.shape
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
-
-
-def _parts(screen: Screen, depth: float) -> int:
-    """Return into how many parts a pixel is divided in each direction.
-
-    depth : the least, mm; in the far field the degrees of a radian
-    """
-    affordable = isqrt(POINTS // (screen.pixels[0] * screen.pixels[1]))
-    wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
-    return max(1, wanted)
 
 
 def envelope(system: OpticalSystem) -> Array:
@@ -140,7 +131,7 @@ def _seen(screen: Screen, points: Array, z: float) -> Array:
 def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
     """Return P of the convex hull of `points` (n, 3), seen from (x, y, z) above all of them, (m,) sr."""
     hull = ConvexHull(points)
-    visible = [_side(plane, x, y, z) > 0 for plane in hull.equations]
+    visible = [(plane[0] * x + plane[1] * y + (plane[2] * z + plane[3])) > 0 for plane in hull.equations]
     total = np.zeros_like(x)
     for face, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors)):
         for k, other in enumerate(neighbours):
@@ -156,10 +147,6 @@ def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
                     *(e[:, None] - np.array([x[at], y[at], np.full(len(at), z)]) for e in ends)
                 )
     return np.maximum(total, 0.0)
-
-
-def _side(plane: Array, x: Array, y: Array, z: float) -> Array:
-    return plane[0] * x + plane[1] * y + (plane[2] * z + plane[3])
 
 
 def _edge_term(a: Array, b: Array) -> Array:

@@ -85,7 +85,13 @@ def image_bound(
     goal = _merged(target, merge)
     if max(size) < 2 * merge or not goal.any():
         return _no_bound(goal, merge)
-    sizes = _sizes(size, merge, goal.shape) if profile.kind == "uniform" else [size]
+    sizes = [size]
+    if profile.kind == "uniform":  # the sizes c size, 1 <= c < 2, at which the boxes change, with the first
+        steps = {1.0} | {
+            merge * j / side for side in size for j in range(floor(side / merge) + 1, ceil(2 * side / merge))
+        }
+        scaled = [(c * size[0], c * size[1]) for c in sorted(steps, reverse=True)]
+        sizes = list({_boxes(pair, merge, goal.shape): pair for pair in scaled}.values())[::-1]
     least = _solved(target, _blur(sizes[0], profile, merge, goal.shape), merge, finest)
     for other in sizes[1:]:
         for coarser, tolerance in (*QUICK, (1, finest)):
@@ -184,28 +190,7 @@ def _largest(pixels: int, merge: int) -> int:
 
 def _no_bound(goal: Array, merge: int) -> ImageBound:
     """Return the bound 0 of single pixels, which make every target."""
-    return ImageBound(
-        lower_bound=0.0,
-        attained=0.0,
-        kkt=0.0,
-        merged=merge,
-        sizes=0,
-        target=goal,
-        image=goal,
-        kernel=np.ones((1, 1)),
-    )
-
-
-def _sizes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> list[tuple[float, float]]:
-    """Return the sizes c size, 1 <= c < 2, at which the boxes change, with the first.
-
-    shape : of the merged target
-    """
-    steps = {1.0} | {
-        merge * j / side for side in size for j in range(floor(side / merge) + 1, ceil(2 * side / merge))
-    }
-    sizes = [(c * size[0], c * size[1]) for c in sorted(steps)]
-    return list({_boxes(pair, merge, shape): pair for pair in reversed(sizes)}.values())[::-1]
+    return ImageBound(0.0, 0.0, 0.0, merge, 0, goal, goal, np.ones((1, 1)))
 
 
 def _boxes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> tuple[int, int]:
@@ -227,7 +212,16 @@ def _blur(
     """
     if profile.kind == "uniform":
         return KernelStack.boxes(*_boxes(size, merge, shape))
-    return _picture(profile, size[0] / merge, size[1] / merge, shape)
+    # its picture, turned by 180 degrees, as by a pinhole
+    high, wide = (side / merge for side in size)
+    rows, columns = (
+        min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape)
+    )
+    t = ((2 * np.arange(rows * SUBPIXELS) + 1) / SUBPIXELS - rows) / high
+    s = (columns - (2 * np.arange(columns * SUBPIXELS) + 1) / SUBPIXELS) / wide
+    inside = (np.abs(t) < 1)[:, None] & (np.abs(s) < 1)[None, :]
+    fine = np.where(inside, profile(np.clip(s, -1, 1)[None, :], np.clip(t, -1, 1)[:, None]), 0.0)
+    return Kernel(fine.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
 
 
 def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: float) -> ImageBound:
@@ -249,21 +243,6 @@ def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: fl
         image=best.image,
         kernel=blur.weights,
     )
-
-
-def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...]) -> Kernel:
-    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of this shape.
-
-    It is turned by 180 degrees, as by a pinhole.
-    """
-    rows, columns = (
-        min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape)
-    )
-    t = ((2 * np.arange(rows * SUBPIXELS) + 1) / SUBPIXELS - rows) / high
-    s = (columns - (2 * np.arange(columns * SUBPIXELS) + 1) / SUBPIXELS) / wide
-    inside = (np.abs(t) < 1)[:, None] & (np.abs(s) < 1)[None, :]
-    fine = np.where(inside, profile(np.clip(s, -1, 1)[None, :], np.clip(t, -1, 1)[:, None]), 0.0)
-    return Kernel(fine.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
 
 
 def _merged(image: Array, merge: int) -> Array:

@@ -24,25 +24,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isinf, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from optics.scene.problem import freedom_of
-from optics.scene.sources import Rays
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.sources import Profile
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.problem import Problem, freedom_of
+from optics.scene.sources import Profile, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 RAYS = (512, 256)  # for the fraction of the light that meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, in each direction
 AREA_CELLS = 512  # of the rear, in each direction
 
 Array = NDArray[np.float64]
+# the multiplier of `least_mean` is searched for between these, times 1 / standard deviation
+STRENGTHS = (1e-7, 1e7)
+MOST_STEPS = 100  # of Newton's method in `least_mean`
+UNIT_MEAN = 1e-14  # how far above 1 the mean of its result may be
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,10 @@ def aperture_etendue(problem: Problem) -> float:
     target = problem.target
     far = isinf(target.distance)
     half = np.tan(np.radians(target.half_width)) if far else np.divide(target.half_width, target.distance)
-    x, y, area = _aperture_nodes(problem)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    rx, ry = problem.lens.rear.half_width
+    x, y = (a.ravel() for a in np.meshgrid(rx * nodes, ry * nodes, indexing="ij"))
+    area = (rx * ry * np.outer(weights, weights)).ravel()
     # of the target's corners as seen from each point; an aperture is a point in the far field
     across, up = (np.zeros_like(a) if far else a / target.distance for a in (x, y))
     seen = sum(i * j * _corner(i * half[0] - across, j * half[1] - up) for i in (1, -1) for j in (1, -1))
@@ -169,14 +172,6 @@ def spread(system: OpticalSystem) -> Array:
     return (distance**2 + lateral) ** 1.5 / distance
 
 
-def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:
-    """Return x, y in mm and areas in mm^2 of the nodes over the rear aperture, each (n,)."""
-    a, w = np.polynomial.legendre.leggauss(NODES)
-    rx, ry = problem.lens.rear.half_width
-    x, y = np.meshgrid(rx * a, ry * a, indexing="ij")
-    return x.ravel(), y.ravel(), (rx * ry * np.outer(w, w)).ravel()
-
-
 def _corner(x: Array, y: Array) -> Array:
     """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1.
 
@@ -184,3 +179,83 @@ def _corner(x: Array, y: Array) -> Array:
     """
     wide, tall = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     return (x / wide * np.arctan(y / wide) + y / tall * np.arctan(x / tall)) / 2
+
+
+def image_half_width(
+    system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float
+) -> tuple[float, float]:
+    """Return half the width and height of an image of `image_area` in the proportions of the source.
+
+    In mm, in the far field in degrees.
+    """
+    profile, (hx, hy) = system.source.image
+    of_unit = profile.area * hx * hy
+    if system.source.diverging:  # the etendue of a beam counts its brightest direction
+        of_unit /= brightest(profile)
+    scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / of_unit)
+    return float(scale * hx), float(scale * hy)
+
+
+def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float) -> float:
+    """Return the least area of the images of a lens that throws the same image through all of its rear, mm^2.
+
+    It is the a of this module, in the far field in square degrees: for the least mean of D^2 / cos^3 over all
+    irradiances of that rel_l2, in the far field over any light on the target.
+
+    lens : its rear's area counts.  The rear lies within the z_freedom of the problem.
+    efficiency : fraction of the source's flux that the lens brings to the target, at least
+    rel_l2 : of the lens, at most
+    """
+    target = system.target
+    used = efficiency * system.source.etendue / brightest(system.source.profile)
+    values = spread(system)
+    if not target.far_field:
+        picture = target.irradiance(target.screen(), 1.0)
+        mean = least_mean(values, picture / picture.mean(), rel_l2)
+    else:
+        mean = float(values.min())
+    return mean * used / rear_area(lens)
+
+
+def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
+    """Return a lower bound of the mean of `values` h, weighted by any irradiance E >= 0 near a picture G.
+
+    mean E = mean G = 1 and mean (E - G)^2 <= delta^2 = rel_l2^2 mean G^2.  By weak duality every c and t > 0
+    give the bound
+
+        c + mean (E_t (h - c)) + (mean (E_t - G)^2 - delta^2) / (2 t),     E_t = max(0, G - t (h - c)).
+
+    For every t the c with mean E_t = 1 is the best; the best t is searched for.  The least of the values h is
+    a bound too.
+
+    Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
+    """
+    least, scale = float(values.min()), float(values.std())
+    if not scale or isinf(rel_l2):
+        return least
+    allowed = rel_l2**2 * float((picture**2).mean())
+
+    def negative(logarithm: float) -> float:
+        t = np.exp(logarithm) / scale
+        c, light = _unit_mean_irradiance(values, picture, t)
+        return -float(
+            c + (light * (values - c)).mean() + (((light - picture) ** 2).mean() - allowed) / (2 * t)
+        )
+
+    best = minimize_scalar(negative, bounds=np.log(STRENGTHS), method="bounded", options={"xatol": 1e-6})
+    return max(least, -float(best.fun))
+
+
+def _unit_mean_irradiance(values: Array, picture: Array, t: float) -> tuple[float, Array]:
+    """Return c and E = max(0, G - t (h - c)) with mean E = 1.
+
+    By Newton's method from above: mean E is a convex function of c.
+    """
+    c = float(values.mean())
+    for _ in range(MOST_STEPS):
+        light = np.maximum(picture - t * (values - c), 0)
+        over = float(light.mean()) - 1
+        if over <= UNIT_MEAN:
+            break
+        c -= over / (t * float((light > 0).mean()))
+    return c, light

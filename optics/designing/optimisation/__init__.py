@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.level_objective import (
         PROBES as PROBES,
         Indicators as Indicators,
-        charged_objective as charged_objective,
+        penalised_objective as penalised_objective,
         stage_objective as stage_objective,
         stage_window as stage_window,
         surfaces_can_cross as surfaces_can_cross,

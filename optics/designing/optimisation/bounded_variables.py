@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,7 @@ from numpy.typing import NDArray
 from optics.designing.optimisation.indicators import LEAST
 from optics.designing.optimisation.symmetry import Mirrors
 from thbcad.hierarchy import MultilevelBasis
-
-if TYPE_CHECKING:
-    from thbcad.surfaces import THBSurface
+from thbcad.surfaces import THBSurface
 
 Floats = NDArray[np.float64]
 

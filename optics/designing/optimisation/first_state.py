@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import NumericalError
+from optics.base.runtime import Backend, NumericalError
 from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State, first_sags
 from optics.designing.optimisation.transport_start import TransportFit, TransportStart
-from thbcad.lens import require_sound
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.surfaces import THBSurface
+from optics.light.engines import Engine
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, require_sound
+from thbcad.surfaces import THBSurface
 
 
 def first_state(
@@ -60,8 +55,9 @@ def transport_start(
     if system.problem.optimizer.start == "flat":
         return None
     if state is not None:
-        plan = stages(system, state.moved)
-        if not state.moved or state.stage >= len(plan) or plan[state.stage].level == plan[-1].level:
+        plan = stages(system, state.started_from_transport)
+        over = state.stage >= len(plan) or plan[state.stage].level == plan[-1].level
+        if over or not state.started_from_transport:
             return None
     start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):

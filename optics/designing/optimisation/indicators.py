@@ -9,15 +9,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
-
-if TYPE_CHECKING:
-    from thbcad.hierarchy import THBSpace
 
 ASIDE = tuple((a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25))  # of a span of the function's level
 LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import gcd
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.indicators import (
     mark,
     promised_decrease,
@@ -19,23 +18,17 @@ from optics.designing.optimisation.indicators import (
     vertex_knots,
 )
 from optics.designing.optimisation.objective import Objective
-from optics.designing.optimisation.stage_plan import PROBES, last_level
+from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
+from optics.designing.optimisation.transport_start import TransportStart
 from optics.designing.penalties import shape_penalty
 from optics.light.analysis import nonsequential_light
-from optics.light.engines import Film, sharp_engine
-from optics.scene.problem import feature_levels, per_level
+from optics.light.engines import Engine, Film, LightModel, sharp_engine
+from optics.scene.problem import Problem, feature_levels, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.designing.optimisation.transport_start import TransportStart
-    from optics.light.engines import Engine, LightModel
-    from optics.scene.problem import Problem
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
@@ -98,7 +91,7 @@ def stage_objective(
     fresh: np.random.Generator | None = None,
     background: NDArray[np.float64] | None = None,
 ) -> Objective:
-    """Return the Objective of a stage: its light, its target, and the problem's charges.
+    """Return the Objective of a stage: its light, its target, and the problem's penalties.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
     fresh : draws other rays than those of the optimiser; cells are always the same.
@@ -107,7 +100,7 @@ def stage_objective(
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
-    return charged_objective(system, lens, model, target, background)
+    return penalised_objective(system, lens, model, target, background)
 
 
 def background(
@@ -129,14 +122,14 @@ def background(
     return image
 
 
-def charged_objective(
+def penalised_objective(
     system: OpticalSystem,
     lens: Lens,
     model: LightModel,
     target: NDArray[np.float64],
     background: NDArray[np.float64] | None = None,
 ) -> Objective:
-    """Return the Objective of a light model with the charges of a problem."""
+    """Return the Objective of a light model with the penalties of a problem."""
     options, limits = system.problem.optimizer, system.problem.limits
     if not limits.thickness and surfaces_can_cross(system):
         limits = replace(limits, thickness=THINNEST * lens.thickness)
@@ -182,7 +175,20 @@ class Indicators:
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         indicator = self.system.problem.refinement.indicator
         if indicator == "decrease":
-            return self._decrease(lens, stage)
+            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
+            finer = [
+                THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
+                for sag, space in zip(lens.sags, spaces)
+            ]
+            refined = lens.with_sags(finer)
+            objective = self._objective(refined, stage)
+            coefficients = [sag.coefficients for sag in finer]
+            gradients = objective(coefficients).gradients
+            probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
+            return [
+                promised_decrease(sag.space, space, g, p)
+                for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
+            ]
         if indicator == "vertex" or not self.start:
             return self.vertex(lens, stage)
         misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
@@ -205,22 +211,6 @@ class Indicators:
 
     def _objective(self, lens: Lens, stage: Stage) -> Objective:
         return stage_objective(self.system, lens, stage, self.target, self.engine, background=self.background)
-
-    def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
-        finer = [
-            THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
-            for sag, space in zip(lens.sags, spaces)
-        ]
-        refined = lens.with_sags(finer)
-        objective = self._objective(refined, stage)
-        coefficients = [sag.coefficients for sag in finer]
-        gradients = objective(coefficients).gradients
-        probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
-        return [
-            promised_decrease(sag.space, space, g, p)
-            for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
-        ]
 
 
 def _vertices(rays: int, spans: int) -> int:

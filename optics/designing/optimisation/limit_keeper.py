@@ -1,13 +1,13 @@
 """Optimisation that ends within the limits of manufacturing.
 
-Limits are charged at points, and certified everywhere.  Where a start or a minimum exceeds a limit:
+Limits add penalties at points, and certified everywhere.  Where a start or a minimum exceeds a limit:
 
-1. the start is moved within the limits, as far as the charges see them; limits that no start is found for
-   are charged no more;
+1. the start is moved within the limits, as far as the penalties see them; limits that no start is found for
+   add none any more;
 2. the minimum is improved in a few passes of the augmented Lagrangian (`ShapePenalty.tightened`);
 3. the result is moved within the limits at denser points, with more room until the limits are certified.
 
-A move minimises the charges alone, first over the heights of whole surfaces, which light hardly feels, then
+A move minimises the penalties alone, first over the heights of whole surfaces, which light hardly feels, then
 over the optimiser's variables, which are scaled by what light feels; of the way it keeps what it needs.
 """
 
@@ -15,39 +15,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from optics.designing.optimisation.stage_search import Interrupted, minimised
-from optics.designing.penalties import ROOM, shape_penalty
-from optics.scene.problem import limit_misses
-from thbcad.lens import manufacturability
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
+from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
+from optics.scene.problem import Miss, Problem, limit_misses
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.stage_search import Found, Log, Search
-    from optics.designing.penalties import ShapePenalty
-    from optics.scene.problem import Miss, Problem
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 PASSES = 3  # of the augmented Lagrangian at most
 SHORTER = 0.5  # of the stage's iterations, in every pass
 ROOMS = 6  # that are tried, of a limit: 0.001, 0.003, ... 0.24
 MORE_ROOM = 3.0
 LIFTS = 20  # iterations that find the heights of surfaces
-FLAT = 1e-6  # of the charges: what heights do not change, as they change no curvature but for rounding
+FLAT = 1e-6  # of the penalty: what heights do not change, as they change no curvature but for rounding
 MOVES = 100  # iterations of a move
-TRIES = 60  # lengths of a step: charges of curvature begin suddenly, far below the first length
+TRIES = 60  # lengths of a step: penalties of curvature begin suddenly, far below the first length
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
-
-Floats = NDArray[np.float64]
 
 
 class LimitKeeper:
@@ -94,21 +84,29 @@ class LimitKeeper:
             raise Interrupted(log.state(sags)) from None
 
     def _start(
-        self, charges: ShapePenalty, variables: BoundedVariables
+        self, penalty: ShapePenalty, variables: BoundedVariables
     ) -> tuple[tuple[THBSurface, ...], tuple[str, ...]]:
         """Return the start moved within the limits, and those that it keeps: all, or as many as are found
         one after the other.
 
         A limit that no sag can keep would spoil the light, and the other limits, for nothing.
         """
-        start = self._moved(self._lens.sags, charges, variables)
+        start = self._moved(self._lens.sags, penalty, variables)
         if start:
-            self._note_cut(charges)
-            return start, charges.keys
+            # tell where z_freedom cuts off much of a start that is moved within the limits
+            _, heights, cut = self._lifted(self._lens.sags, penalty)
+            if cut > CUT * min(self._bounds):
+                shaped = self._system.shaped
+                thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
+                self._note(
+                    f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom "
+                    f"cuts off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
+                )
+            return start, penalty.keys
         best = self._lens.sags
         keys: tuple[str, ...] = ()
-        for key in charges.keys:
-            start = self._moved(self._lens.sags, charges.only((*keys, key)), variables)
+        for key in penalty.keys:
+            start = self._moved(self._lens.sags, penalty.only((*keys, key)), variables)
             if start:
                 best, keys = start, (*keys, key)
         return best, keys
@@ -120,7 +118,7 @@ class LimitKeeper:
         assert self._dense is not None
         dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
         for _ in range(ROOMS):
-            misses = chargeable_misses(self._system.problem, self._lens.with_sags(found))
+            misses = curable_misses(self._system.problem, self._lens.with_sags(found))
             missed = {m.key for m in misses}.intersection(keys)
             if not missed:
                 return found
@@ -132,41 +130,30 @@ class LimitKeeper:
         return sags
 
     def _moved(
-        self, sags: Sequence[THBSurface], charges: ShapePenalty, variables: BoundedVariables
+        self, sags: Sequence[THBSurface], penalty: ShapePenalty, variables: BoundedVariables
     ) -> tuple[THBSurface, ...] | None:
-        """Return sags near others that leave half the room of every charge; None where none are found."""
-        coefficients, _, _ = self._lifted(sags, charges)
-        if not charges.cleared(coefficients):
+        """Return sags near others that leave half the room of every limit; None where none are found."""
+        coefficients, _, _ = self._lifted(sags, penalty)
+        if not penalty.cleared(coefficients):
             lifted = tuple(THBSurface(s.space, c) for s, c in zip(sags, coefficients))
-            coefficients = _bent(variables.around(lifted), charges)
-        if not charges.cleared(coefficients):
+            coefficients = _bent(variables.around(lifted), penalty)
+        if not penalty.cleared(coefficients):
             return None
         return tuple(THBSurface(sag.space, c) for sag, c in zip(sags, coefficients))
 
     def _lifted(
-        self, sags: Sequence[THBSurface], charges: ShapePenalty
+        self, sags: Sequence[THBSurface], penalty: ShapePenalty
     ) -> tuple[list[Floats], Floats, float]:
         """Return coefficients with the heights that keep most of the limits, the heights, and what is cut
         off, mm."""
         before, bounds = _coefficients(sags), [INSIDE * bound for bound in self._bounds]
-        heights = _heights(before, bounds, charges)
+        heights = _heights(before, bounds, penalty)
         lifted = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
         cut = max(float(np.abs(c + h - d).max()) for c, h, d in zip(before, heights, lifted))
         return lifted, heights, cut if heights.any() else 0.0
 
-    def _note_cut(self, charges: ShapePenalty) -> None:
-        """Tell where z_freedom cuts off much of a start that is moved within the limits."""
-        _, heights, cut = self._lifted(self._lens.sags, charges)
-        if cut > CUT * min(self._bounds):
-            shaped = self._system.shaped
-            thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
-            self._note(
-                f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom cuts "
-                f"off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
-            )
 
-
-def chargeable_misses(problem: Problem, lens: Lens) -> list[Miss]:
+def curable_misses(problem: Problem, lens: Lens) -> list[Miss]:
     """Return the limits that a lens may miss, but for those that no coefficient can mend."""
     free = {"", *problem.lens.free}
     metrics = manufacturability(lens, problem.lens.density or None)
@@ -178,49 +165,49 @@ def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:
     return [sag.coefficients for sag in sags]
 
 
-def _heights(before: list[Floats], bounds: Sequence[float], charges: ShapePenalty) -> Floats:
-    """Return the heights that make the charges least when they are added to the surfaces, mm."""
+def _heights(before: list[Floats], bounds: Sequence[float], penalty: ShapePenalty) -> Floats:
+    """Return the heights that make the penalty least when they are added to the surfaces, mm."""
 
-    def charge(heights: Floats) -> tuple[float, Floats]:
+    def loss_of(heights: Floats) -> tuple[float, Floats]:
         coefficients = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
-        loss, gradients = charges(coefficients)
+        loss, gradients = penalty(coefficients)
         free = zip(gradients, coefficients, bounds)
         return loss, np.array([g[np.abs(c) < b].sum() for g, c, b in free])
 
     start = np.zeros(len(before))
-    loss, slope = charge(start)
+    loss, slope = loss_of(start)
     if np.abs(slope * bounds).max() <= FLAT * loss:
         return start
     options = {"maxiter": LIFTS, "gtol": FLAT * loss / max(bounds)}
-    least = minimize(charge, start, jac=True, method="BFGS", options=options)
+    least = minimize(loss_of, start, jac=True, method="BFGS", options=options)
     result: Floats = least.x if least.fun < loss else start
     return result
 
 
-def _bent(variables: BoundedVariables, charges: ShapePenalty) -> list[Floats]:
-    """Return coefficients that are cleared, on the line from the variables' start to a least charge."""
+def _bent(variables: BoundedVariables, penalty: ShapePenalty) -> list[Floats]:
+    """Return coefficients that are cleared, on the line from the variables' start to a least penalty."""
 
     def at(weights: Floats) -> list[Floats]:
         return variables.coefficients(weights)[0]
 
-    start = charges(at(variables.zeros()))[0]
+    start = penalty(at(variables.zeros()))[0]
 
-    def charge(weights: Floats) -> tuple[float, Floats]:
+    def loss_of(weights: Floats) -> tuple[float, Floats]:
         coefficients, slopes = variables.coefficients(weights)
-        loss, gradients = charges(coefficients)
+        loss, gradients = penalty(coefficients)
         return loss / start, variables.gradient(gradients, slopes) / start
 
     def stop(weights: Floats) -> None:
-        if charges.cleared(at(weights)):
+        if penalty.cleared(at(weights)):
             raise StopIteration
 
     options = {"maxiter": MOVES, "maxls": TRIES, "gtol": 0.0, "ftol": 0.0}
     zeros = variables.zeros()
-    found = minimize(charge, zeros, jac=True, method="L-BFGS-B", callback=stop, options=options).x
-    if charges.cleared(at(found)):
+    found = minimize(loss_of, zeros, jac=True, method="L-BFGS-B", callback=stop, options=options).x
+    if penalty.cleared(at(found)):
         low, high = 0.0, 1.0
         for _ in range(CUTS):
             middle = (low + high) / 2
-            low, high = (low, middle) if charges.cleared(at(middle * found)) else (middle, high)
+            low, high = (low, middle) if penalty.cleared(at(middle * found)) else (middle, high)
         found = high * found
     return at(found)

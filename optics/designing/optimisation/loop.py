@@ -17,13 +17,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
-from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.base.runtime import Backend, UserError
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.first_state import first_state, fitted, transport_start, with_sags
 from optics.designing.optimisation.level_objective import (
     Indicators,
@@ -32,28 +30,21 @@ from optics.designing.optimisation.level_objective import (
     stage_objective,
 )
 from optics.designing.optimisation.limit_keeper import LimitKeeper
-from optics.designing.optimisation.stage_plan import stages
+from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
 from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.problem import Limits, limit_sentences
-from thbcad.lens import manufacturability, require_sound
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, manufacturability, require_sound
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 FRESH = 1  # what makes the draw of fresh rays another than that of the measurement
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
-
-Floats = NDArray[np.float64]
 
 
 def _ignored(*_: object) -> None:
@@ -129,9 +120,9 @@ def shape_lens(
         engine,
         flux,
         axes,
-        start if state.moved else None,
+        start if state.started_from_transport else None,
         clock,
-        stages(system, state.moved),
+        stages(system, state.started_from_transport),
     )
     crossing = 0.0
     for stage in run.plan[state.stage :]:

@@ -5,9 +5,9 @@
 E is the irradiance on the target's pixels and a dark margin around them, as an engine measures it, and T the
 target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  B is a
 background that no coefficient changes: light that other ways through the lens bring.  Phi is the flux asked
-for.  The second term charges light beside the target: d_k is the distance of landing point k from the target
-rectangle, r the target's larger half-width.  The third charges light that misses the pixels where T > 0,
-wherever it is lost.  The last is `ShapePenalty`.
+for.  The second term is a penalty on light beside the target: d_k is the distance of landing point k from the
+target rectangle, r the target's larger half-width.  The third is one on light that misses the pixels where
+T > 0, wherever it is lost.  The last is `ShapePenalty`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.designing.penalties import ShapePenalty
-    from optics.light.engines import Light, LightModel
-    from thbcad.splines import KnotVector
+from optics.designing.penalties import ShapePenalty
+from optics.light.engines import Light, LightModel
+from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
 
@@ -62,14 +60,14 @@ class Objective:
         self._missing = self._target - around
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = 1.0 / np.square(self._target).sum()
-        self._charge = lost_flux_weight / scale
+        self._lost_weight = lost_flux_weight / scale
         self._reward = (self._target > 0) * (dark_flux_weight / self._target.sum())
 
     def __call__(self, coefficients: Sequence[Floats]) -> Evaluation:
         """Return the Evaluation at the coefficients of every sag, front first."""
         light = self._model.light(coefficients)
-        loss, fit, by_image = self._charged(light)
-        gradients = light.pull_back(by_image, self._charge)
+        loss, fit, by_image = self._penalised(light)
+        gradients = light.pull_back(by_image, self._lost_weight)
         if self._shape is None:
             return Evaluation(loss, gradients, fit)
         more, slopes = self._shape(coefficients)
@@ -82,11 +80,11 @@ class Objective:
 
     @property
     def shape(self) -> ShapePenalty | None:
-        """What the shape is charged for."""
+        """The penalty on the shape."""
         return self._shape
 
-    def charging(self, shape: ShapePenalty | None) -> Objective:
-        """Return the objective with other charges for the shape."""
+    def with_shape(self, shape: ShapePenalty | None) -> Objective:
+        """Return the objective with another penalty on the shape."""
         other = copy(self)
         other._shape = shape
         return other
@@ -103,8 +101,8 @@ class Objective:
         knots : for each, two knot vectors of degree 1, whose knots are the vertices.
         """
         light = self._model.light(coefficients)
-        _, _, by_image = self._charged(light)
-        return [np.abs(g) for g in light.vertex_gradients(by_image, self._charge, knots)]
+        _, _, by_image = self._penalised(light)
+        return [np.abs(g) for g in light.vertex_gradients(by_image, self._lost_weight, knots)]
 
     def curvature(self, coefficients: Sequence[Floats], count: int, seed: int) -> list[list[Floats]]:
         """Return vectors J^T s / ||T|| with random signs s.
@@ -122,9 +120,9 @@ class Objective:
             out.append(light.pull_back(scale * signs))
         return out
 
-    def _charged(self, light: Light) -> tuple[float, float, Floats]:
+    def _penalised(self, light: Light) -> tuple[float, float, Floats]:
         """Return (loss without the shape, fit, the loss's derivative by the image)."""
         difference = light.image - self._missing
         fit = self._norm * float(np.vdot(difference, difference))
-        loss = fit + self._charge * light.lost + self._dark - float(np.vdot(light.image, self._reward))
+        loss = fit + self._lost_weight * light.lost + self._dark - float(np.vdot(light.image, self._reward))
         return loss, float(np.sqrt(fit)), 2 * self._norm * difference - self._reward

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from optics.base.runtime import Backend
 from optics.light.measuring import Splat
 from optics.light.refraction import FixedRear, ShapedFront, ShapedRear
 from optics.light.tracing import Tracer
 from optics.scene.receivers import BSplineWindow, Screen
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 RAYS_PER_CELL = 4  # in each direction
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there

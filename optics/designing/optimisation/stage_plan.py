@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from optics.scene.problem import per_level
-from optics.scene.system import freeforms
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
+from optics.scene.problem import Problem, per_level
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem, freeforms
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 MOST_RAYS = 40_000_000  # at once
@@ -83,13 +78,13 @@ def stage_seconds(iterations: int, rays: float, dof: float) -> float:
     return (iterations + 1 + PROBES) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
 
 
-def first_level(problem: Problem, moved: bool) -> int:
+def first_level(problem: Problem, from_transport: bool) -> int:
     """Return the level at which optimisation starts.
 
     A transport start makes the levels superfluous whose spans are wider than four pixels.
     """
     last = last_level(problem)
-    if not moved:
+    if not from_transport:
         return 0
     fine = [level for level in range(last + 1) if _coarsening(problem, level) == problem.optimizer.merge]
     return fine[0] if fine else last
@@ -100,22 +95,22 @@ def last_level(problem: Problem) -> int:
     return max(f.finest for f in freeforms(problem))
 
 
-def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
+def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     """Return the Stage of every level that is optimised.
 
     A blurred system that starts from transport optimises its sharp light before its blurred light: the loss
     of blurred light alone falls slowly, since it hardly sees single pixels.
 
-    moved : the design starts from an optimal-transport map
+    from_transport : the design starts from an optimal-transport map
     """
     system = system.shaping
     problem = system.problem
     last = last_level(problem)
     out = []
-    for level in range(first_level(problem, moved), last + 1):
-        iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
+    for level in range(first_level(problem, from_transport), last + 1):
+        iterations = 0 if from_transport and level < last else per_level(problem.optimizer.iterations, level)
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
-    if moved and system.aim:
+    if from_transport and system.aim:
         screen = system.aim.screen(margin=MARGIN)
         out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
     if problem.optimizer.finish:
@@ -126,26 +121,18 @@ def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
 def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
     exact = final and problem.optimizer.window == "cells" and not system.source.extended
-    counts = _cells(system, level, screen) if exact else _rays(system, level, screen)
+    if exact:
+        counts = _cells(system, level, screen)
+    else:
+        per_pixel, spans = problem.optimizer.rays_per_pixel, _spans(problem, level)
+        counts = [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
     rays_x, rays_y = (n + 1 for n in counts)
     if rays_x * rays_y > MOST_RAYS:
         raise UserError(
             f"level {level} would trace {rays_x} x {rays_y} rays at once, too many for the memory of most "
             "machines; use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
-    return Stage(
-        level=level,
-        iterations=iterations,
-        screen=screen,
-        rays=(rays_x, rays_y),
-        final=final,
-        exact=exact,
-    )
-
-
-def _rays(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
-    per_pixel, spans = system.problem.optimizer.rays_per_pixel, _spans(system.problem, level)
-    return [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
+    return Stage(level, iterations, screen, (rays_x, rays_y), final, exact)
 
 
 def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:

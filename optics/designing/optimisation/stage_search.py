@@ -5,29 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.optimisers import LBFGS, Adam
 from optics.base.runtime import NumericalError
-from optics.designing.optimisation.stage_plan import PROBES
+from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.objective import Evaluation, Objective
+from optics.designing.optimisation.stage_plan import PROBES, Stage
 from optics.designing.optimisation.state import Row, State
+from optics.designing.penalties import ShapePenalty
+from optics.scene.problem import Problem
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.objective import Evaluation, Objective
-    from optics.designing.optimisation.stage_plan import Stage
-    from optics.designing.penalties import ShapePenalty
-    from optics.scene.problem import Problem
 
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
 LEAST_DECREASE = 2.2e-9  # of the loss: it ends a run that starts near a minimum
-
-Floats = NDArray[np.float64]
 
 
 class Interrupted(Exception):
@@ -98,8 +91,8 @@ class Search:
         return replace(self, variables=self.variables.preconditioned(vectors), scaled=True)
 
     def begun_again(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> Search:
-        """Return the search from other sags, with other charges for the shape."""
-        objective, variables = self.objective.charging(shape), self.variables.around(sags)
+        """Return the search from other sags, with another penalty on the shape."""
+        objective, variables = self.objective.with_shape(shape), self.variables.around(sags)
         return replace(self, objective=objective, variables=variables, sags=tuple(sags), again=True)
 
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.stage_plan import first_level, stages
 from optics.scene.problem import feature_levels
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 
 @dataclass(frozen=True)
@@ -40,12 +37,12 @@ class Row:
 class State:
     """What a run needs to go on.
 
-    moved : the plan is that of a design that starts from an optimal-transport map.
+    started_from_transport : the plan is that of a design that starts from an optimal-transport map.
     stage : index of the next Stage in that plan; the plan's length at the end of a run.
     sags : the surfaces that this stage starts from, front first.
     """
 
-    moved: bool
+    started_from_transport: bool
     stage: int
     sags: tuple[THBSurface, ...]
     history: tuple[Row, ...] = ()
@@ -69,9 +66,9 @@ class State:
         return self.history[-1].seconds if self.history else 0.0
 
 
-def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
+def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
-    first = first_level(system.problem, moved)
+    first = first_level(system.problem, from_transport)
     finest = feature_levels(system.problem)
     return tuple(sag.uniform(min(first, level)) for sag, level in zip(system.lens.sags, finest))
 

@@ -7,15 +7,13 @@ averaged with their mirror images, which makes them equal bit for bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.scene.sources import Profile
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
+from optics.scene.sources import Profile
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
 
 TOLERANCE = 1e-12  # of the greatest value
 

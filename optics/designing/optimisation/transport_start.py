@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.designing.optimisation.indicators import summed_over_cells
 from optics.designing.optimisation.rear_light import (
     DARK,
     LEAST_WEIGHT,
+    Floats,
     RearLight,
     centres,
     refraction_of,
@@ -28,16 +28,11 @@ from optics.designing.optimisation.rear_light import (
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
 from optics.scene.receivers import Screen, lit_part
-from optics.scene.system import target_irradiance
+from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
-from thbcad.lens import require_sound
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
 
 SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next
@@ -53,8 +48,6 @@ MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
 CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +217,13 @@ class TransportStart:
 
         None where it would hardly be another one.
         """
-        landing = self._landing(light, _height(light, above))
+        sag = _height(light, above)
+        # where light lands that a sag on the cells refracts, mm or degrees
+        x, y = light.x[:, None], light.y[None, :]
+        steep = np.gradient(sag, *_spacing(light))
+        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
+        height = self._vertex + self._surface.conic(x, y) + sag
+        landing = self._refraction.landing((x, y, height), light.direction, slopes)
         sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
         beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
         wanted = self._density(self.lit, self._cells)
@@ -232,14 +231,6 @@ class TransportStart:
         change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
         much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
         return asked.T[::-1] if much else None
-
-    def _landing(self, light: RearLight, sag: Floats) -> list[Floats]:
-        """Return where light lands that a sag on the cells refracts, mm or degrees."""
-        x, y = light.x[:, None], light.y[None, :]
-        steep = np.gradient(sag, *_spacing(light))
-        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
-        height = self._vertex + self._surface.conic(x, y) + sag
-        return self._refraction.landing((x, y, height), light.direction, slopes)
 
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.

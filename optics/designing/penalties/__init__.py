@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.penalties.charges import (
+    from optics.designing.penalties.shape_loss import (
         ROOM as ROOM,
         ShapePenalty as ShapePenalty,
         shape_penalty as shape_penalty,

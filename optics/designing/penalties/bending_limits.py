@@ -6,7 +6,7 @@ k of B = S A S / W, S = (I + g g^T)^(-1/2).  With unit eigenvectors e and N = W 
     dk = v^T (dA - k dN) v,    v = S e / W^(1/2).
 
 The excess over a least radius R is R k - 1 for both k where z bends towards +z, -R k - 1 where it bends
-towards -z.  A charge that is the same function of both k is smooth where they meet.  The excess over a
+towards -z.  A penalty that is the same function of both k is smooth where they meet.  The excess over a
 greatest slope a is |g| / tan(a) - 1.
 
 Source: M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-3.
@@ -16,15 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians, tan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.designing.penalties.sample_points import Excess, Floats, Pull, SurfaceSamples, free_surfaces
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import Lens
+from optics.scene.problem import Limits
+from thbcad.lens import Lens
 
 Matrix = tuple[Floats, Floats, Floats]  # xx, xy, yy of symmetric matrices
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -29,15 +28,11 @@ from optics.designing.penalties.sample_points import (
     free_surfaces,
     simpson,
 )
-from thbcad.lens import mass
-from thbcad.splines import gauss_rule, tensor_apply
+from optics.scene.problem import Limits
+from thbcad.lens import FreeformSurface, Lens, mass
+from thbcad.splines import KnotVector, gauss_rule, tensor_apply
 
 TIGHT = 1e-14  # of half the range: tolerance of its middle
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.splines import KnotVector
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +108,14 @@ def height_limits(lens: Lens, limits: Limits, density: float, fine: bool) -> lis
     most = limits.greatest_thickness
     if isfinite(most):
         found += [gap.scaled(1 / most, -1.0, "greatest_thickness") for gap in _gaps(lens, "thickness", fine)]
-    for (name, surface), samples in _sampled(lens, fine):
+    for number, (name, surface) in enumerate(free_surfaces(lens)):
+        samples = SurfaceSamples(surface, number, fine)
         if isfinite(limits.sag_range):
             found.append(RangeExcess(samples, limits.sag_range))
         found += _envelope(lens, name, surface, samples, limits.envelope)
     if isfinite(limits.mass):
         found.append(_volume(lens).scaled(mass(1.0, density) / limits.mass, -1.0, "mass"))
     return found
-
-
-def _sampled(lens: Lens, fine: bool) -> list[tuple[tuple[str, FreeformSurface], SurfaceSamples]]:
-    return [(named, SurfaceSamples(named[1], k, fine)) for k, named in enumerate(free_surfaces(lens))]
 
 
 def _envelope(
@@ -180,9 +172,8 @@ def _volume(lens: Lens) -> LinearExcess:
     for name, surface in free_surfaces(lens):
         assert surface.sag is not None
         embedding = surface.sag.space.embedding
-        rows = _integrals(lens, name, embedding.kv_u, embedding.kv_v)
         number, net = len({t.number for t in terms}), embedding.coefficients(surface.sag.coefficients)
-        for a, b in rows:
+        for a, b in _integrals(lens, name, embedding.kv_u, embedding.kv_v):
             terms.append(_Term(number, 1.0, csr_array(a[None]), csr_array(b[None])))
             offset -= float(a @ net @ b)
     return LinearExcess("", np.ones((1, 1)), np.full((1, 1), offset), terms)

@@ -1,4 +1,4 @@
-"""Points at which the shape of a free surface is charged, and the derivatives there.
+"""Points at which the penalties see the shape of a free surface, and the derivatives there.
 
 Means are taken by Simpson's rule on every knot span: derivatives of cubics are greatest at the knots, which
 are points of the rule.  The parameters of the sags are x and y in mm.
@@ -7,16 +7,13 @@ are points of the rule.  The parameters of the sags are x and y in mm.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.splines import tensor_apply
-
-if TYPE_CHECKING:
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.splines import KnotVector
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.splines import KnotVector, tensor_apply
 
 Floats = NDArray[np.float64]
 Pull = Callable[[Floats, Sequence[Floats]], None]

@@ -14,25 +14,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, inf, isinf, sqrt
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from optics.base.runtime import UserError
-from optics.designing.optimisation import TransportStart, transmitted_flux
+from optics.base.runtime import Backend, UserError
+from optics.designing.optimisation import RearLight, TransportStart, transmitted_flux
 from optics.designing.prediction.start_light import seen_level
-from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, base_of
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.fitting import fit_slopes, seen_functions
+from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import RearLight
-    from optics.scene.problem import Front, Problem, Rear
-    from thbcad.lens import FreeformSurface
 
 Surface = TypeVar("Surface", "Front", "Rear")
 Floats = NDArray[np.float64]
@@ -90,20 +85,16 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
         if not wide.parallel:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
-        _require_bent(start.bent)
+        if start.bent < LEAST_BENT:
+            raise UserError(
+                f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
+                f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
+                "the lens as numbers, or make target.half_width smaller or target.distance larger"
+            )
         light, slopes = start.rear_slopes()
         base = _nearest_base(asked, light, slopes)
     based = solvable_system(_with_numbers(asked, base, widest))
     return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
-
-
-def _require_bent(share: float) -> None:
-    if share < LEAST_BENT:
-        raise UserError(
-            f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
-            f"{share:.0%} of the light to where it should go; give radius, conic and z_freedom of the lens "
-            "as numbers, or make target.half_width smaller or target.distance larger"
-        )
 
 
 def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) -> tuple[float, float]:

@@ -10,25 +10,20 @@ for which `optics.designing.etendue.approximate` has a certificate.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from optics.base.runtime import Backend
 from optics.designing.etendue import Kernel, approximate
 from optics.light.analysis import rel_l2
-from optics.light.blur import blur_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from optics.base.runtime import Backend
-    from optics.light.blur import Blur
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.blur import Blur, blur_of
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
 FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
@@ -116,11 +111,6 @@ def _who(system: OpticalSystem) -> str:
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _merged(pixels: tuple[int, int]) -> int:
-    """Return how many pixels are merged in each direction."""
-    return -(-max(pixels) // MOST_PIXELS)
-
-
 def _least(
     system: OpticalSystem, target: NDArray[np.float64], shown: NDArray[np.float64], blur: Blur
 ) -> float | None:
@@ -129,7 +119,7 @@ def _least(
     With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than
     | k * F - T | / (max P | T / P |).
     """
-    merge = _merged(system.target.settings.pixels)
+    merge = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]
     goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))

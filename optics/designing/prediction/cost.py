@@ -9,13 +9,9 @@ time too.  START, RAY and FUNCTION were fitted to stored designs on two cores.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from optics.designing.optimisation import PROBES, last_level, symmetry_axes
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Stage
-    from optics.scene.system import OpticalSystem
+from optics.designing.optimisation import PROBES, Stage, last_level, symmetry_axes
+from optics.scene.system import OpticalSystem
 
 # fitted to every second picture of docs/data/untuned.json and the designs of overview.json; all twenty are
 # within 1.2 times

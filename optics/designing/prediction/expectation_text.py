@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from optics.designing.prediction.expectation import Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.light.outgoing import concentration_sentence
-
-if TYPE_CHECKING:
-    from optics.designing.prediction.expectation import Expectation
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
@@ -22,7 +18,8 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     rear = system.lens.rear.conic
     return [
         f"expected lens: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
-        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with {_conic(rear.radius, rear.constant)}",
+        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with "
+        f"radius {rear.radius:.4g} mm, K {rear.constant:.3g}",
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
@@ -34,10 +31,6 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"about {expected.memory_mb / 1000:.2g} GB of memory",
         *_sensitivity_lines(system, expected),
     ]
-
-
-def _conic(radius: float, constant: float) -> str:
-    return f"radius {radius:.4g} mm, K {constant:.3g}"
 
 
 def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
@@ -65,7 +58,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
     start = f"the start has {expected.start_rel_l2:.2g}"
-    if not expected.moved or expected.sag > expected.freedom:
+    if not expected.from_transport or expected.sag > expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
         return f"rel_l2: not predicted where rays spread in the lens; {start}"

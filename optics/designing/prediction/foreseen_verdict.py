@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
+from optics.designing.prediction.blurred_picture import BlurLimits
+from optics.designing.prediction.expectation import Expectation
 from optics.light.analysis import contrast_error, picture_limit
 from optics.light.blur import spot_rms
 from optics.scene.photometry import uniformity
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from optics.base.runtime import Backend
-    from optics.designing.prediction.blurred_picture import BlurLimits
-    from optics.designing.prediction.expectation import Expectation
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 WILL = "this design will miss its limit"
 MAY = "this design may miss its limit"
@@ -30,11 +26,22 @@ def foreseen_misses(
 
     blur : what the blur leaves of the picture, where there is one.
     """
-    return [
-        *_of_the_error(system, expected, blur),
-        *_of_the_uniformity(system, backend),
-        *_of_the_flux(system, expected),
-    ]
+    sentences = [*_of_the_error(system, expected, blur)]
+    region, limits, screen = system.target.even_region, system.problem.verify, system.target.screen()
+    if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
+        wide = spot_rms(system, system.lens, backend)
+        found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=wide, grid=limits.grid)
+        if found.reason:  # the blur is as wide as the region
+            sentences.append(
+                f"the uniformity may stay undecided: of the base lens {found.reason}; make the region "
+                "larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
+            )
+    if expected.efficiency < limits.lit_efficiency:
+        sentences.append(
+            f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
+            f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
+        )
+    return sentences
 
 
 def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:
@@ -59,28 +66,3 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
             if found > limit:
                 least = " at least" if word == WILL else ""
                 yield f"{word}: {why} a {key} of {found:.2g}{least}, and verify.{key} asks for {limit:g}"
-
-
-def _of_the_uniformity(system: OpticalSystem, backend: Backend) -> Iterator[str]:
-    """Yield why nothing can be said of the uniformity, where the blur is as wide as the region."""
-    region, limits = system.target.even_region, system.problem.verify
-    if region is None or not (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
-        return
-    screen = system.target.screen()
-    blur = spot_rms(system, system.lens, backend)
-    found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=blur, grid=limits.grid)
-    if found.reason:
-        yield (
-            f"the uniformity may stay undecided: of the base lens {found.reason}; make the region larger, "
-            "or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
-        )
-
-
-def _of_the_flux(system: OpticalSystem, expected: Expectation) -> Iterator[str]:
-    """Yield that too little light reaches the target at the start of the design."""
-    limit = system.problem.verify.lit_efficiency
-    if expected.efficiency < limit:
-        yield (
-            f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
-            f"design, and verify.lit_efficiency asks for {limit:.0%} on the lit region"
-        )

@@ -16,16 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.designing.optimisation import RearLight
 from optics.light.refraction import FixedRear, ShapedFront
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import RearLight
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 Floats = NDArray[np.float64]
 
@@ -55,9 +52,23 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
     spec, source, target = system.problem.lens, system.problem.source, system.problem.target
     far = system.target.far_field
     throw = degrees(1.0) if far else target.distance
-    shift = throw * INDEX * _turn(light, slopes, spec.known_index)
+    # sin i / cos r at the rear, (nx, ny); 0 where light does not pass
+    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
+    dx, dy, dz = light.direction
+    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
+    sine = np.sqrt(1 - cosine**2)
+    passes = spec.known_index * sine < 1
+    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.known_index * sine) ** 2, 1)), 0)
+    shift = throw * INDEX * turn
     if system.shaped == "front":
-        shift = _shift_by_front(system, light, slopes)
+        # the front's own height hardly matters: it is taken as its conic
+        x, y = light.x[:, None], light.y[None, :]
+        points = x, y, system.lens.front.conic(x, y)
+        landings = []
+        for index in (system.lens.index, system.lens.index + INDEX):
+            rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
+            landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
+        shift = np.hypot(*(b - a for a, b in zip(*landings)))
     lit = light.weight > LIT
     if system.source.from_afar:
         decentre = 0.0 if far else DECENTRE
@@ -69,27 +80,3 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
         ripple=throw * (spec.known_index - 1) * 2 * pi * RIPPLE / PERIOD,
         decentre=decentre,
     )
-
-
-def _turn(light: RearLight, slopes: Sequence[Floats], index: float) -> Floats:
-    """Return sin i / cos r at the rear, (nx, ny); 0 where light does not pass."""
-    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
-    dx, dy, dz = light.direction
-    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
-    sine = np.sqrt(1 - cosine**2)
-    passes = index * sine < 1
-    return np.where(passes, sine / np.sqrt(np.where(passes, 1 - (index * sine) ** 2, 1)), 0)
-
-
-def _shift_by_front(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Floats:
-    """Return how far INDEX moves the light that a front with these slopes sends on, (nx, ny).
-
-    The front's own height hardly matters: it is taken as its conic.
-    """
-    x, y = light.x[:, None], light.y[None, :]
-    points = x, y, system.lens.front.conic(x, y)
-    landings = []
-    for index in (system.lens.index, system.lens.index + INDEX):
-        rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
-        landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
-    return np.hypot(*(b - a for a, b in zip(*landings)))

@@ -9,18 +9,14 @@ rel_l2 = 0.211 there (195 000 coefficients), at 0.209 on level 5, 0.207 on level
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
 
+from optics.base.runtime import Backend
+from optics.designing.optimisation import TransportStart
 from optics.light.analysis import cell_irradiance, rel_l2
 from optics.light.blur import blur_of
-from optics.light.tracing import Tracer
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import TransportStart
-    from optics.light.tracing import SequentialFates
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.tracing import SequentialFates, Tracer
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 CELLS_PER_PIXEL, MOST_CELLS = 4, 2048  # of the source in each direction
 RAYS = 1 << 17  # of an extended source

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from time import perf_counter
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-from optics.base.runtime import Phase, Progress
-from optics.designing.optimisation import stage_seconds
-from optics.designing.progress.progress_bar import drawing
-from optics.scene.problem import AUTO, FINEST_AUTO, per_level
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Moment
-    from optics.designing.optimisation import Row, Stage
-    from optics.designing.progress.progress_bar import Bar, Lines
-    from optics.scene.problem import Freeform
-    from optics.scene.system import OpticalSystem
+from optics.base.runtime import Moment, Phase, Progress
+from optics.designing.optimisation import Row, Stage, stage_seconds
+from optics.designing.progress.progress_bar import Bar, Lines, drawing
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, per_level
+from optics.scene.system import OpticalSystem
 
 SETUP, START = "setup", "start surface"
 # in evaluations: what the first one of a stage takes more, for which programs are compiled, and what one that
@@ -198,3 +192,42 @@ def _finest(freeform: Freeform) -> int:
 
 def _name(stage: Stage) -> str:
     return stage.name if stage.iterations else f"mesh of {stage.name}"
+
+
+class RunClock:
+    """The phases of a run so far, seconds by name."""
+
+    def __init__(self, progress: DesignProgress) -> None:
+        self.progress = progress
+        self._start = self._mark = perf_counter()
+        self.phases: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """End a phase."""
+        now = perf_counter()
+        self.phases[name] = now - self._mark
+        self._mark = now
+        self.progress.over(name)
+
+    def total(self) -> dict[str, float]:
+        """Return the seconds of every phase, and of the whole run."""
+        return {**self.phases, "total": perf_counter() - self._start}
+
+
+class Notes(list[str]):
+    """Sentences in the order in which they came; call it to add one.
+
+    listener : called with every new sentence.
+    """
+
+    def __init__(
+        self, sentences: Iterable[str] = (), listener: Callable[[str], object] | None = None
+    ) -> None:
+        super().__init__(sentences)
+        self._listener = listener
+
+    def __call__(self, sentence: str) -> None:
+        if sentence not in self:
+            self.append(sentence)
+            if self._listener is not None:
+                self._listener(sentence)

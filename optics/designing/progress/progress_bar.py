@@ -7,10 +7,9 @@ from collections.abc import Callable
 from functools import cached_property
 from importlib.util import find_spec
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Moment
+from optics.base.runtime import Moment
 
 REDRAWN = 0.5  # seconds, between two drawings of the bar in a phase that says nothing
 DRAWN = 0.1  # seconds, at least, between two drawings in a phase that says much
@@ -118,7 +117,9 @@ class Bar:
 
 def drawing(stream: TextIO) -> Bar | Lines:
     """Return what draws progress on a stream: a bar in a notebook and on a terminal, or else plain lines."""
-    notebook = _kernel_runs()
+    # whether this process is a notebook's kernel; clients of kernels import ipykernel too
+    module = sys.modules.get("ipykernel.kernelapp")
+    notebook = module is not None and module.IPKernelApp.initialized()
     if notebook and find_spec("ipywidgets"):
         from tqdm.notebook import tqdm as notebook_tqdm
 
@@ -128,9 +129,3 @@ def drawing(stream: TextIO) -> Bar | Lines:
 
         return Bar(stream, tqdm)
     return Lines(stream)
-
-
-def _kernel_runs() -> bool:
-    """Return whether this process is a notebook's kernel; clients of kernels import ipykernel too."""
-    module = sys.modules.get("ipykernel.kernelapp")
-    return module is not None and module.IPKernelApp.initialized()

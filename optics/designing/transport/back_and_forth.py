@@ -20,20 +20,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
-from optics.designing.transport.c_transform import c_transform
+from optics.base.runtime import Backend
+from optics.designing.transport.c_transform import Floats, c_transform
 from optics.designing.transport.poisson import solved_poisson
 from optics.designing.transport.push_forward import push_forward
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-
-Floats = NDArray[np.float64]
 Density = Callable[[tuple[int, int]], Floats]
 
 COARSE = 64  # cells in the shorter direction of the coarsest grid, at least

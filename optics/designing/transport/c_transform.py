@@ -14,13 +14,11 @@ Mathematik 146 (2020).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray
 
 Floats = NDArray[np.float64]
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import OrderFreeSums
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray, OrderFreeSums
 
 Floats = NDArray[np.float64]
 
@@ -55,18 +51,14 @@ def push_forward(backend: Backend, psi: Floats, light: Floats, spacing: Sequence
         low, high = part * (1 - wx), part * wx
         parts = low * (1 - wy), low * wy, high * (1 - wy), high * wy
         quads.add(parts, k * columns + m)
-    return _summed(quads.values().numpy().reshape(nx, ny, 4))
+    four = quads.values().numpy().reshape(nx, ny, 4)
+    out = four[:, :, 0].copy()  # nothing lies past the border
+    out[:, 1:] += four[:, :-1, 1]
+    out[1:] += four[:-1, :, 2]
+    out[1:, 1:] += four[:-1, :-1, 3]
+    return out
 
 
 def _weighted(weights: Sequence[float], values: Sequence[DrArray]) -> DrArray:
     a, b, c, d = (w * v for w, v in zip(weights, values))
     return a + b + (c + d)
-
-
-def _summed(quads: Floats) -> Floats:
-    """Return the light of every cell from the parts of four cells, (nx, ny, 4); none lies past the border."""
-    out = quads[:, :, 0].copy()
-    out[:, 1:] += quads[:, :-1, 1]
-    out[1:] += quads[:-1, :, 2]
-    out[1:, 1:] += quads[:-1, :-1, 3]
-    return out

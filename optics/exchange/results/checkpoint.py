@@ -43,7 +43,7 @@ def write_checkpoint(
         "version": VERSION,
         "title": problem.title,
         "problems": [fingerprint(asked), fingerprint(problem)],
-        "moved": state.moved,
+        "moved": state.started_from_transport,
         "stage": state.stage,
         "notes": list(notes),
         "sags": [sag_to_dict(sag) for sag in state.sags],
@@ -81,7 +81,7 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
         raise UserError(
             f"cannot resume: {path} belongs to another problem; run without --resume or change --out"
         )
-    last, count = len(stages(system, state.moved)), len(system.freeforms)
+    last, count = len(stages(system, state.started_from_transport)), len(system.freeforms)
     damage = ""
     if not 0 <= state.stage <= last:
         damage = f"stage {state.stage} of at most {last}"

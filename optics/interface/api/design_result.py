@@ -69,7 +69,7 @@ class Design(DesignRecord):
             history=state.history,
             notes=notes,
             wall_s=wall_s,
-            moved=state.moved,
+            moved=state.started_from_transport,
             interrupted=interrupted,
             levels=tuple(levels),
         )

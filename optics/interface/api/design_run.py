@@ -73,7 +73,7 @@ def designed(
     for sentence in advice(system):
         notes(sentence)
     traced, chosen = shaping_by(engine, system, backend)
-    moved = state.moved if state else system.problem.optimizer.start == "transport"
+    moved = state.started_from_transport if state else system.problem.optimizer.start == "transport"
     clock.progress.planned(Size.of(system), stages(traced, moved))
     clock.lap("setup")
     levels = LevelKeeper(system, traced, chosen)

@@ -13,7 +13,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation import (
     MARGIN,
     TransportStart,
-    charged_objective,
+    penalised_objective,
     transmitted_flux,
     window_named,
 )
@@ -108,7 +108,7 @@ class System:
             light = chosen.model(optical, lens, film)
             target = optical.target.irradiance(optical.target.screen(), self._flux)
             again = partial(System.model, self, space, rays, window, engine)
-            return Model(spaces, light, charged_objective(optical, lens, light, target), again)
+            return Model(spaces, light, penalised_objective(optical, lens, light, target), again)
 
     def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
         """Return the sag that optimal transport asks for; a free front before it stays a conic.

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.form_errors.period_bands import (
         BandFormula as BandFormula,
-        period_bands_of as period_bands_of,
+        pixel_mtf as pixel_mtf,
     )
-    from optics.tolerancing.form_errors.pixel_transfer import pixel_mtf as pixel_mtf
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -17,24 +17,18 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from math import ceil, pi, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.light.analysis import rel_l2
-from optics.tolerancing.form_errors.local_formula import SIDES, LocalFormula, local_formula_of
-from optics.tolerancing.form_errors.period_bands import BandFormula, period_bands_of, seen_by_cells
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.form_errors.local_formula import SIDES, Floats, LocalFormula, local_formula_of
+from optics.tolerancing.form_errors.period_bands import Band, BandFormula, period_bands_of, seen_by_cells
 from optics.tolerancing.perturbations import HeightSum, random_field
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.form_errors.period_bands import Band
-    from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 
 CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 192, 1536  # in each direction
@@ -185,7 +179,11 @@ class _Probed:
     def cost(self, band: Band, rise: float) -> tuple[BandCost, Floats]:
         """Return the BandCost of a band, and the map of its dE / E."""
         picture, expected = self.picture, self.waves.change(band)
-        formula = self.finer(self._counts(band))
+        # how many cells see a band: the usual ones, or more
+        usual = [n - 1 for n in self.formula.nominal.passing.shape]
+        wanted = [ceil(n * side * PER_PERIOD / band[0]) for n, side in zip(usual, _cell(self.formula))]
+        nx, ny = (max(n, min(w, MOST_CELLS)) for n, w in zip(usual, wanted))
+        formula = self.finer((nx, ny))
         seen = seen_by_cells(band, _cell(formula))
         # both images are scaled to unit mean in rel_l2
         scale = float(self.target.mean() / picture.mean() / np.linalg.norm(self.target))
@@ -209,13 +207,6 @@ class _Probed:
             traced_rel_l2=rel_l2(traced, self.target),
         )
         return cost, expected.relative
-
-    def _counts(self, band: Band) -> Counts:
-        """Return how many cells see a band: the usual ones, or more."""
-        usual = [n - 1 for n in self.formula.nominal.passing.shape]
-        wanted = [ceil(n * side * PER_PERIOD / band[0]) for n, side in zip(usual, _cell(self.formula))]
-        nx, ny = (max(n, min(w, MOST_CELLS)) for n, w in zip(usual, wanted))
-        return nx, ny
 
 
 def _cell(formula: LocalFormula) -> tuple[float, float]:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, DrArray, UserError
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from optics.scene.paths import HeightError
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import SourceCells
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.paths import HeightError
+from optics.scene.receivers import Screen
+from optics.scene.sources import SourceCells
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from optics.tolerancing.form_errors.allowed_errors import FormErrors, SideCost
+from optics.tolerancing.form_errors.allowed_errors import FormErrors
 
 FORM_HEAD = (
     "side",
@@ -27,9 +24,26 @@ def height_text(height: float) -> str:
 
 def form_sentences(errors: FormErrors) -> list[str]:
     """Return what the shop must hold of both sides, and of what light that is said where there is other."""
-    words = (_danger, _peak_to_valley_misleads)
-    said = [sentence(cost) for cost in errors.sides for sentence in words]
-    return [*said, _one_wavelength(errors)] if errors.spectral else said
+    said = []
+    for cost in errors.sides:
+        first, band, last = cost.bands[0], cost.danger, cost.bands[-1]
+        said.append(
+            f"Ripples of the {cost.side} with periods from {band.band[0]:g} to {band.band[1]:g} mm are the "
+            "most dangerous: there an error of given slope costs most. Hold "
+            f"{height_text(band.allowed_rms)} rms in this band, and a regular ripple, at its worst period "
+            f"and direction, {height_text(band.allowed_pv_sine)} peak to valley."
+        )
+        said.append(
+            f"Peak to valley alone misleads on the {cost.side}: for the same loss a ripple with a period "
+            f"above {last.band[0]:g} mm may be {last.allowed_pv_sine / first.allowed_pv_sine:.3g} times as "
+            f"high as one with a period below {first.band[1]:g} mm. State the rms by bands of period."
+        )
+    if errors.spectral:
+        said.append(
+            f"Form errors are traced at the design wavelength alone, {errors.wavelength:g} nm; "
+            f"there the design has rel_l2 = {errors.rel_l2:.2%}."
+        )
+    return said
 
 
 def form_rows(errors: FormErrors) -> list[tuple[str, ...]]:
@@ -48,33 +62,3 @@ def form_rows(errors: FormErrors) -> list[tuple[str, ...]]:
         for cost in errors.sides
         for band in cost.bands
     ]
-
-
-def _one_wavelength(errors: FormErrors) -> str:
-    """Return that light of one wavelength is traced, and its rel_l2, a sentence."""
-    return (
-        f"Form errors are traced at the design wavelength alone, {errors.wavelength:g} nm; "
-        f"there the design has rel_l2 = {errors.rel_l2:.2%}."
-    )
-
-
-def _danger(cost: SideCost) -> str:
-    """Return where ripples cost most, and what to hold there, as sentences."""
-    (short, long), band = cost.danger.band, cost.danger
-    return (
-        f"Ripples of the {cost.side} with periods from {short:g} to {long:g} mm are the most dangerous: "
-        f"there an error of given slope costs most. Hold {height_text(band.allowed_rms)} rms in this band, "
-        f"and a regular ripple, at its worst period and direction, {height_text(band.allowed_pv_sine)} peak "
-        "to valley."
-    )
-
-
-def _peak_to_valley_misleads(cost: SideCost) -> str:
-    """Return why the peak to valley alone says little, as sentences."""
-    (_, short), (long, _) = cost.bands[0].band, cost.bands[-1].band
-    ratio = cost.bands[-1].allowed_pv_sine / cost.bands[0].allowed_pv_sine
-    return (
-        f"Peak to valley alone misleads on the {cost.side}: for the same loss a ripple with a period above "
-        f"{long:g} mm may be {ratio:.3g} times as high as one with a period below {short:g} mm. "
-        "State the rms by bands of period."
-    )

@@ -23,23 +23,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from optics.base.runtime import UserError
-from optics.tolerancing.form_errors.form_trace import ConstantJet, FormTrace, Traced, form_trace
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.paths import HeightError
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
+from optics.base.runtime import Backend, UserError
+from optics.scene.paths import HeightError
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.form_errors.form_trace import ConstantJet, Floats, FormTrace, Traced, form_trace
+from thbcad.lens import Lens
 
 STEP = 1e-5  # of the source's extent, mm and slopes, in central differences: errors below 1e-8
 INSIDE = 1e-4  # of the source's extent, by which cells end before its rim: rays beside it are traced too
@@ -205,16 +198,12 @@ def _traced_inside(trace: FormTrace) -> tuple[FormTrace, Traced]:
     """
     nominal, beyond = trace.traced(), _scaled(trace, 1 + INSIDE).traced()
     arriving = (trace.cells.emitted > 0) & (middles(nominal.passing) > 0)
-    if not (arriving & (_least(beyond.passing) == 0)).any():
+    along = np.minimum(beyond.passing[1:], beyond.passing[:-1])
+    least = np.minimum(along[:, 1:], along[:, :-1])  # of the four corners of cells
+    if not (arriving & (least == 0)).any():
         return trace, nominal
     inside = _scaled(trace, 1 - INSIDE)
     return inside, inside.traced()
-
-
-def _least(corners: Floats) -> Floats:
-    """Return the least of the four corners of cells, (nx, ny)."""
-    along = np.minimum(corners[1:], corners[:-1])
-    return np.minimum(along[:, 1:], along[:, :-1])
 
 
 def _scaled(trace: FormTrace, factor: float) -> FormTrace:

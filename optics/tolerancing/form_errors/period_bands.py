@@ -11,25 +11,18 @@ steps to the pixels on both sides.  In a band the mean over directions and octav
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import cos, pi, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from optics.tolerancing.form_errors.local_formula import middles, solved
-from optics.tolerancing.form_errors.pixel_transfer import on_target, pixel_mtf
+from optics.tolerancing.form_errors.local_formula import Floats, LocalFormula, middles, solved
 from optics.tolerancing.perturbations import shortest_period
 
-if TYPE_CHECKING:
-    from optics.tolerancing.form_errors.local_formula import LocalFormula
-
-Floats = NDArray[np.float64]
 Band = tuple[float, float]
 
 EDGES = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0)  # mm: from the marks of a tool to the figure of a polisher
@@ -190,3 +183,25 @@ def _both_sides(between: Floats, axis: int) -> Floats:
     ends = [np.take(between, [k], axis=axis) for k in (0, -1)]
     before, after = np.concatenate([ends[0], between], axis), np.concatenate([between, ends[1]], axis)
     return (before + after) / 2
+
+
+def pixel_mtf(frequency: Sequence[Floats] | Floats, pitch: tuple[float, float]) -> Floats:
+    """Return what the mean over a pixel leaves of a wave on the target, sinc(fx px) sinc(fy py).
+
+    frequency : (fx, fy), cycles per mm or degree.  pitch : (px, py) of the pixels, in the same unit.
+    """
+    fx, fy = frequency
+    return np.asarray(np.sinc(fx * pitch[0]) * np.sinc(fy * pitch[1]))
+
+
+def on_target(waves: Sequence[float], landing: Floats, surface: Floats) -> Floats:
+    """Return the local frequency on the target of a wave on the surface, (2, ...).
+
+    f = DT^-T U^T k, with the maps T to the target and U to the surface: the wave's phase is the same.
+
+    waves : (kx, ky) on the surface, cycles per mm.  landing : DT, surface : U, (2, 2, ...).
+    """
+    by_s, by_t = (surface[0, i] * waves[0] + surface[1, i] * waves[1] for i in (0, 1))
+    (a, b), (c, d) = landing
+    with np.errstate(divide="ignore", invalid="ignore"):  # folds
+        return np.stack([d * by_s - c * by_t, a * by_t - b * by_s]) / (a * d - b * c)

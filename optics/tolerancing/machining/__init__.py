@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.machining.blur_of_cusps import CuspBlur as CuspBlur, cusp_blur as cusp_blur
-    from optics.tolerancing.machining.cusp_light import (
+    from optics.tolerancing.machining.blur_of_cusps import (
+        CuspBlur as CuspBlur,
         CuspLight as CuspLight,
+        cusp_blur as cusp_blur,
         light_with_cusps as light_with_cusps,
     )
     from optics.tolerancing.machining.findings import (
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.machining.response_to_slopes import (
         LandingResponse as LandingResponse,
-        crossings as crossings,
         landing_response as landing_response,
         traced_points as traced_points,
     )

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import atan, ceil, degrees
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.light.blur import spot_width
-from optics.tolerancing.machining.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
-from optics.tolerancing.machining.cusp_light import CuspLight, light_with_cusps
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.machining.blur_of_cusps import (
+    CuspBlur,
+    CuspLight,
+    Floats,
+    cusp_blur,
+    cusps_of,
+    light_with_cusps,
+)
 from optics.tolerancing.machining.response_to_slopes import landing_response
-from optics.tolerancing.machining.tool_order import SPEED
+from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
+from thbcad.certified import Enclosure
+from thbcad.lens import Lens
+from thbcad.splines import BSplineSurface
 from thbcad.tools import (
     SURFACES,
     Draft,
     Fit,
+    Gaps,
     SpiralCut,
     acceleration_at,
     air_side,
@@ -30,17 +39,6 @@ from thbcad.tools import (
     nose_fit,
     rim_gaps,
 )
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.machining.tool_order import ToolOrder
-    from thbcad.certified import Enclosure
-    from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface
-    from thbcad.tools import Gaps
-
-Floats = NDArray[np.float64]
 
 RAYS = 257  # in each direction: a map finer than a picture shows
 ANYWHERE = 257  # points in each direction, on the rim too
@@ -187,7 +185,9 @@ def _surface(
     if order.spiral and fit.proven and pitch is not None:
         motion = spiral_motion(graph, radius, pitch)
     rows = None if order.spiral or pitch is None else row_cut(graph, order, pitch)
-    anywhere = _greatest_height(graph, order)
+    # the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits
+    heights = cusps_of(graph, *_grid(graph), order, 1.0).height
+    anywhere = float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
     return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, motion, rows)
 
 
@@ -196,12 +196,6 @@ def _grid(graph: BSplineSurface) -> tuple[Floats, Floats]:
     sides = (np.linspace(kv.start, kv.stop, ANYWHERE) for kv in (graph.kv_u, graph.kv_v))
     x, y = np.meshgrid(*sides)
     return x.ravel(), y.ravel()
-
-
-def _greatest_height(graph: BSplineSurface, order: ToolOrder) -> float:
-    """Return the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits."""
-    heights = cusps_of(graph, *_grid(graph), order, 1.0).height
-    return float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
 
 
 def row_cut(graph: BSplineSurface, order: ToolOrder, step: float) -> RowCut:
@@ -218,11 +212,8 @@ def spiral_motion(graph: BSplineSurface, nose: float, feed: float) -> SpiralMoti
     """Return the motion of a nose that fits, on a spiral with a feed for each revolution, mm."""
     cut = SpiralCut.over((graph.kv_u.stop, graph.kv_v.stop), feed)
     kernel = greatest_acceleration(graph, nose, cut.advance)
-    return SpiralMotion(cut, kernel, rim_gaps(graph, nose), _clearance(graph))
-
-
-def _clearance(graph: BSplineSurface) -> Enclosure:
-    """Return the least clearance angle: the arctangent of the greatest slope along the cut, degrees."""
+    # the least clearance angle: the arctangent of the greatest slope along the cut, degrees
     slope = greatest_slope_along_cut(graph)
     lower, value, upper = (degrees(atan(s)) for s in (slope.lower, slope.value, slope.upper))
-    return replace(slope, lower=lower * ROUND_DOWN, value=value, upper=upper / ROUND_DOWN)
+    clearance = replace(slope, lower=lower * ROUND_DOWN, value=value, upper=upper / ROUND_DOWN)
+    return SpiralMotion(cut, kernel, rim_gaps(graph, nose), clearance)

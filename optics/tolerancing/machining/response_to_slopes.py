@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
-from optics.scene.sources import Rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath, SlopeErrors
-    from optics.scene.sources import RayGrid
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.paths import LightPath, SlopeErrors
+from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

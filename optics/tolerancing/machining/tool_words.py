@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.scene.problem import position
-from optics.tolerancing.machining.tool_order import SPEED
-
-if TYPE_CHECKING:
-    from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
-    from optics.tolerancing.machining.tool_order import ToolOrder
-    from thbcad.certified import Enclosure
-    from thbcad.tools import Draft, Fit
+from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
+from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
+from thbcad.certified import Enclosure
+from thbcad.tools import Draft, Fit
 
 NM = 1e6  # of a mm
 LONG = 24.0  # hours of one pass: no machine keeps its temperature so long
@@ -50,7 +47,16 @@ def tool_data(findings: ToolFindings) -> dict[str, Any]:
         "speed_mm_min": order.speed,
     }
     surfaces = {s.name: _surface_data(order, s) for s in findings.surfaces}
-    return {"order": asked, "surfaces": surfaces, "draft": _draft_data(findings.draft)}
+    walls = {w.name: {"measured": w.angle, "x": w.x, "y": w.y} for w in findings.draft.walls}
+    return {
+        "order": asked,
+        "surfaces": surfaces,
+        "draft": {
+            "front_degrees": _bounds(findings.draft.front),
+            "rear_degrees": _bounds(findings.draft.rear),
+            "walls_degrees": walls,
+        },
+    }
 
 
 def _fit_line(order: ToolOrder, surface: SurfaceFindings) -> str:
@@ -238,15 +244,6 @@ def _motion_data(order: ToolOrder, motion: SpiralMotion) -> dict[str, Any]:
         "highest_rpm": highest if highest is None or isfinite(highest) else None,
         "acceleration_m_s2": None if rpm is None else motion.acceleration(rpm),
         "hours": None if rpm is None else motion.cut.hours(rpm),
-    }
-
-
-def _draft_data(draft: Draft) -> dict[str, Any]:
-    walls = {w.name: {"measured": w.angle, "x": w.x, "y": w.y} for w in draft.walls}
-    return {
-        "front_degrees": _bounds(draft.front),
-        "rear_degrees": _bounds(draft.rear),
-        "walls_degrees": walls,
     }
 
 

@@ -6,10 +6,8 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.tolerancing.metrology.alignment import (
-        Alignment as Alignment,
         best_fit as best_fit,
         by_datums as by_datums,
-        outliers as outliers,
     )
     from optics.tolerancing.metrology.as_built_light import (
         AsBuilt as AsBuilt,
@@ -18,19 +16,16 @@ if TYPE_CHECKING:
         default_side as default_side,
         light_as_built as light_as_built,
         surface_of as surface_of,
-        with_surface as with_surface,
     )
     from optics.tolerancing.metrology.as_built_text import (
         as_built_data as as_built_data,
         as_built_lines as as_built_lines,
     )
     from optics.tolerancing.metrology.corrected_surface import made_surface as made_surface
-    from optics.tolerancing.metrology.measured_area import measured_light as measured_light
     from optics.tolerancing.metrology.measured_points import (
         FileFrame as FileFrame,
         MeasuredPoints as MeasuredPoints,
         read_measured as read_measured,
     )
-    from optics.tolerancing.metrology.rigid_corrections import rigid_correction as rigid_correction
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

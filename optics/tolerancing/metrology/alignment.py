@@ -152,7 +152,8 @@ def _aligned(surface: FreeformSurface, points: Floats, motion: Pose, beside: flo
         raise UserError(f"all points lie beside the surface; {ANOTHER}")
     heights = z - _height(surface, x, y)
     u, v = np.clip([x, y], -half_width, half_width)
-    return Alignment(motion, np.stack([u, v, z]), heights, heights / _stretch(surface, u, v))
+    stretch: Floats = np.sqrt(1 + surface(u, v, (1, 0)) ** 2 + surface(u, v, (0, 1)) ** 2)
+    return Alignment(motion, np.stack([u, v, z]), heights, heights / stretch)
 
 
 def _height(surface: FreeformSurface, x: Floats, y: Floats) -> Floats:
@@ -168,12 +169,6 @@ def _height(surface: FreeformSurface, x: Floats, y: Floats) -> Floats:
     heights[off] += slope[0] * dx + slope[1] * dy
     heights[off] += bend[0] * dx**2 / 2 + bend[1] * dx * dy + bend[2] * dy**2 / 2
     return heights
-
-
-def _stretch(surface: FreeformSurface, x: Floats, y: Floats) -> Floats:
-    """Return sqrt(1 + |grad s|^2)."""
-    result: Floats = np.sqrt(1 + surface(x, y, (1, 0)) ** 2 + surface(x, y, (0, 1)) ** 2)
-    return result
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,30 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, Verdict, contrast_error, delivery_checks, judged, measure
+from optics.scene.problem import Verify
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import landing_response
-from optics.tolerancing.metrology.alignment import Alignment, best_fit, by_datums, outliers
+from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, by_datums, outliers
 from optics.tolerancing.metrology.corrected_surface import MadeSurface, made_surface
 from optics.tolerancing.metrology.measured_area import RAYS, measured_light
+from optics.tolerancing.metrology.measured_points import MeasuredPoints
 from optics.tolerancing.metrology.rigid_corrections import RigidCorrection, rigid_correction
+from thbcad.lens import FreeformSurface, Lens
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.problem import Verify
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.metrology.measured_points import MeasuredPoints
-    from thbcad.lens import FreeformSurface, Lens
-
-Floats = NDArray[np.float64]
 Side = Literal["front", "rear"]
 Way = Literal["datums", "best fit"]
-RelL2 = Callable[["FreeformSurface"], float]
+RelL2 = Callable[[FreeformSurface], float]
 
 DRAWS = 3  # pairs of noise: one alone gives f to 1 %, three the size of the change of first order to 40 %
 SEED = 0x5EED7  # simulated points drawn with a usual seed must not share their noise with it
@@ -147,7 +142,14 @@ def light_as_built(
     designed = surface_of(lens, side)
     if way not in ("datums", "best fit"):
         raise UserError(f"align must be datums or best fit, got {way!r}")
-    aligned, no_fit = _alignments(designed, measured.points, way)
+    aligned: dict[Way, Alignment] = {"datums": by_datums(designed, measured.points)}
+    no_fit = ""
+    try:
+        aligned["best fit"] = best_fit(designed, measured.points)
+    except UserError as error:  # datums need no fit
+        if way == "best fit":
+            raise
+        no_fit = str(error)
     chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
     known = measured_light(aligned[way].points[:2], lit, designed.half_width)
@@ -179,17 +181,6 @@ def light_as_built(
         light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
         correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
     )
-
-
-def _alignments(designed: FreeformSurface, points: Floats, way: Way) -> tuple[dict[Way, Alignment], str]:
-    """Return the points by datums and by best fit, and why there is no fit; datums need none."""
-    aligned: dict[Way, Alignment] = {"datums": by_datums(designed, points)}
-    try:
-        return aligned | {"best fit": best_fit(designed, points)}, ""
-    except UserError as error:
-        if way == "best fit":
-            raise
-        return aligned, str(error)
 
 
 def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:

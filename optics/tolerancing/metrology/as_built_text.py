@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from math import floor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from optics.tolerancing.metrology.alignment import Alignment
-    from optics.tolerancing.metrology.as_built_light import AsBuilt, Way
-    from optics.tolerancing.metrology.rigid_corrections import Move, RigidCorrection
+from optics.tolerancing.metrology.alignment import Alignment
+from optics.tolerancing.metrology.as_built_light import AsBuilt, Way
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work
@@ -38,7 +36,13 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
         "alignments": {
             name: None
             if alignment is None
-            else _alignment(alignment)
+            else {
+                "shift_mm": alignment.motion.shift.tolist(),
+                "tilt_degrees": np.degrees(alignment.motion.rotation_vector).tolist(),
+                "peak_to_valley_mm": alignment.peak_to_valley,
+                "rms_mm": alignment.rms,
+                "undetermined": list(alignment.undetermined),
+            }
             | {"beside": _beside(built, alignment), "rel_l2": built.rel_l2_of[name]}
             for name, alignment in ways.items()
         },
@@ -57,7 +61,15 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
             "fitted_lens": built.measurement.metrics["rel_l2"],
             "noise_floor": light and light.floor,
         },
-        "re_positioning": _correction(built.correction),
+        "re_positioning": built.correction
+        and {
+            "rel_l2_before": built.correction.before,
+            "rel_l2_after": built.correction.after,
+            "moves": {
+                m.name: {"unit": m.unit, "amount": m.amount, "alone": m.alone, "rel_l2_alone": m.rel_l2_alone}
+                for m in built.correction.moves
+            },
+        },
         "change": float(np.linalg.norm(built.change) / np.linalg.norm(built.nominal.irradiance)),
         "efficiency": built.measurement.metrics["efficiency"],
     }
@@ -71,35 +83,6 @@ def _on_surface(built: AsBuilt) -> int:
 def _beside(built: AsBuilt, alignment: Alignment) -> int:
     """Return how many points with a value lie beside the surface."""
     return _on_surface(built) + built.measured.beside - alignment.points.shape[1]
-
-
-def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
-    if correction is None:
-        return None
-    return {
-        "rel_l2_before": correction.before,
-        "rel_l2_after": correction.after,
-        "moves": {m.name: _move(m) for m in correction.moves},
-    }
-
-
-def _move(move: Move) -> dict[str, Any]:
-    return {
-        "unit": move.unit,
-        "amount": move.amount,
-        "alone": move.alone,
-        "rel_l2_alone": move.rel_l2_alone,
-    }
-
-
-def _alignment(alignment: Alignment) -> dict[str, Any]:
-    return {
-        "shift_mm": alignment.motion.shift.tolist(),
-        "tilt_degrees": np.degrees(alignment.motion.rotation_vector).tolist(),
-        "peak_to_valley_mm": alignment.peak_to_valley,
-        "rms_mm": alignment.rms,
-        "undetermined": list(alignment.undetermined),
-    }
 
 
 def as_built_lines(built: AsBuilt) -> list[str]:
@@ -116,8 +99,32 @@ def as_built_lines(built: AsBuilt) -> list[str]:
         f"noise of the measurement {NANOMETRES * fit.noise:.3g} nm; "
         f"the correction follows {fit.freedom:,.0f} degrees of freedom"
     )
-    lines.append(_light_line(built))
-    return [*lines, *_correction_lines(built.correction), *_notes(built)]
+    light, designed = built.light_error, f"rel_l2 {built.nominal.metrics['rel_l2']:.4f} as designed"
+    if light is None:
+        part = floor(1000 * built.known) / 10
+        lines.append(
+            f"{designed}; as made not decided: only {part:g} % of the light for the target crosses where the "
+            f"{built.side} was measured. The fitted lens, aligned by {built.way}, is smooth in the gaps"
+        )
+    else:
+        lines.append(
+            f"{designed}, {light.rel_l2:.4f} +- {light.error:.2g} as made, aligned by {built.way}; "
+            f"the noise adds {light.floor:.4f} in squares to the fitted lens"
+        )
+    moved = built.correction
+    if moved and moved.after > (1 - GAIN) * moved.before:
+        lines.append("no re-positioning of the lens or the target brings light back")
+    elif moved:
+        lines.append(
+            f"re-positioned: rel_l2 {moved.before:.4f} -> {moved.after:.4f}, all motions together, by "
+            "light through front and rear alone"
+        )
+        lines += [
+            f"  {m.name:16} {m.amount:+9.4f} {m.unit:8} "
+            f"(alone {m.alone:+9.4f}: {m.rel_l2_alone:.4f} predicted)"
+            for m in moved.moves
+        ]
+    return [*lines, *_notes(built)]
 
 
 def _column(built: AsBuilt, way: Way, alignment: Alignment | None) -> list[str]:
@@ -132,39 +139,6 @@ def _column(built: AsBuilt, way: Way, alignment: Alignment | None) -> list[str]:
         f"{_beside(built, alignment):,}",
         f"{built.rel_l2_of[way]:.4f}",
     ]
-
-
-def _light_line(built: AsBuilt) -> str:
-    """Return rel_l2 as designed and as made; what was not measured is not known."""
-    light, designed = built.light_error, f"rel_l2 {built.nominal.metrics['rel_l2']:.4f} as designed"
-    if light is None:
-        part = floor(1000 * built.known) / 10
-        return (
-            f"{designed}; as made not decided: only {part:g} % of the light for the target crosses where the "
-            f"{built.side} was measured. The fitted lens, aligned by {built.way}, is smooth in the gaps"
-        )
-    return (
-        f"{designed}, {light.rel_l2:.4f} +- {light.error:.2g} as made, aligned by {built.way}; "
-        f"the noise adds {light.floor:.4f} in squares to the fitted lens"
-    )
-
-
-def _correction_lines(correction: RigidCorrection | None) -> list[str]:
-    """Return what re-positioning does, the best motion first."""
-    if correction is None:
-        return []
-    if correction.after > (1 - GAIN) * correction.before:
-        return ["no re-positioning of the lens or the target brings light back"]
-    lines = [
-        f"re-positioned: rel_l2 {correction.before:.4f} -> {correction.after:.4f}, all motions together, by "
-        "light through front and rear alone"
-    ]
-    for m in correction.moves:
-        lines.append(
-            f"  {m.name:16} {m.amount:+9.4f} {m.unit:8} "
-            f"(alone {m.alone:+9.4f}: {m.rel_l2_alone:.4f} predicted)"
-        )
-    return lines
 
 
 def _notes(built: AsBuilt) -> list[str]:

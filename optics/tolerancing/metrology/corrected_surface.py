@@ -11,17 +11,14 @@ from dataclasses import dataclass
 from math import floor, log2, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from optics.tolerancing.metrology.alignment import Alignment
+from optics.tolerancing.metrology.alignment import Alignment, Floats
 from thbcad.fitting import NoisyFit, Samples, fit_noisy
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-Floats = NDArray[np.float64]
 
 POINTS_PER_FUNCTION = 1.5  # finer cells hold no more of what was measured
 MOST_FUNCTIONS = 60_000  # the factors of their matrix take 0.3 GB
@@ -49,10 +46,8 @@ class MadeSurface:
 
     def with_noise(self, noise: Floats, factor: float = 1.0) -> FreeformSurface:
         """Return the surface that other noise, (n,) mm, would make of this one: the fit is linear."""
-        return _made(self.designed, self._corrected(self.fit.carried(factor * noise)))
-
-    def _corrected(self, more: Floats) -> THBSurface:
-        return THBSurface(self.fit.surface.space, self.fit.surface.coefficients + more)
+        fitted, more = self.fit.surface, self.fit.carried(factor * noise)
+        return _made(self.designed, THBSurface(fitted.space, fitted.coefficients + more))
 
 
 def made_surface(
@@ -63,43 +58,27 @@ def made_surface(
     smoothing : of the fit, see `fit_noisy`; None is as much as the noise asks for.
     """
     x, y, _ = aligned.points
-    space = _fit_space(_base(designed), len(x))
-    whole = designed if designed.sag is not None else _with_flat_sag(designed)
+    if designed.sag is not None:
+        base = THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
+    else:
+        base = THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
+    # the space with all cells refined as far as the points resolve
+    wanted = min(len(x) / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
+    space = base.uniform(max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans))))))
+    whole = designed if designed.sag is not None else designed.with_sag(THBSurface(base, np.zeros(base.dim)))
     u, v = whole.to_parameters(x, y)
     fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
     cells = len(np.unique(space.locate(u, v)))
+    # the mean product of each residual with that of the nearest other point, over the mean square
+    nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)[1][:, 1]
+    likeness = np.mean(fit.residuals * fit.residuals[nearest]) / (np.mean(fit.residuals**2) or 1.0)
     return MadeSurface(
         designed=designed,
         surface=_made(designed, fit.surface),
         fit=fit,
         covered=cells / len(space.cells),
-        unresolved=_likeness(x, y, fit.residuals),
+        unresolved=float(likeness),
     )
-
-
-def _likeness(x: Floats, y: Floats, residuals: Floats) -> float:
-    """Return the mean product of each residual with that of the nearest other point, over the mean square."""
-    _, nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)
-    return float(np.mean(residuals * residuals[nearest[:, 1]]) / (np.mean(residuals**2) or 1.0))
-
-
-def _base(designed: FreeformSurface) -> THBSpace:
-    """Return the space of the first level of a surface's sag."""
-    if designed.sag is not None:
-        return THBSpace(designed.sag.space.kv_u, designed.sag.space.kv_v)
-    return THBSpace(*(KnotVector.uniform(DEGREE, BARE_SPANS, -h, h) for h in designed.half_width))
-
-
-def _with_flat_sag(designed: FreeformSurface) -> FreeformSurface:
-    space = _base(designed)
-    return designed.with_sag(THBSurface(space, np.zeros(space.dim)))
-
-
-def _fit_space(base: THBSpace, points: int) -> THBSpace:
-    """Return the space with all cells refined as far as the points resolve."""
-    wanted = min(points / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
-    level = max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans)))))
-    return base.uniform(level)
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

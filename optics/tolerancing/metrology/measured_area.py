@@ -11,14 +11,12 @@ and of points on a grid in none.
 from __future__ import annotations
 
 from math import log, pi, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-if TYPE_CHECKING:
-    from optics.tolerancing.machining import LandingResponse
+from optics.tolerancing.machining import LandingResponse
 
 Floats = NDArray[np.float64]
 

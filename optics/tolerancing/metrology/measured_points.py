@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology.point_text import grid_header, grid_rows, number_rows, read_text
+from optics.tolerancing.metrology.point_text import Floats, grid_header, grid_rows, number_rows, read_text
 from thbcad.lens import FreeformSurface
 
-Floats = NDArray[np.float64]
 Unit = Literal["m", "mm", "um", "nm"]
 Kind = Literal["heights", "errors"]
 
@@ -98,12 +96,29 @@ def read_measured(
         raise UserError(f"{path} holds {len(x)} points with a value, fewer than {LEAST_POINTS}")
     hx, hy = surface.half_width
     on = (np.abs(x) <= hx) & (np.abs(y) <= hy)
-    _require_on_surface(path, x, y, on, surface)
+    reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
+    if on.mean() < LEAST_INSIDE:
+        raise UserError(
+            f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
+            "is the unit right (--unit), and is the origin the vertex of the surface?"
+        )
+    if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
+        raise UserError(
+            f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
+            "unit right (--unit)?"
+        )
     if frame.kind == "errors":  # they belong to points of the surface alone
         x, y, values = x[on], y[on], values[on]
         values = values + surface(x, y)
         on = on[on]
-    _require_near(path, values[on] - surface(x[on], y[on]), surface)
+    most = float(np.median(np.abs(values[on] - surface(x[on], y[on]))))
+    if most > FARTHEST * max(surface.half_width):
+        raise UserError(
+            f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
+            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
+            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
+            "of the front."
+        )
     return MeasuredPoints(np.stack([x, y, values]), missing, int(there.sum() - on.sum()))
 
 
@@ -124,33 +139,3 @@ def _values(path: str | Path, frame: FileFrame) -> tuple[Floats, Floats, Floats]
     up = header[6] + ((ny - 1) / 2 - np.arange(ny)) * header[3]
     unit = GRID_UNITS[flag]
     return unit * np.tile(across, ny), unit * np.repeat(up, nx), unit * heights
-
-
-def _require_on_surface(
-    path: str | Path, x: Floats, y: Floats, on: NDArray[np.bool_], surface: FreeformSurface
-) -> None:
-    """Raise UserError unless most points lie on the surface, and cover some of it."""
-    hx, hy = surface.half_width
-    reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
-    if on.mean() < LEAST_INSIDE:
-        raise UserError(
-            f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
-            "is the unit right (--unit), and is the origin the vertex of the surface?"
-        )
-    if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
-        raise UserError(
-            f"the points of {path} reach over {reach} only, the surface over +-{hx:g} x +-{hy:g} mm: is the "
-            "unit right (--unit)?"
-        )
-
-
-def _require_near(path: str | Path, apart: Floats, surface: FreeformSurface) -> None:
-    """Raise UserError where the points lie so far from the surface that they are of something else."""
-    most = float(np.median(np.abs(apart)))
-    if most > FARTHEST * max(surface.half_width):
-        raise UserError(
-            f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
-            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
-            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
-            "of the front."
-        )

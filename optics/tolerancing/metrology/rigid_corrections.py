@@ -11,18 +11,15 @@ traces, to both sides.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.analysis import rel_l2, unit_mean
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance, tolerances_of
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 
@@ -79,7 +76,10 @@ def rigid_correction(system: OpticalSystem, lens: Lens, target: Floats, backend:
         residual = (here - trial.target).ravel()
         if step == 0:
             alone = [trial.alone(residual, column) for column in derivative.T]
-        wanted = _least(derivative, residual)
+        # the p of least |residual + J p|, and of two motions with the same effect half of each
+        norms = np.linalg.norm(derivative, axis=0)
+        norms[norms == 0] = 1.0
+        wanted: Floats = np.linalg.lstsq(derivative / norms, -residual, rcond=SAME)[0] / norms
         taken, image, value = trial.searched(motions, amounts, wanted, now)
         gained, now = now - value, value
         if gained <= 0:
@@ -111,14 +111,6 @@ def _motions(light: PerturbedLight) -> list[tuple[Tolerance, float]]:
             if moved > STILL * pixel:
                 rows.append((tolerance, min(REACH * pixel / moved, FARTHEST * tolerance.amount)))
     return rows
-
-
-def _least(derivative: Floats, residual: Floats) -> Floats:
-    """Return the p of least |residual + J p|, and of two motions with the same effect half of each."""
-    norms = np.linalg.norm(derivative, axis=0)
-    norms[norms == 0] = 1.0
-    result: Floats = np.linalg.lstsq(derivative / norms, -residual, rcond=SAME)[0] / norms
-    return result
 
 
 def _sum(motions: list[tuple[Tolerance, float]], amounts: Floats) -> Perturbation:

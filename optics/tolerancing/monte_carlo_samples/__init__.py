@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch as MadeBatch, Range as Range
     from optics.tolerancing.monte_carlo_samples.monte_carlo_result import MonteCarlo as MonteCarlo
     from optics.tolerancing.monte_carlo_samples.random_errors import (
         Draw as Draw,
         FormTolerance as FormTolerance,
-        draws as draws,
         each_set as each_set,
     )
+    from optics.tolerancing.monte_carlo_samples.sample_batch import SampleBatch as SampleBatch
     from optics.tolerancing.monte_carlo_samples.sampling import (
         ErrorModel as ErrorModel,
         Sampled as Sampled,

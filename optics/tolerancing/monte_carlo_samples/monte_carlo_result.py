@@ -1,24 +1,21 @@
-"""A Monte Carlo of made lenses beside what single tolerances let expect."""
+"""Monte Carlo samples of a design beside what single tolerances let expect."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.tolerancing.monte_carlo_samples.made_batch import CONFIDENCE, SHOWN
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
-    from optics.tolerancing.monte_carlo_samples.sampling import ErrorModel, Sampled
-    from optics.tolerancing.perturbations import ToleranceBudget
+from optics.tolerancing.monte_carlo_samples.sample_batch import CONFIDENCE, SHOWN, SampleBatch
+from optics.tolerancing.monte_carlo_samples.sampling import ErrorModel, Sampled
+from optics.tolerancing.perturbations import ToleranceBudget
 
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """Made lenses of a design.
+    """Monte Carlo samples of a design.
 
     sampled : what they deliver, and their errors.  model : how these are drawn.
     budget : of the same tolerances, one at a time.  limit : of rel_l2, that a good lens keeps.
@@ -30,7 +27,7 @@ class MonteCarlo:
     limit: float
 
     @property
-    def batch(self) -> MadeBatch:
+    def batch(self) -> SampleBatch:
         return self.sampled.batch
 
     @property

@@ -1,4 +1,4 @@
-"""The errors of made lenses, drawn at random.
+"""The errors of Monte Carlo samples, drawn at random.
 
 Every tolerance is anything up to its amount, all equally likely: Sobol points fill the cube of all of them.
 The form of a surface is a random field of a fixed rms, by pseudo-random numbers: it has far more dimensions

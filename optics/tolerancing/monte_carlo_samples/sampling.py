@@ -1,4 +1,4 @@
-"""Made lenses traced by workers, each with all of its errors at once."""
+"""Monte Carlo samples traced by workers, each with all of its errors at once."""
 
 from __future__ import annotations
 
@@ -8,25 +8,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import chain
 from operator import add
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.base.runtime import grade, load_backend
-from optics.base.workers import run_tasks
+from optics.base.workers import WorkerPool, run_tasks
 from optics.light.analysis import delivered, delivery_checks, rel_l2
 from optics.light.blur import spot_rms
-from optics.tolerancing.monte_carlo_samples.made_batch import MadeBatch
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, Draw, FormTolerance, draws
-from optics.tolerancing.perturbations import NOMINAL, PerturbedLight
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.workers import WorkerPool
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations import Perturbation, Tolerance
-    from thbcad.lens import Lens
+from optics.tolerancing.monte_carlo_samples.sample_batch import SampleBatch
+from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance
+from thbcad.lens import Lens
 
 FIELDS = 4  # form errors, with both signs, whose mean rise of rel_l2^2 is told: they differ by some per cent
 
@@ -91,13 +86,13 @@ class Traced(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """The light of made lenses.
+    """The light of Monte Carlo samples.
 
     sets : their errors, in the order of the batch.
     by_form : rel_l2^2, mean of lenses with nothing but form errors; None without such errors.
     """
 
-    batch: MadeBatch
+    batch: SampleBatch
     sets: list[list[Draw]]
     by_form: float | None
 
@@ -119,7 +114,7 @@ def sample_lenses(
     pool: WorkerPool,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sampled:
-    """Return the light of `samples` made lenses.
+    """Return the light of `samples` lenses made with errors at random.
 
     samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
 
@@ -129,7 +124,10 @@ def sample_lenses(
     """
     sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
     model.form(0)  # refuses bands before any worker starts
-    alone = _forms_alone(model)
+    # lenses with nothing but form errors, each with both signs: what changes sign has no mean
+    right = (0.0,) * len(model.tolerances)
+    fields = range(FIELDS if model.forms else 0)
+    alone = [Draw(right, seed, sign) for seed in fields for sign in (1.0, -1.0)]
     items = [*alone, *chain.from_iterable(sets)]
     found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
     failures: dict[str, None] = {}
@@ -145,12 +143,4 @@ def sample_lenses(
                 progress(done, len(items))
     rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(MadeBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
-
-
-def _forms_alone(model: ErrorModel) -> list[Draw]:
-    """Return lenses with nothing but form errors, each with both signs: what changes sign has no mean."""
-    if not model.forms:
-        return []
-    right = (0.0,) * len(model.tolerances)
-    return [Draw(right, seed, sign) for seed in range(FIELDS) for sign in (1.0, -1.0)]
+    return Sampled(SampleBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)

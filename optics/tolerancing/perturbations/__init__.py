@@ -10,15 +10,12 @@ if TYPE_CHECKING:
         Power as Power,
         Sine as Sine,
         SplineHeight as SplineHeight,
-    )
-    from optics.tolerancing.perturbations.light_limits import RISE as RISE, LightNumbers as LightNumbers
-    from optics.tolerancing.perturbations.linear_light import LinearLight as LinearLight
-    from optics.tolerancing.perturbations.perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
-    from optics.tolerancing.perturbations.perturbed_parts import perturbed_lens as perturbed_lens
-    from optics.tolerancing.perturbations.random_fields import (
         random_field as random_field,
         shortest_period as shortest_period,
     )
+    from optics.tolerancing.perturbations.light_limits import RISE as RISE
+    from optics.tolerancing.perturbations.linear_light import LinearLight as LinearLight
+    from optics.tolerancing.perturbations.perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
     from optics.tolerancing.perturbations.shop_words import (
         HEAD as HEAD,
         effect_rows as effect_rows,
@@ -35,7 +32,6 @@ if TYPE_CHECKING:
     from optics.tolerancing.perturbations.tolerance_trials import tolerance_budget as tolerance_budget
     from optics.tolerancing.perturbations.traced_light import (
         PerturbedLight as PerturbedLight,
-        perturbed_light as perturbed_light,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

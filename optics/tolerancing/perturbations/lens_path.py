@@ -16,17 +16,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import distance_transform_edt
 
-from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
-
-if TYPE_CHECKING:
-    from optics.scene.sources import SourceCells
-    from optics.tolerancing.perturbations.traced_light import PerturbedLight
+from optics.scene.sources import SourceCells
+from optics.tolerancing.perturbations.height_errors import Floats
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
+from optics.tolerancing.perturbations.traced_light import PerturbedLight
 
 SAMPLES = 65  # in each direction: light slides over the whole lens in much the same way
 STEP = 0.5  # of the perturbation, for differences
@@ -56,7 +54,10 @@ class LensPath:
         areas, densities = [], []
         for a in (0.0, amount):
             s, t = self.corners(cells, a)
-            areas.append(_areas(s, t))
+            # the areas of quadrilaterals, by their diagonals
+            s1, t1 = s[1:, 1:] - s[:-1, :-1], t[1:, 1:] - t[:-1, :-1]
+            s2, t2 = s[:-1, 1:] - s[1:, :-1], t[:-1, 1:] - t[1:, :-1]
+            areas.append((s1 * t2 - s2 * t1) / 2)
             densities.append(cells.density(_middles(s).ravel(), _middles(t).ravel()).reshape(areas[0].shape))
         lit = densities[0] > 0
         brighter = np.divide(densities[1], densities[0], out=np.ones_like(densities[0]), where=lit)
@@ -110,13 +111,6 @@ class LensPaths:
         depth = distance_transform_edt(np.pad(self._cells.emitted > 0, 1), sampling=self._steps)
         corners = np.minimum(depth[1:], depth[:-1])
         return np.asarray(np.minimum(corners[:, 1:], corners[:, :-1]) - self._border)
-
-
-def _areas(s: Floats, t: Floats) -> Floats:
-    """Return the areas of quadrilaterals, by their diagonals."""
-    s1, t1 = s[1:, 1:] - s[:-1, :-1], t[1:, 1:] - t[:-1, :-1]
-    s2, t2 = s[:-1, 1:] - s[1:, :-1], t[:-1, 1:] - t[1:, :-1]
-    return (s1 * t2 - s2 * t1) / 2
 
 
 def _middles(corners: Floats) -> Floats:

@@ -13,16 +13,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.light.analysis import rel_l2, uniformity_metrics
-
-if TYPE_CHECKING:
-    from optics.tolerancing.perturbations.traced_light import PerturbedLight
+from optics.tolerancing.perturbations.traced_light import PerturbedLight
 
 Floats = NDArray[np.float64]
 Limits = Mapping[str, float]

@@ -21,21 +21,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.light.measuring import MappedCells
-from optics.scene.sources import corner_flux
-from optics.tolerancing.perturbations.lens_path import STEP, LensPaths
-from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
-from optics.tolerancing.perturbations.traced_light import CORNERS_AT_ONCE
-
-if TYPE_CHECKING:
-    from optics.scene.sources import RayGrid, Rays, SourceCells
-    from optics.tolerancing.perturbations.lens_path import LensPath
-    from optics.tolerancing.perturbations.traced_light import PerturbedLight, Trace
+from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
+from optics.tolerancing.perturbations.height_errors import Floats
+from optics.tolerancing.perturbations.lens_path import STEP, LensPath, LensPaths
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
+from optics.tolerancing.perturbations.traced_light import CORNERS_AT_ONCE, PerturbedLight, Trace
 
 
 class LinearLight:

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from optics.scene.paths import HeightError
 from optics.tolerancing.perturbations.height_errors import HeightSum
 
-if TYPE_CHECKING:
-    from optics.scene.paths import HeightError
-
-Floats = NDArray[np.float64]
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import UserError
+from optics.scene.paths import LightPath
 from optics.scene.sources import RayGrid, Rays, SourceCells
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.perturbations.height_errors import Floats
+from optics.tolerancing.perturbations.perturbation import Perturbation
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.scene.paths import LightPath
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +94,16 @@ def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
     UserError : no lens is so wrong.
     """
     try:
-        return _changed_lens(system, lens, p)
+        if not any((p.front_power, p.rear_power, p.thickness, p.index, p.temperature)):
+            return lens
+        front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
+        thickness, material = lens.thickness + p.thickness, system.material
+        if p.temperature and material is not None:
+            factor = 1 + (material.expansion or 0.0) * p.temperature
+            front, rear, thickness = _scaled(front, factor), _scaled(rear, factor), factor * thickness
+        return Lens(front, rear, thickness, perturbed_index(system, lens.index, p))
     except ValueError as error:
         raise UserError(f"no lens has such an error: {error}") from None
-
-
-def _changed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
-    if not any((p.front_power, p.rear_power, p.thickness, p.index, p.temperature)):
-        return lens
-    front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
-    thickness, material = lens.thickness + p.thickness, system.material
-    if p.temperature and material is not None:
-        factor = 1 + (material.expansion or 0.0) * p.temperature
-        front, rear, thickness = _scaled(front, factor), _scaled(rear, factor), factor * thickness
-    return Lens(front, rear, thickness, perturbed_index(system, lens.index, p))
 
 
 def perturbed_index(system: OpticalSystem, index: float, p: Perturbation) -> float:

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from optics.tolerancing.perturbations.allowed_amount import FREE
-from optics.tolerancing.perturbations.light_limits import RISE
-
-if TYPE_CHECKING:
-    from optics.tolerancing.perturbations.light_limits import LightNumbers
-    from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
+from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers
+from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
+from optics.tolerancing.perturbations.tolerance_trials import FREE
 
 SAID = 5  # tolerances that have a sentence; the others are in the table
 NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light
@@ -34,9 +29,19 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
     ranked = budget.by_cost()
     limited = [e for e in ranked if e.allowed is not None]
     free = [e.tolerance.name for e in ranked if e.allowed is None]
-    lines = [_asked(budget)]
+    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
+    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
+    floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
+    lines = [f"The design has {numbers}. Each error alone must keep {keep}{floats}."]
     if budget.missed:
-        lines.append(_missed(budget))
+        parts = [
+            f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
+            for name, bound in budget.missed.items()
+        ]
+        lines.append(
+            f"The design itself misses what its errors are to keep ({'; '.join(parts)}), so that no error is "
+            f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
+        )
     else:
         lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
         if more := len(limited) - SAID:
@@ -50,27 +55,13 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "
         "(root mean square)."
     )
-    return [*lines, *_notes(budget)]
-
-
-def _asked(budget: ToleranceBudget) -> str:
-    """Return what the design delivers, and what light must keep, as a sentence."""
-    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
-    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
-    floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
-    return f"The design has {numbers}. Each error alone must keep {keep}{floats}."
-
-
-def _missed(budget: ToleranceBudget) -> str:
-    """Return that the design does not keep a limit, and which one to give, as a sentence."""
-    parts = [
-        f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
-        for name, bound in budget.missed.items()
-    ]
-    return (
-        f"The design itself misses what its errors are to keep ({'; '.join(parts)}), so that no error is "
-        f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
-    )
+    if "min_over_mean" in budget.bounds and budget.noise >= NOISY:  # it is that of counted rays
+        lines.append(
+            f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers "
+            "min_over_mean; limit rel_l2 or efficiency, or measure on fewer and larger pixels "
+            "(target.pixels)."
+        )
+    return lines
 
 
 def _held(effect: ToleranceEffect) -> str:
@@ -79,16 +70,6 @@ def _held(effect: ToleranceEffect) -> str:
     reached = f"{allowed.limit} is {_number(allowed.limit, allowed.light.data()[allowed.limit])} there"
     cost = f"its amount, +- {tolerance.words}, is {effect.cost:.0%} of that"
     return f"Hold {tolerance.name} within +- {tolerance.in_words(allowed.amount)} ({reached}); {cost}."
-
-
-def _notes(budget: ToleranceBudget) -> list[str]:
-    """Return how far min_over_mean is that of counted rays, where it is judged."""
-    if "min_over_mean" not in budget.bounds or budget.noise < NOISY:
-        return []
-    return [
-        f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers min_over_mean; "
-        "limit rel_l2 or efficiency, or measure on fewer and larger pixels (target.pixels)."
-    ]
 
 
 def _number(name: str, value: float) -> str:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers, missed
-
-if TYPE_CHECKING:
-    from optics.tolerancing.perturbations.perturbation import Floats
-    from optics.tolerancing.perturbations.tolerance_names import Tolerance
+from optics.tolerancing.perturbations.tolerance_names import Tolerance
 
 DIGITS = 8  # of numbers told: sums by several threads differ in later ones
 

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite, radians
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.perturbation import Perturbation
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
 
 # mm: a fine length of 0.5 to 6 mm, such as a lens's seat (ISO 2768-1, class f), and one of 6 to 30 mm, at
 # which a source is mounted; where the target is set up in a room with a ruler, and its distance with a tape
@@ -63,7 +61,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     ------
     UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number from 0.
     """
-    known = {t.name: t for t in _all(system)}
+    known = {t.name: t for t in _usual(system)}
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
         absent = name in SOMETIMES and name not in known and amount == 0  # what is not there may be left out
@@ -100,12 +98,8 @@ def _checked(name: str, amount: object) -> float:
     return float(amount)
 
 
-def _all(system: OpticalSystem) -> list[Tolerance]:
+def _usual(system: OpticalSystem) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
-    return [*_of_lens(system), *_of_source(system), *_of_target(system)]
-
-
-def _of_lens(system: OpticalSystem) -> list[Tolerance]:
     rows = [*_placed("lens", SEAT, SEAT, TILT, AXES)]
     rows.append(Tolerance("thickness", "mm", THICKNESS, Perturbation(thickness=1.0)))
     rows.append(Tolerance("index", "1", INDEX, Perturbation(index=1.0)))
@@ -115,25 +109,16 @@ def _of_lens(system: OpticalSystem) -> list[Tolerance]:
     for name in ("front", "rear"):
         if not getattr(system.lens, name).conic.is_plane:
             rows.append(Tolerance(f"{name}.power", "%", POWER, _changed(f"{name}_power", 0.01)))
-    material = system.material
+    material, source = system.material, system.source
     if material is not None and (material.dn_dt or material.expansion):
         rows.append(Tolerance("temperature", "K", TEMPERATURE, Perturbation(temperature=1.0)))
-    return rows
-
-
-def _of_source(system: OpticalSystem) -> list[Tolerance]:
-    source = system.source
     defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
-    rows = _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES)
+    rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES)
     if source.scalable:
         rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01)))
-    return rows
-
-
-def _of_target(system: OpticalSystem) -> list[Tolerance]:
-    if system.target.far_field:  # directions have no position
-        return _placed("target", 0.0, 0.0, ROOM_TILT, AXES)
-    return _placed("target", ROOM, THROW, ROOM_TILT, AXES)
+    # directions have no position
+    room, throw = (0.0, 0.0) if system.target.far_field else (ROOM, THROW)
+    return rows + _placed("target", room, throw, ROOM_TILT, AXES)
 
 
 def _placed(part: str, decentre: float, defocus: float, tilt: float, turned: str) -> list[Tolerance]:

@@ -6,15 +6,16 @@ is no good for a prediction: its derivative holds for hundredths of a pixel only
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from math import log, sqrt
 
 import numpy as np
 
-from optics.base.runtime import UserError, speaking_of
+from optics.base.runtime import Backend, UserError, speaking_of
 from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
-from optics.tolerancing.perturbations.allowed_amount import amount_of
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
     LightNumbers,
@@ -25,18 +26,22 @@ from optics.tolerancing.perturbations.light_limits import (
     usual_limits,
 )
 from optics.tolerancing.perturbations.linear_light import LinearLight
+from optics.tolerancing.perturbations.perturbation import Perturbation
 from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from optics.tolerancing.perturbations.perturbation import Floats, Perturbation
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
 STILL = 1e-9  # of a pixel per amount: what moves no light
+Point = tuple[float, float]  # an amount, and the part of the limits that it takes
+
+SEARCH = 7  # traces of both signs, at most, that look for the amount that is allowed
+LEAST, AIM = 0.98, 0.99  # of the limits: so much an allowed amount takes, and the next one is to take
+POWER = 2.0  # of the amount, with which parts grow as long as one amount is known: that of rel_l2^2
+POWERS = 0.5, 8.0  # within which they grow between two amounts
+FARTHER = 10.0  # times as large as the amount before, at most, is the next guess
+FREE = 100.0  # times the usual amount: an error that may be so large needs no care
 
 
 def tolerance_budget(
@@ -114,6 +119,11 @@ class _Trial:
         moves = self._light.moved_by(tolerance.at(amount))
         moves = moves if moves > STILL * self._pixel else 0.0
         (_, behind), (image, ahead) = (self._traced(tolerance.at(sign * amount)) for sign in (-1, 1))
+        # rel_l2 at - amount and + amount by landing points that move in proportion
+        images = self._linear.moved(self._light.aimed(tolerance.at(amount)))
+        predicted = None
+        if images is not None:
+            predicted = rel_l2(images[0], self.judge.target), rel_l2(images[1], self.judge.target)
         tenth = None
         errors: tuple[float | None, float | None] = None, None
         if moves:
@@ -123,7 +133,7 @@ class _Trial:
             tolerance=tolerance,
             moves=(moves, moves / self._pixel),
             ends=(behind, ahead),
-            predicted=self._predicted(tolerance),
+            predicted=predicted,
             tenth=tenth,
             prediction_error=errors[0],
             derivative_error=errors[1],
@@ -136,14 +146,6 @@ class _Trial:
         """Return light scaled to unit mean, and what it is judged by."""
         image, fates = self._light(perturbation)
         return unit_mean(image), self.judge.numbers(image, fates.on_target)
-
-    def _predicted(self, tolerance: Tolerance) -> tuple[float, float] | None:
-        """Return rel_l2 at - amount and + amount by landing points that move in proportion."""
-        moved = self._linear.moved(self._light.aimed(tolerance.at(tolerance.amount)))
-        if moved is None:
-            return None
-        behind, ahead = (rel_l2(image, self.judge.target) for image in moved)
-        return behind, ahead
 
     def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
         """Return the errors of the predicted change and of J p, relative to the traced change."""
@@ -178,3 +180,55 @@ class _Trial:
             return None
         name, light = worst[found[0]]
         return Allowed(found[0], light, name or worst[tolerance.amount][0])
+
+
+def amount_of(taken: Callable[[float], float], first: Point) -> Point | None:
+    """Return the greatest amount, of those tried, that takes at most all of the limits.
+
+    None where FREE times the first amount, or the largest error that a lens can have, does so, too.
+
+    taken : traces an amount; a UserError says that no lens is so wrong.
+    """
+    points, most = [first], FREE * first[0]
+    for _ in range(SEARCH):
+        amount = None if any(LEAST <= part <= 1 for _, part in points) else _next(points, most)
+        if amount is None:
+            break
+        try:
+            points.append((amount, taken(amount)))
+        except UserError:
+            most = max(amount for amount, _ in points)
+            break
+    broken = min((amount for amount, part in points if part > 1), default=np.inf)
+    kept = max((p for p in points if p[1] <= 1 and p[0] < broken), default=(0.0, 0.0))
+    return None if kept[0] >= most and kept[1] < LEAST else kept
+
+
+def _next(points: Sequence[Point], most: float) -> float | None:
+    """Return the amount to try next; None where the largest one keeps the limits.
+
+    Parts are taken to grow with a power of the amount.  most : that is tried.
+    """
+    high = min((amount for amount, part in points if part > 1), default=None)
+    below = high or np.inf
+    low = max((amount for amount, part in points if part <= 1 and amount < below), default=0.0)
+    guess = _by_power(points)
+    if high is not None:
+        low = max(low, high / FARTHER**2)
+        return guess if guess is not None and low < guess < high else sqrt(low * high)
+    if low >= most:
+        return None
+    guess = FARTHER * low if guess is None or guess <= low else guess
+    return min(guess, FARTHER * low, most)
+
+
+def _by_power(points: Sequence[Point]) -> float | None:
+    """Return the amount that takes AIM by the two points nearest to it; None where none takes any."""
+    rising = sorted((p for p in points if 0 < p[1] < np.inf), key=lambda p: abs(log(p[1] / AIM)))
+    if not rising:
+        return None
+    (amount, part), *more = rising
+    power = POWER
+    if more:
+        power = float(np.clip(log(more[0][1] / part) / log(more[0][0] / amount), *POWERS))
+    return amount * (AIM / part) ** (1 / power)

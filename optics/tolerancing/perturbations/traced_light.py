@@ -7,25 +7,22 @@ from dataclasses import replace
 from functools import cached_property, reduce
 from math import isqrt
 from operator import add
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.light.analysis import coloured, traced_cells
 from optics.light.measuring import Splat
-from optics.light.tracing import Tracer
+from optics.light.tracing import Landing, SequentialFates, Tracer
+from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells, single_rays
-from optics.tolerancing.perturbations.perturbation import NOMINAL, Floats, Perturbation
+from optics.scene.system import OpticalSystem
+from optics.tolerancing.perturbations.height_errors import Floats
+from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_index
+from thbcad.lens import Lens
 from thbcad.poses import Pose
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.tracing import Landing, SequentialFates
-    from optics.scene.paths import SlopeErrors
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
@@ -72,7 +69,10 @@ class PerturbedLight:
             self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
             fresh = np.random.default_rng(system.problem.run.seed)
             self._rays = list(system.source.parts(self._counts, None, RAYS_AT_ONCE))
-            self._errors = [self._slope_errors(rays.flux.size, fresh) for rays in self._rays]
+            self._errors = [
+                [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
+                for rays in self._rays
+            ]
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
@@ -170,17 +170,13 @@ class PerturbedLight:
 
     def _light(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
         """Return the light of one wavelength, as if it had all of the flux."""
-        if not self.by_cells:
-            return self._light_of_rays(parts)
-        cells = parts.cells(self._cells_of(parts))
-        image, fates = traced_cells(
-            self.trace_through(parts), self.screen, cells, self.backend, CORNERS_AT_ONCE
-        )
-        if not cells.parallel:  # such rays do not know of the light that has none
-            fates = replace(fates, beside_lens=fates.beside_lens + cells.missed)
-        return image, fates
-
-    def _light_of_rays(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
+        if self.by_cells:
+            cells = parts.cells(self._cells_of(parts))
+            trace = self.trace_through(parts)
+            image, fate = traced_cells(trace, self.screen, cells, self.backend, CORNERS_AT_ONCE)
+            if not cells.parallel:  # such rays do not know of the light that has none
+                fate = replace(fate, beside_lens=fate.beside_lens + cells.missed)
+            return image, fate
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
         for part, errors in zip(self._rays_of(parts), self._errors):
@@ -193,10 +189,6 @@ class PerturbedLight:
             missed = part.missed if isinstance(part, RayGrid) else 0.0
             fates.append(replace(fate, beside_lens=fate.beside_lens + missed))
         return image, reduce(add, fates)
-
-    def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
-        """Return random errors of the slopes where rays meet front and rear."""
-        return [fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms]
 
     def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
         """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
@@ -230,10 +222,3 @@ class PerturbedLight:
         x, y = np.meshgrid(np.linspace(-hx, hx, HEIGHTS), np.linspace(-hy, hy, HEIGHTS))
         z = self.lens.front(x.ravel(), y.ravel())
         return float(z.min()), float(z.max())
-
-
-def perturbed_light(
-    system: OpticalSystem, lens: Lens, perturbation: Perturbation, backend: Backend
-) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of one perturbed lens, see `PerturbedLight`."""
-    return PerturbedLight(system, lens, backend)(perturbation)

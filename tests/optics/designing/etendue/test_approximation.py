@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.testing import assert_allclose
 
-from optics.designing.etendue.approximation import approximate
+from optics.designing.etendue.approximation import approximate, split
 from optics.designing.etendue.certificate import gradient, kkt_residual, lower_bound, scaled_bound
 from optics.designing.etendue.kernel import Kernel
-from optics.designing.etendue.nonnegative_solvers import split
 from tests.optics.designing.etendue.cases import kernels, matrix, optimum, targets
 
 ROUNDING = 1e-12  # of bounds, relative: some hundred operations on numbers up to 1

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.optimize import lsq_linear
 
-from optics.designing.etendue import least_distance, universal_bound
+from optics.designing.etendue import universal_bound
+from optics.designing.etendue.brightness_limit import least_distance
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import HOLLOW

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.designing.etendue import FIXED_QUICK, SEARCH_QUICK, one_blur, reached_sentences, universal_bound
-from optics.designing.etendue.image_size import image_area
+from optics.designing.etendue import FIXED_QUICK, one_blur, reached_sentences, universal_bound
+from optics.designing.etendue.problem_bounds import SEARCH_QUICK
+from optics.designing.etendue.throughput_bound import image_area
 from optics.light.analysis import rel_l2
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem

@@ -10,12 +10,13 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
-from optics.designing.etendue.image_size import image_half_width, least_mean
 from optics.designing.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
     brightest,
     front_fraction,
+    image_half_width,
+    least_mean,
     rear_area,
     spread,
     throughput,

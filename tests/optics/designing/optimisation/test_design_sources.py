@@ -107,7 +107,7 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
     """A front that was not free starts from zero; one that is no longer free is refused."""
     state = earlier_state(twofold.system, twofold.lens)
     assert state.sags == twofold.lens.sags
-    assert (state.moved, state.stage) == (False, 2)
+    assert (state.started_from_transport, state.stage) == (False, 2)
     wide = loaded(tmp_path, FREE_FRONT)
     state = earlier_state(wide, alone.lens)
     assert not state.sags[0].coefficients.any()

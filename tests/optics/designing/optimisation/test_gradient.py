@@ -167,8 +167,8 @@ def test_vertex_gradients_of_both_surfaces(backend):
     assert [g.shape for g in found] == [(7, 8), (5, 10)]
     gradients = objective(coefficients(BOTH)).gradients
     light = objective._model.light(coefficients(BOTH))
-    _, _, by_image = objective._charged(light)
-    both = light.vertex_gradients(by_image, objective._charge, knots)
+    _, _, by_image = objective._penalised(light)
+    both = light.vertex_gradients(by_image, objective._lost_weight, knots)
     for g, signed, gradient in zip(found, both, gradients, strict=True):
         np.testing.assert_array_equal(np.abs(signed), g)
         assert signed.sum() == pytest.approx(gradient.sum(), abs=1e-10 * np.abs(gradient).sum())

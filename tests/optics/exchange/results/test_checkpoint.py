@@ -36,7 +36,12 @@ def test_a_checkpoint_gives_back_every_bit(path, problem_file, stage, sags):
     problem = load_problem(problem_file(FREE_FRONT if sags == 2 else None))
     write_checkpoint(path, problem, problem, state, ["a note"])
     found, notes = read_checkpoint(path, OpticalSystem(problem))
-    assert (found.moved, found.stage, found.history, notes) == (True, stage, state.history, ["a note"])
+    assert (found.started_from_transport, found.stage, found.history, notes) == (
+        True,
+        stage,
+        state.history,
+        ["a note"],
+    )
     assert [sag.coefficients.tobytes() for sag in found.sags] == [
         sag.coefficients.tobytes() for sag in state.sags
     ]

@@ -21,8 +21,8 @@ from optics.tolerancing.monte_carlo_samples import (
     Draw,
     ErrorModel,
     FormTolerance,
-    MadeBatch,
     MonteCarlo,
+    SampleBatch,
     Sampled,
 )
 from optics.tolerancing.perturbations import tolerance_budget, tolerances_of
@@ -48,7 +48,7 @@ def made(tmp_path_factory, backend):
     rng = np.random.default_rng(2)
     rel = budget.rel_l2 + 0.02 * rng.random((8, 16))
     sets = [[Draw((0.1, -0.2), int(n)) for n in rng.integers(1000, size=16)] for _ in range(8)]
-    batch = MadeBatch(rel, np.full(rel.shape, 0.9), rel < 1)
+    batch = SampleBatch(rel, np.full(rel.shape, 0.9), rel < 1)
     sampled = Sampled(batch, sets, budget.rel_l2**2 + 4e-4)
     return MonteCarlo(sampled, model, budget, budget.rel_l2 + 0.01)
 

@@ -101,7 +101,7 @@ def replayed(kept, monkeypatch):
     def shaped(system, backend, engine, state, start, listener):
         lens, final = kept.values["shape_lens"]
         for stage in (0, final.stage):  # as two levels would
-            listener.checkpoint(State(final.moved, stage, final.sags, final.history))
+            listener.checkpoint(State(final.started_from_transport, stage, final.sags, final.history))
         return lens, final
 
     monkeypatch.setattr("optics.interface.api.helpers", answers)

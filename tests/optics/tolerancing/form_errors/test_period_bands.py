@@ -13,10 +13,9 @@ from optics.tolerancing.form_errors import (
     form_rows,
     form_sentences,
     local_formula_of,
-    period_bands_of,
     pixel_mtf,
 )
-from optics.tolerancing.form_errors.pixel_transfer import on_target
+from optics.tolerancing.form_errors.period_bands import on_target, period_bands_of
 from optics.tolerancing.perturbations import Sine, random_field, shortest_period
 from tests.optics.cases import WIDE
 from tests.optics.tolerancing.form_errors.cases import PLATE, system_and_lens

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology import best_fit, by_datums, outliers
+from optics.tolerancing.metrology import best_fit, by_datums
+from optics.tolerancing.metrology.alignment import outliers
 from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
 from thbcad import Pose
 from thbcad.hierarchy import THBSpace

@@ -19,8 +19,8 @@ from optics.tolerancing.metrology import (
     as_built_light,
     as_built_lines,
     light_as_built,
-    measured_light,
 )
+from optics.tolerancing.metrology.measured_area import measured_light
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.metrology.cases import ripple
 from thbcad.sags import Conic

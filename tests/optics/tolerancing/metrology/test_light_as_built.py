@@ -22,8 +22,8 @@ from optics.tolerancing.metrology import (
     made_surface,
     read_measured,
     surface_of,
-    with_surface,
 )
+from optics.tolerancing.metrology.as_built_light import with_surface
 from optics.tolerancing.metrology.as_built_text import LIKE
 from optics.tolerancing.perturbations import Perturbation, PerturbedLight
 from tests.optics.cases import write_problem

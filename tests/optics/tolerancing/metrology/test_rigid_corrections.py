@@ -8,7 +8,7 @@ import pytest
 from optics.light.analysis import rel_l2
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.metrology import rigid_correction
+from optics.tolerancing.metrology.rigid_corrections import rigid_correction
 from optics.tolerancing.perturbations import Perturbation, PerturbedLight
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.tolerancing.monte_carlo_samples import FormTolerance, draws
-from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES
+from optics.tolerancing.monte_carlo_samples import FormTolerance
+from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
 
 
 @given(st.integers(0, 40), st.integers(1, 6), st.integers(0, 2**32))

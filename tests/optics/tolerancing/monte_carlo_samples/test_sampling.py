@@ -15,7 +15,7 @@ from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormTolerance, sample_lenses
 from optics.tolerancing.monte_carlo_samples.sampling import FIELDS
-from optics.tolerancing.perturbations import perturbed_light, tolerances_of
+from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -58,7 +58,7 @@ def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
     by_name = dict(zip((t.name for t in model.tolerances), draw.amounts))
     assert (x, y) == pytest.approx((0.2 * by_name["lens.decentre_x"], 0.2 * by_name["lens.decentre_y"]))
     assert errors.index == pytest.approx(1e-3 * by_name["index"])
-    image, fates = perturbed_light(model.system, model.lens, errors, backend)
+    image, fates = PerturbedLight(model.system, model.lens, backend)(errors)
     assert made.rel_l2[3, 1] == pytest.approx(rel_l2(image, model.target), rel=1e-9)
     assert made.efficiency[3, 1] == pytest.approx(fates.on_target, rel=1e-9)
     assert seen[-1] == (16 + 2 * FIELDS, 16 + 2 * FIELDS)

@@ -94,12 +94,12 @@ def budget(tmp_path_factory, backend):
 
 
 def test_a_budget_holds_what_exact_traces_say(budget, backend):
-    from optics.tolerancing.perturbations import perturbed_light
+    from optics.tolerancing.perturbations import PerturbedLight
 
     system, lens, target, found = budget
     assert [e.tolerance.name for e in found.effects] == ["lens.decentre_x", "index"]
     effect = found.effects[1]
-    irradiance, fates = perturbed_light(system, lens, Perturbation(index=0.003), backend)
+    irradiance, fates = PerturbedLight(system, lens, backend)(Perturbation(index=0.003))
     assert effect.ends[1].rel_l2 == pytest.approx(rel_l2(irradiance, target), rel=1e-12)
     assert effect.ends[1].efficiency == pytest.approx(fates.on_target, rel=1e-12)
     assert effect.moves[1] == pytest.approx(effect.moves[0] / (40 / 48))
@@ -110,12 +110,12 @@ def test_a_budget_holds_what_exact_traces_say(budget, backend):
 
 
 def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend):
-    from optics.tolerancing.perturbations import perturbed_light
+    from optics.tolerancing.perturbations import PerturbedLight
 
     system, lens, target, found = budget
     for effect in found.effects:
         amount, there = effect.allowed.amount, effect.allowed.light.rel_l2
-        lights = [perturbed_light(system, lens, effect.tolerance.at(s * amount), backend) for s in (-1, 1)]
+        lights = [PerturbedLight(system, lens, backend)(effect.tolerance.at(s * amount)) for s in (-1, 1)]
         assert there == pytest.approx(max(rel_l2(light, target) for light, _ in lights), rel=1e-12)
         assert there == pytest.approx(found.rel_l2 + 0.002, abs=2e-4)
 

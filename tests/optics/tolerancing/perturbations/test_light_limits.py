@@ -14,17 +14,15 @@ from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import ErrorModel
 from optics.tolerancing.perturbations import (
-    LightNumbers,
     Perturbation,
     PerturbedLight,
     effect_rows,
-    perturbed_light,
     shop_sentences,
     tolerance_budget,
     tolerances_of,
 )
-from optics.tolerancing.perturbations.allowed_amount import FREE, amount_of
-from optics.tolerancing.perturbations.light_limits import bounds_of, limits_of, parts_taken
+from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_of, limits_of, parts_taken
+from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.perturbations.cases import small_system
 
@@ -76,7 +74,7 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
         ok = []
         for sign in (-1, 1):
             p = effect.tolerance.at(sign * factor * effect.allowed.amount)
-            irradiance, _ = perturbed_light(system, lens, p, backend)
+            irradiance, _ = PerturbedLight(system, lens, backend)(p)
             e = irradiance / irradiance.mean()
             rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
             region, half_width = system.target.even_region, system.target.settings.half_width

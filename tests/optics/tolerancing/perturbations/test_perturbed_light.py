@@ -11,8 +11,8 @@ from optics.base.runtime import load_backend
 from optics.light.analysis import cell_irradiance
 from optics.scene.materials import MATERIALS
 from optics.scene.sources import single_rays
-from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, perturbed_lens
-from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts
+from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight
+from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_lens
 from tests.optics.cases import TARGET_Z, alone
 from tests.optics.tolerancing.perturbations.cases import (
     Bowl,

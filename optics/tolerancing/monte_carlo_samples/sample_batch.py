@@ -1,4 +1,4 @@
-"""What became of many made lenses: how good their light is, and how sure that is known."""
+"""What became of many Monte Carlo samples: how good their light is, and how sure that is known."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class MadeBatch:
-    """The light of made lenses, in independent sets of the same size.
+class SampleBatch:
+    """The light of Monte Carlo samples, lenses made with errors, in independent sets of the same size.
 
     rel_l2, efficiency, made : (sets, lenses), inf, 0 and False of lenses that could not be traced.
     made : the verdict on the light.

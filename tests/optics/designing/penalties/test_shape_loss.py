@@ -1,4 +1,4 @@
-"""The shape's share of the loss: means by the kernel's derivatives, gradients of every charge, and limits as
+"""The shape's share of the loss: means by the kernel's derivatives, gradients of every penalty, and limits as
 the certified bounds see them."""
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ TIGHT = {
     "sag_range": 1.0,
     "mass": 1.0,
 }
-CHARGED = pytest.mark.parametrize("key", TIGHT)
+LIMITS = pytest.mark.parametrize("key", TIGHT)
 
 
-def charges(lens, fine=False, roughness=0.0, **limits):
+def penalty_of(lens, fine=False, roughness=0.0, **limits):
     return shape_penalty(lens, Limits(**limits), DENSITY, roughness, fine)
 
 
@@ -179,7 +179,7 @@ def test_the_value_is_the_mean_over_the_rectangle(lens, options, by_kernel):
     by 4^-4 of the coarse ones' error, those with kinks by 4^-2 or so.
     """
     fine = finer(lens, 2)
-    loss, gradients = charges(fine, **options)(coefficients(fine))
+    loss, gradients = penalty_of(fine, **options)(coefficients(fine))
     dense = by_kernel(fine, 6)
     assert dense > 1e-3
     assert loss == pytest.approx(dense, rel=0.02)
@@ -199,7 +199,7 @@ def test_the_means_converge_with_the_fourth_power_of_the_spans(term):
     errors = []
     for times in range(3):
         cut = finer(lens, times)
-        errors.append(abs(charges(cut, **options)(coefficients(cut))[0] - dense))
+        errors.append(abs(penalty_of(cut, **options)(coefficients(cut))[0] - dense))
     assert errors[0] < 0.2 * dense
     assert errors[1] < errors[0] / 8
     assert errors[2] < errors[1] / 12
@@ -213,7 +213,7 @@ def test_the_roughness_of_a_quadratic_sag_is_known_exactly():
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-12, 12, 60), np.linspace(-7, 7, 60)))
     sag = np.linalg.lstsq(space.collocation(x, y).toarray(), a * x * x + b * x * y + c * y * y, rcond=None)[0]
     lens = lens_with(None, lambda _: sag)
-    loss, _ = charges(lens, roughness=2.0)([sag])
+    loss, _ = penalty_of(lens, roughness=2.0)([sag])
     assert loss == pytest.approx(2 * 144 * (4 * a * a + 2 * b * b + 4 * c * c), rel=1e-9)
 
 
@@ -255,14 +255,14 @@ SMOOTHER = {
 }
 
 
-@CHARGED
+@LIMITS
 @pytest.mark.parametrize("lens", SMOOTHER.values(), ids=SMOOTHER.keys())
 def test_a_limit_is_exceeded_where_the_certified_bounds_say_so(lens, key):
     """Curvatures of these sags change by some percent between points, heights by some thousandths."""
     room = 0.1 if key in ("radius", "concave_radius", "slope") else 0.01
     for fine in (False, True):
         for factor, exceeded in ((1 - room, False), (1 + room, True)):
-            found = charges(lens, fine, **{key: limit_at(key, lens, factor)})
+            found = penalty_of(lens, fine, **{key: limit_at(key, lens, factor)})
             assert found.exceeded(coefficients(lens)) is exceeded
 
 
@@ -270,13 +270,13 @@ def test_a_mass_is_exceeded_by_what_the_volume_says():
     """The volume is linear in the coefficients; its solid has ruled edges that lean, and Gauss's rule is
     exact for it."""
     changed = BOTH.with_sags([THBSurface(s.space, rough(s.space, 0.2, 9)) for s in BOTH.sags])
-    loss, _ = charges(BOTH, mass=mass(changed.volume(), DENSITY) / 1.5)(coefficients(changed))
+    loss, _ = penalty_of(BOTH, mass=mass(changed.volume(), DENSITY) / 1.5)(coefficients(changed))
     assert loss == pytest.approx(WEIGHT * (0.5 + ROOM) ** 2, rel=1e-10)
 
 
-def test_charges_of_some_limits_alone_are_part_of_all():
+def test_penalties_on_some_limits_alone_are_part_of_all():
     at = coefficients(BOTH)
-    every, few = charges(BOTH, **TIGHT), ("radius", "mass")
+    every, few = penalty_of(BOTH, **TIGHT), ("radius", "mass")
     rest = [key for key in TIGHT if key not in few]
     assert set(every.keys) == set(TIGHT)
     assert set(every.only(few).keys) == set(few)
@@ -287,14 +287,14 @@ def test_charges_of_some_limits_alone_are_part_of_all():
 # Gradients
 
 
-@CHARGED
+@LIMITS
 @EACH_LENS
 def test_the_gradient_is_that_of_the_value(lens, key):
     """Central differences: the loss is C^1, its second derivative jumps at points that cross a limit within h
     = 1e-6 mm only, where the first one is of the size of h; that is 1e-5 of the gradient's usual size,
     rounding is less.
     """
-    check_gradient(charges(lens, roughness=0.3, **{key: TIGHT[key]}), coefficients(lens))
+    check_gradient(penalty_of(lens, roughness=0.3, **{key: TIGHT[key]}), coefficients(lens))
 
 
 def check_gradient(penalty, at):
@@ -311,7 +311,7 @@ def check_gradient(penalty, at):
 
 def test_the_gradient_holds_with_every_limit_and_with_multipliers():
     at = coefficients(BOTH)
-    penalty = charges(BOTH, roughness=0.3, **TIGHT)
+    penalty = penalty_of(BOTH, roughness=0.3, **TIGHT)
     check_gradient(penalty, at)
     check_gradient(penalty.tightened(at), at)
 
@@ -320,7 +320,7 @@ def test_equal_curvatures_have_a_gradient():
     """A paraboloid bends alike in all directions at its vertex, where eigenvectors jump but the charge does
     not; the vertex is a knot."""
     lens = lens_with(None, lambda space: np.zeros(space.dim))
-    check_gradient(charges(lens, radius=60.0), [np.zeros(lens.sags[0].space.dim)])
+    check_gradient(penalty_of(lens, radius=60.0), [np.zeros(lens.sags[0].space.dim)])
 
 
 def test_a_flat_surface_has_no_curvature_and_no_slope_to_pull():
@@ -329,14 +329,14 @@ def test_a_flat_surface_has_no_curvature_and_no_slope_to_pull():
     space = THBSpace(kv, kv)
     flat = FreeformSurface((5.0, 5.0), Conic(), THBSurface(space, np.zeros(space.dim)))
     lens = Lens(FreeformSurface((5.0, 5.0)), flat, 2.0, 1.5)
-    loss, (gradient,) = charges(lens, radius=7.0, slope=5.0)([np.zeros(space.dim)])
+    loss, (gradient,) = penalty_of(lens, radius=7.0, slope=5.0)([np.zeros(space.dim)])
     assert loss == 0.0
     assert np.array_equal(gradient, np.zeros(space.dim))
 
 
 def test_every_sag_has_a_gradient_of_its_own():
     """A higher front or a lower rear makes the lens thinner."""
-    front, rear = charges(BOTH, thickness=3.5)(coefficients(BOTH))[1]
+    front, rear = penalty_of(BOTH, thickness=3.5)(coefficients(BOTH))[1]
     assert front.sum() > 0 > rear.sum()
     assert front.sum() == pytest.approx(
         -rear.sum(), rel=1e-9
@@ -346,16 +346,16 @@ def test_every_sag_has_a_gradient_of_its_own():
 # Room and multipliers
 
 
-@CHARGED
+@LIMITS
 def test_a_limit_that_is_kept_costs_nothing(key):
-    loss, gradients = charges(BOTH, **{key: limit_at(key, BOTH, 0.9)})(coefficients(BOTH))
+    loss, gradients = penalty_of(BOTH, **{key: limit_at(key, BOTH, 0.9)})(coefficients(BOTH))
     assert loss == 0.0
     assert all(not g.any() for g in gradients)
 
 
 def test_room_is_charged_from_before_the_limit_and_half_of_it_is_enough():
     limit = certified(BOTH).centre_thickness.value / 0.97  # exceeded by 3 %
-    penalty, at = charges(BOTH, centre_thickness=limit), coefficients(BOTH)
+    penalty, at = penalty_of(BOTH, centre_thickness=limit), coefficients(BOTH)
     higher = [at[0], at[1] + 0.032 * limit]  # 0.2 % within
     assert penalty.exceeded(at)
     assert not penalty.exceeded(higher)
@@ -371,7 +371,7 @@ def test_multipliers_follow_the_excess_and_keep_the_force():
     """With 10 times the weight and a tenth of the shifted excess as the shift, the force of the multiplier
     w (g + s) stays; the excess g itself adds 10 w g."""
     limit = certified(BOTH).centre_thickness.value / 0.97
-    penalty, at = charges(BOTH, centre_thickness=limit), coefficients(BOTH)
+    penalty, at = penalty_of(BOTH, centre_thickness=limit), coefficients(BOTH)
     before, after = (p(at)[0] for p in (penalty, penalty.tightened(at)))
     shifted = 0.03 + ROOM
     assert before == pytest.approx(WEIGHT * shifted**2, rel=1e-6)

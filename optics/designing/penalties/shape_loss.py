@@ -14,19 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
 from optics.designing.penalties.sample_points import Excess, Floats, SurfaceSamples, free_surfaces
+from optics.scene.problem import Limits
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.scene.problem import Limits
-    from thbcad.lens import Lens
-
-WEIGHT = 100.0  # charge for the mean square of relative excesses
+WEIGHT = 100.0  # of the mean square of relative excesses
 ROOM = 1e-3  # of a limit: what lies between the points stays within it
 HEAVIER = 10.0  # times heavier in every pass: few are made
 HESSIAN = ((2, 0), (1, 1), (1, 1), (0, 2))
@@ -35,7 +32,7 @@ HESSIAN = ((2, 0), (1, 1), (1, 1), (0, 2))
 class ShapePenalty:
     """The shape's part of the loss, and its gradient by the coefficients of every sag, front first.
 
-    excesses : over limits, each charged.  roughness : weight.
+    excesses : over limits, each with its penalty.  roughness : weight.
     """
 
     def __init__(self, lens: Lens, excesses: Sequence[Excess], roughness: float = 0.0) -> None:
@@ -58,19 +55,19 @@ class ShapePenalty:
                 slope += samples.pulled(2 * weights * values, derivative)
         for excess, shift in zip(self._excesses, self._shifts):
             values, pull = excess(nets, shift)
-            charged = np.maximum(values, 0)
-            loss += self._weight * float((excess.mean * charged**2).sum())
-            if charged.any():
-                pull(2 * self._weight * excess.mean * charged, slopes)
+            over = np.maximum(values, 0)
+            loss += self._weight * float((excess.mean * over**2).sum())
+            if over.any():
+                pull(2 * self._weight * excess.mean * over, slopes)
         return loss, [e.adjoint(slope) for e, slope in zip(self._embeddings, slopes)]
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The limits that are charged."""
+        """The limits that have a penalty."""
         return tuple(dict.fromkeys(excess.key for excess in self._excesses))
 
     def only(self, keys: Sequence[str]) -> ShapePenalty:
-        """Return the penalty without the charges for other limits."""
+        """Return the penalty without those of other limits."""
         other, kept = copy(self), [k for k, e in enumerate(self._excesses) if e.key in keys]
         other._excesses = [self._excesses[k] for k in kept]
         other._shifts = [self._shifts[k] for k in kept]
@@ -108,7 +105,7 @@ class ShapePenalty:
 def shape_penalty(
     lens: Lens, limits: Limits, density: float = 0.0, roughness: float = 0.0, fine: bool = False
 ) -> ShapePenalty | None:
-    """Return what the shape of a lens is charged for, or None.
+    """Return the penalty on the shape of a lens, or None.
 
     density : g/cm^3, for limits.mass.  fine : at twice as many points each way.
     """

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from optics.tolerancing.monte_carlo_samples import MadeBatch
+from optics.tolerancing.monte_carlo_samples import SampleBatch
 
 
 def batch(rel_l2, good=0.15):
     values = np.asarray(rel_l2, dtype=float)
-    return MadeBatch(values, np.full(values.shape, 0.9), values <= good)
+    return SampleBatch(values, np.full(values.shape, 0.9), values <= good)
 
 
 def test_the_interval_of_a_yield_holds_it_as_often_as_it_says():
