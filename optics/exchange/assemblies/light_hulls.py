@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import asin, atan, inf, isinf, radians, sin, tan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.scene.system import LightTarget, OpticalSystem
 from thbcad.certified import (
     DIRECTIONS,
     ConvexRegion,
@@ -24,12 +24,8 @@ from thbcad.certified import (
     region_between,
     supports_of,
 )
-from thbcad.splines import KnotVector, tensor_apply
-
-if TYPE_CHECKING:
-    from optics.scene.system import LightTarget, OpticalSystem
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.splines import BSplineSurface
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
 Floats = NDArray[np.float64]
 

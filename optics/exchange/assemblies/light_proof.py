@@ -20,6 +20,7 @@ from optics.exchange.assemblies.light_samples import (
     stopped_light,
     straight_paths,
 )
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, face_triangles
 from thbcad.cad.parts import (
     edges_within,
@@ -31,12 +32,11 @@ from thbcad.cad.parts import (
     rim_faces,
     solid_faces,
 )
+from thbcad.certified import ConvexRegion
+from thbcad.lens import Lens
 
 if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
     from thbcad.cad.parts import PlacedLens
-    from thbcad.certified import ConvexRegion
-    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports

@@ -28,11 +28,11 @@ from thbcad.cad.parts import (
     surface_numbers,
 )
 from thbcad.io import write_bytes
+from thbcad.lens import Lens, Tessellation
 from thbcad.mounts import LEAST, Mount, MountProof, read_mount, require_mount
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens, Tessellation
 
 VOLUME = 1e-6  # relative, what OCCT's integral is asked for
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +10,9 @@ from optics.base.runtime import Check, reading
 from optics.exchange.assemblies.light_checks import light_checks
 from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.assemblies.part_rays import landing_checks
-from optics.exchange.assemblies.placement_text import placed_text
+from optics.exchange.assemblies.placement_text import PlacedText, placed_text
 from optics.exchange.verification import same_surface, whole_checks
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, step_bytes, step_shape
 from thbcad.cad.parts import (
     PlacedLens,
@@ -23,11 +23,7 @@ from thbcad.cad.parts import (
     surface_numbers,
 )
 from thbcad.io import brep_of_text
-
-if TYPE_CHECKING:
-    from optics.exchange.assemblies.placement_text import PlacedText
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 TOLERANCE = 1e-6  # mm, as of a lens by itself
 # mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear: bores through a

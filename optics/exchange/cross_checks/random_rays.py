@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import cos, radians, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,14 @@ from optics.scene.sources import (
     CollimatedBeam,
     FileSource,
     LambertianArea,
+    LightSource,
     LuminaireSource,
     PointSource,
+    Profile,
     Rays,
 )
 
-if TYPE_CHECKING:
-    from optics.scene.sources import LightSource, Profile
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 SPARE = 64  # draws beside four for each ray, of which more than a third are kept: few rays have enough too
 

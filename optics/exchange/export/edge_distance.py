@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from thbcad.lens import placed_surfaces, rim
-
-if TYPE_CHECKING:
-    from thbcad.lens import Lens, Side
+from thbcad.lens import Lens, Side, placed_surfaces, rim
 
 STEPS = 6
 

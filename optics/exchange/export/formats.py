@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.read_back import (
@@ -39,12 +38,8 @@ from thbcad.io import (
     threemf_bytes,
     write_files,
 )
-from thbcad.lens import Product, Tessellation, placed_surfaces
+from thbcad.lens import Lens, Product, Tessellation, placed_surfaces
 from thbcad.meshes import glb_bytes
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check
-    from thbcad.lens import Lens
 
 CHORD = 1e-3  # mm
 EXACT_VOLUME = 1e-10  # relative, of the text of a STEP file whose edges lie on its faces

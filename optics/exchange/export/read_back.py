@@ -15,12 +15,11 @@ from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.wall_distance import wall_distance
 from thbcad.doors import pip_command
-from thbcad.lens import FRONT, REAR, optical_forms
+from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation, optical_forms
+from thbcad.splines import BSplineSurface, NURBSSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.lens import FreeformSurface, Lens, Tessellation
-    from thbcad.splines import BSplineSurface, NURBSSurface
 
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 SOLID_SURFACE = {"step": SURFACE, "iges": 1e-8, "brep": SURFACE}  # mm

@@ -3,19 +3,14 @@ flange."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from optics.exchange.export.body import Body
 from optics.exchange.export.edge_distance import edge_distance
-from thbcad.lens import SIDES, Polygon
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from optics.exchange.export.body import Body
-    from thbcad.checks import Floats
-    from thbcad.lens import Flange, Lens
+from thbcad.checks import Floats
+from thbcad.lens import SIDES, Flange, Lens, Polygon
 
 
 def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]]) -> float:

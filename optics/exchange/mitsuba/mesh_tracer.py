@@ -10,28 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import DrArray
 from optics.designing.optimisation import Objective
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.exchange.mitsuba.mesh import LensMesh
+from optics.exchange.mitsuba.surface_vertices import Jet
 from optics.light.engines import TracedModel
 from optics.light.intersections import device_flux, rim_fade
 from optics.light.tracing import Landing, refract
+from optics.scene.receivers import Receiver, Window
 from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
-    from optics.exchange.mitsuba.surface_vertices import Jet
-    from optics.scene.receivers import Receiver, Window
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
-
-    Vector = tuple[DrArray, DrArray, DrArray]
+Vector = tuple[DrArray, DrArray, DrArray]
 
 
 class MeshTracer:

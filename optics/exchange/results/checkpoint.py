@@ -6,16 +6,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State, stages
 from optics.exchange.results.identity import fingerprint
 from optics.scene.problem import Problem
+from optics.scene.system import OpticalSystem
 from thbcad.io import sag_from_dict, sag_to_dict, write_text
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
 
 SCHEMA, VERSION = "thbcad-checkpoint", 4
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Row
@@ -22,9 +22,7 @@ from optics.exchange.results.identity import DATA, data_of, differing_keys, fing
 from optics.exchange.results.owned_files import HASHES, require_own, sha256_of, writable_folder
 from optics.scene.problem import Problem, load_problem
 from thbcad.io import read_lens
-
-if TYPE_CHECKING:
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 RECORD, CHECKPOINT = "result.json", "checkpoint.json"
 CHECKED = ("metrics.json", "verify.json", "manufacture.json")

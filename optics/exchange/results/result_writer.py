@@ -12,17 +12,15 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.designing.optimisation import Row
 from optics.exchange.results.identity import data_of, fingerprint, run_id
 from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
 from optics.exchange.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
 from optics.scene.problem import Problem, problem_to_toml
 from thbcad.io import json_text, write_bytes, write_lens, write_text
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Row
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 SCHEMA, VERSION = "thbcad-result", 1
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from thbcad.sags import PlacedConic
+from thbcad.sags import PlacedConic
 
-    Floats = NDArray[np.float64]
-    Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
+Floats = NDArray[np.float64]
+Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
 ROOM = 1e-3  # of the width, above and below the face

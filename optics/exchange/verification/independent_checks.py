@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import occt_trace, optical_faces, optical_form
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
+from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.text_volume import text_volume_check
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace
-from thbcad.lens import CORNERS, SIDES, optical_forms, rim, ruled_edges
+from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, rim, ruled_edges
+from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.verification.step_file import StepFile
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens, OpticalForm
-    from thbcad.sags import ConicCurve
-
-    Rows = NDArray[np.float64]
+Rows = NDArray[np.float64]
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line

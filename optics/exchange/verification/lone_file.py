@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,12 @@ from optics.base.runtime import Check
 from optics.exchange.verification.occt_tracer import optical_form
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
+from optics.exchange.verification.step_file import StepFile
 from thbcad.cad.exchange import conic_faces, spline_faces
+from thbcad.io import Brep
 from thbcad.lens import FreeformSurface, require_sound_graphs
 from thbcad.sags import NOT_BOUNDED, PlacedConic
-from thbcad.splines import BSplineSurface
-
-if TYPE_CHECKING:
-    from optics.exchange.verification.step_file import StepFile
-    from thbcad.io import Brep
-    from thbcad.splines import KnotVector
+from thbcad.splines import BSplineSurface, KnotVector
 
 GRID = 1e-10  # of the size of a face: poles farther from their grid than rounding
 WITHOUT_LENS = (

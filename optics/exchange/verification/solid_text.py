@@ -12,13 +12,12 @@ import numpy as np
 from optics.base.runtime import Check
 from optics.exchange.verification.occt_tracer import optical_form
 from thbcad.cad.exchange import solid_volume
-from thbcad.io import MILLIMETRE, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.io import MILLIMETRE, Brep, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidState
-    from thbcad.io import Brep
-    from thbcad.lens import OpticalForm
 
 FINE_VOLUME = 1e-9  # relative
 MEASURE = 1e-6  # relative, what OCCT's integrals are asked for

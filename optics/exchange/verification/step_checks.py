@@ -8,24 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.exchange.verification.solid_text import FINE_VOLUME
 from optics.exchange.verification.step_file import ExportedStep, StepFile
 from optics.exchange.verification.trace_comparison import light_checks
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import solid_volume, step_bytes
 from thbcad.io import write_bytes
-from thbcad.lens import optical_forms
+from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms
 from thbcad.sags import PlacedConic, graph_of_poles
-from thbcad.splines import BSplineSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+
+Surface = BSplineSurface | NURBSSurface | PlacedConic
 
 if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
     from thbcad.cad.exchange import SolidFile
-    from thbcad.lens import FreeformSurface, Lens, OpticalForm
-    from thbcad.splines import KnotVector, NURBSSurface
-
-    Surface = BSplineSurface | NURBSSurface | PlacedConic
 
 TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction

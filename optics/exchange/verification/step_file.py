@@ -7,11 +7,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from optics.base.runtime import Check
+from thbcad.io import Brep
+from thbcad.lens import OpticalForm
+
 if TYPE_CHECKING:
-    from optics.base.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.io import Brep
-    from thbcad.lens import OpticalForm
 
 
 @dataclass(frozen=True)

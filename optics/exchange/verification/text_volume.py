@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check
-from thbcad.io import volume
-
-if TYPE_CHECKING:
-    from thbcad.io import Brep
-    from thbcad.lens import Lens
+from thbcad.io import Brep, volume
+from thbcad.lens import Lens
 
 VOLUME = 1e-10  # relative
 

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
-from optics.exchange.verification.reference_tracer import deposit, trace_step
-from optics.light.tracing import Tracer
-from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.verification.reference_tracer import OpticalFaces
-    from optics.light.tracing import LandingPoints
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
+from optics.base.runtime import Backend, Check
+from optics.exchange.verification.reference_tracer import OpticalFaces, deposit, trace_step
+from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.sources import Rays, single_rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and threads may round it to none
 

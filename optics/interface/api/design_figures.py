@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+from optics.base.runtime import Backend, HelperProcess
+from optics.designing.optimisation import Row, Stage
+from optics.interface.api.level_records import LevelRecord
+from optics.light.analysis import Measurement
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, HelperProcess
-    from optics.designing.optimisation import Row, Stage
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 
 class DesignFigures:

@@ -10,23 +10,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.base.runtime import peak_mb, process_for
+from optics.base.runtime import Check, HelperProcess, peak_mb, process_for
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
 from optics.exchange.results import ResultFolder, ResultWriter, level_files
+from optics.exchange.verification import ExportedStep
 from optics.interface.api.design_figures import DesignFigures
+from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
 from optics.scene.problem import limit_checks
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check, HelperProcess
-    from optics.exchange.verification import ExportedStep
-    from optics.interface.api.design_record import DesignRecord
-    from thbcad.lens import Lens, Manufacturability
+from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"

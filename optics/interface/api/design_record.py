@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.base.runtime import Backend
+from optics.designing.optimisation import Row
 from optics.designing.progress import Notes
 from optics.interface.api.irradiance_model import DEVICE
+from optics.interface.api.level_records import LevelRecord
+from optics.light.analysis import Measurement, Verdict
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import Row
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement, Verdict
-    from optics.scene.problem import Problem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)

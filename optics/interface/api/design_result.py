@@ -12,25 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.designing.optimisation import stages
+from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
 from optics.exchange.results import ResultFolder
 from optics.interface.api.design_files import save, verified
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
-from optics.interface.api.level_records import read_levels
+from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
+from optics.light.analysis import Measurement
+from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
+from optics.tolerancing.machining import ToolFindings, ToolOrder
+from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
+from thbcad.lens import Lens
 
 if TYPE_CHECKING:
-    from optics.designing.optimisation import Row, State
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement
     from optics.reporting.figures import OverviewFigure
-    from optics.scene.problem import Problem, Source
-    from optics.tolerancing.machining import ToolFindings, ToolOrder
-    from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
-    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"

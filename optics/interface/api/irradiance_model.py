@@ -11,21 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from threading import RLock
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import vertex_knots
+from optics.designing.optimisation import Objective, vertex_knots
 from optics.interface.api.coefficient_vectors import Coefficients, image_of, packed, vectors
+from optics.light.engines import LightModel
 from optics.scene.photometry import PER_STERADIAN
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Objective
-    from optics.light.engines import LightModel
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
 
 Floats = NDArray[np.float64]
 Pull = Callable[[ArrayLike], Coefficients]

@@ -6,22 +6,19 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.designing.optimisation import Indicators
+from optics.designing.optimisation import Indicators, Stage
 from optics.exchange.results import lens_of
 from optics.interface.api.irradiance_model import unit_of
+from optics.light.analysis import Measurement
+from optics.light.engines import Engine
+from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, lens_to_dict
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Stage
-    from optics.light.analysis import Measurement
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
+from optics.designing.optimisation import TransportStart
 from optics.light.blur import aimed_through, blur_of
-from optics.light.engines import BlurredEngine, ExactEngine
+from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import TransportStart
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 
 @dataclass(frozen=True, eq=False)

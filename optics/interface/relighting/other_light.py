@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import UserError
-from optics.light.analysis import measure
+from optics.base.runtime import Backend, UserError
+from optics.light.analysis import Measurement, measure
+from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem, solvable_system
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.analysis import Measurement
-    from optics.scene.problem import Problem, Source
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 
 def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Measurement:

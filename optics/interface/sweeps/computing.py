@@ -6,21 +6,16 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import Any
 
 from optics.base.runtime import Moment, Phase, Progress, UserError
-from optics.base.workers import TaskResult, run_tasks
+from optics.base.workers import TaskResult, WorkerPool, run_tasks
 from optics.designing.progress import drawing
 from optics.interface.sweeps.sweep_rows import DONE, FAILED, KILLED
 from optics.interface.sweeps.sweep_store import StoredVariant, SweepStore
 from optics.interface.sweeps.variant_work import Designed, Shared, Work
-
-if TYPE_CHECKING:
-    from types import TracebackType
-
-    from optics.base.workers import WorkerPool
-    from optics.interface.sweeps.variants import Variant
-
+from optics.interface.sweeps.variants import Variant
 
 VARIANT, TABLES = 3.0, 2.0  # expected seconds: of a variant, and of tables and plots
 

@@ -8,15 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.exchange.results import data_of
-from optics.interface.api import design
+from optics.interface.api import Design, design
 from optics.reporting.view import block_means
 from optics.scene.problem import Problem
-
-if TYPE_CHECKING:
-    from optics.interface.api import Design
 
 PICTURE = 96  # pixels, at most, of the larger side
 GAMMA = 2.2  # of screens: without it dark parts could not be told apart

@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from optics.light.analysis import counted_ways
+from optics.designing.optimisation import Row, Stage
+from optics.light.analysis import Measurement, counted_ways
+from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from optics.designing.optimisation import Row, Stage
-    from optics.light.analysis import Measurement
-    from optics.light.tracing import RayPath
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
-
-    Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
+Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
 
 LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
 DARK = 0.75  # of the colours, from which on they are too light for thin lines

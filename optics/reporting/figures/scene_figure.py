@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing import RayPath, TargetArea, trace_paths
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
 from optics.reporting.view import Face, Scene, View, caption, corners, placed, solid_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
 

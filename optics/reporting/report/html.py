@@ -7,20 +7,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.base.runtime import checks_of
-from optics.light.analysis import NEGLIGIBLE, counted_ways, error_words, photometric_lines
+from optics.base.runtime import Check, Grade, Result, checks_of
+from optics.light.analysis import NEGLIGIBLE, Verdict, counted_ways, error_words, photometric_lines
 from optics.reporting.report.key_numbers import key_list
 from optics.reporting.report.metric_words import PERCENT, metric_rows, number_text
 from optics.reporting.report.page_style import STYLE
-from optics.scene.photometry import units_of
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check, Grade, Result
-    from optics.light.analysis import Verdict
-    from optics.scene.photometry import Units
-    from optics.scene.problem import Problem
+from optics.scene.photometry import Units, units_of
+from optics.scene.problem import Problem
 
 OF_THE_SPLINES = (
     "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.reporting.report.metric_words import PERCENT, number_text
-
-if TYPE_CHECKING:
-    from optics.scene.photometry import Units
+from optics.scene.photometry import Units
 
 SECONDS_OF_A_MINUTE = 60
 LONG = 120.0  # s, from which on a time is said in minutes

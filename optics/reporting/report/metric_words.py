@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import isinf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.light.tracing import SENTENCES
-from optics.scene.photometry import BEAM, FIELD
-
-if TYPE_CHECKING:
-    from optics.scene.photometry import Units
+from optics.scene.photometry import BEAM, FIELD, Units
 
 PERCENT = "%"
 LONGEST = 1e9  # numbers from here on have a power of ten

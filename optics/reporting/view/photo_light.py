@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.reporting.view.photo_room import PhotoRoom
+from optics.reporting.view.photo_room import PhotoRoom
 
-    Array = NDArray[np.float64]
-    # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
-    Meeting = tuple[Array, Callable[[NDArray[np.int64]], Array]]
+Array = NDArray[np.float64]
+# the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
+Meeting = tuple[Array, Callable[[NDArray[np.int64]], Array]]
 
 WARM, COOL = np.array([1.0, 0.96, 0.9]), np.array([0.78, 0.88, 1.0])
 FRAME = 1.025  # of the screen's half-width
