@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from optics.exchange.assemblies.light_samples import (
 from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, face_triangles
 from thbcad.cad.parts import (
+    PlacedLens,
     edges_within,
     faces_within,
     inner_wires,
@@ -34,9 +35,6 @@ from thbcad.cad.parts import (
 )
 from thbcad.certified import ConvexRegion
 from thbcad.lens import Lens
-
-if TYPE_CHECKING:
-    from thbcad.cad.parts import PlacedLens
 
 Floats = NDArray[np.float64]
 Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports

@@ -30,17 +30,15 @@ def edge_distance(lens: Lens, side: Side, points: Array) -> float:
         f, across = front(u), rear(u) - front(u)
         along = (1 - w)[:, None] * slopes[0](u) + w[:, None] * slopes[1](u)
         rest = points - f - w[:, None] * across
-        aa, ab, bb, ar, br = ((p * q).sum(1) for p, q in _pairs(along, across, rest))
+        aa, ab, bb, ar, br = (
+            (p * q).sum(1)
+            for p, q in ((along, along), (along, across), (across, across), (along, rest), (across, rest))
+        )
         determinant = aa * bb - ab * ab
         u = np.clip(u + (bb * ar - ab * br) / determinant, -stop, stop)
         w = np.clip(w + (aa * br - ab * ar) / determinant, 0, 1)
     f = front(u)
     return float(np.linalg.norm(points - f - w[:, None] * (rear(u) - f), axis=1).max())
-
-
-def _pairs(along: Array, across: Array, rest: Array) -> tuple[tuple[Array, Array], ...]:
-    """Return the pairs whose products make the normal equations."""
-    return (along, along), (along, across), (across, across), (along, rest), (across, rest)
 
 
 def _rims(lens: Lens, side: Side) -> list[BSpline]:

@@ -26,11 +26,13 @@ from optics.exchange.export.read_back import (
     solid_checks,
 )
 from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
+from optics.exchange.verification import volume_check
 from optics.scene.system import lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
     obj_bytes,
+    parse_brep,
     ply_bytes,
     sag_text,
     stl_bytes,
@@ -169,7 +171,11 @@ def export(
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
         if name in DRAWINGS:
-            return _drawing(lens, name, path, chord, body, labels or Labels())
+            sheet = lens_sheet(
+                lens, (labels or Labels()).product, chord, body.aperture, body.flange, body.polygon
+            )
+            files = _written({path: drawing_bytes(sheet, name)})
+            return files, drawing_checks(lens, sheet, path, name, body)
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
@@ -201,15 +207,6 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
     write_files(files)
     return list(files)
-
-
-def _drawing(
-    lens: Lens, name: str, path: Path, chord: float, body: Body, labels: Labels
-) -> tuple[list[Path], list[Check]]:
-    """Write the drawing of the lens."""
-    sheet = lens_sheet(lens, labels.product, chord, body.aperture, body.flange, body.polygon)
-    files = _written({path: drawing_bytes(sheet, name)})
-    return files, drawing_checks(lens, sheet, path, name, body)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
@@ -268,9 +265,6 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
 
 def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
     """Return the Check of the volume of a STEP file by its text, without OCCT."""
-    from optics.exchange.verification import volume_check
-    from thbcad.io import parse_brep
-
     limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
     return [volume_check(parse_brep(path), body.volume(lens), limit)]
 

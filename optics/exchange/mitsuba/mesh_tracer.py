@@ -67,7 +67,11 @@ class MeshTracer:
             for name in shapes
         }
         self._flux = device_flux(self.backend, rays.flux)
-        rays = rays.rays(_before(mesh)) if isinstance(rays, RayGrid) else rays
+        rays = (
+            rays.rays(float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness))
+            if isinstance(rays, RayGrid)
+            else rays
+        )
         ox, oy, oz = (self.backend.array(row) for row in rays.origin)
         dx, dy, dz = (self.backend.array(row) for row in rays.direction)
         self._origin, self._direction = (ox, oy, oz), (dx, dy, dz)
@@ -171,11 +175,6 @@ class MeshTracer:
         u, v = dr.dot(s, across) * scale, dr.dot(d, turned) * scale
         n, along_e, along_f = (dr.gather(mi.Normal3f, normals, corner, hit) for corner in corners)
         return p + u * e + v * f, n * (1 - u - v) + along_e * u + along_f * v, hit
-
-
-def _before(mesh: LensMesh) -> float:
-    """Return z of a plane a thickness before the lens, mm."""
-    return float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness)
 
 
 def mesh_irradiance(

@@ -43,7 +43,12 @@ class ConicFace:
                 point = here + t[:, None] * directions
                 normal = self._normals(point)
                 ahead = (t >= -MEETS * self.width) & (t < travel)
-                meets = ahead & self._inside(point) & (normal[:, 2] > 0) & (_dot(normal, directions) > 0)
+                meets = (
+                    ahead
+                    & np.all(abs(point[:, :2]) <= self._half + MEETS * self.width, axis=1)
+                    & (normal[:, 2] > 0)
+                    & (_dot(normal, directions) > 0)
+                )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
         met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
         if self._bounded:
@@ -70,9 +75,6 @@ class ConicFace:
         normals = UP - self._curvature * self._scale * points
         unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         return unit
-
-    def _inside(self, points: Floats) -> NDArray[np.bool_]:
-        return np.all(abs(points[:, :2]) <= self._half + MEETS * self.width, axis=1)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""

@@ -16,10 +16,10 @@ from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
-Rows = NDArray[np.float64]
-
 if TYPE_CHECKING:
     from thbcad.cad.exchange import TopoDS_Shape
+
+Rows = NDArray[np.float64]
 
 MISCOUNTED = "optical faces where a lens has 2, front and rear"
 

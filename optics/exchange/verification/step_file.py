@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check
-from thbcad.io import Brep
+from thbcad.io import Brep, parse_brep
 from thbcad.lens import OpticalForm
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
         """
-        from thbcad.io import parse_brep
-
         return parse_brep(self.path)
 
     @cached_property
@@ -76,7 +74,7 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
-        from optics.exchange.verification.occt_tracer import optical_faces
+        from optics.exchange.verification.occt_tracer import optical_faces  # which loads OCCT
 
         optical_faces(self.text)
         return self.text, self.solid

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, deposit, trace_step
@@ -58,17 +57,13 @@ def compared(
     both = lit & others_lit & (np.abs(points) <= screen.half_width).all(axis=1)
     error = float(np.abs(points[both] - others.points[both]).max()) if both.any() else np.inf
     image, other_image = deposit(points, flux, screen), deposit(others.points, others.flux, screen)
+    norm = np.linalg.norm(image)
     return Comparison(
         landing=error,
-        irradiance=_difference(image, other_image),
+        irradiance=float(np.linalg.norm(image - other_image) / norm) if norm else np.inf,
         mismatched=int((lit != others_lit).sum()),
         unit=screen.unit,
     )
-
-
-def _difference(image: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    norm = np.linalg.norm(image)
-    return float(np.linalg.norm(image - other) / norm) if norm else np.inf
 
 
 def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend: Backend) -> list[Check]:

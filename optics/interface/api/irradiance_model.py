@@ -130,7 +130,7 @@ class Model:
             raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
         with DEVICE:
             screen = self._light.screen
-            knots = [vertex_knots(_half_width(space), counts) for space in self._spaces]
+            knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), counts) for space in self._spaces]
             return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
 
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
@@ -146,7 +146,3 @@ class Model:
 
     def _shown(self, image: Floats) -> Floats:
         return self._scale * self._light.screen.crop(image)
-
-
-def _half_width(space: THBSpace) -> tuple[float, float]:
-    return space.kv_u.stop, space.kv_v.stop

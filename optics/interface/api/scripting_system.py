@@ -25,12 +25,12 @@ from optics.interface.api.coefficient_vectors import (
 )
 from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
 from optics.interface.api.prepared_problem import prepared, shaping_by
-from optics.light.analysis import Measurement
+from optics.light.analysis import Measurement, measure
 from optics.light.engines import Engine, Film
 from optics.scene.problem import Problem
 from optics.scene.system import solvable_system
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import Lens
+from thbcad.lens import Lens, require_sound
 from thbcad.surfaces import THBSurface
 
 MOST_RAYS = 1 << 26  # at once
@@ -125,8 +125,6 @@ class System:
         ------
         UserError : it cannot exist, since its surfaces cross.
         """
-        from thbcad.lens import require_sound
-
         spaces = space_rows(space, self._level_0)
         sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
         try:
@@ -143,9 +141,6 @@ class System:
         ------
         UserError : no Lens.
         """
-        from optics.light.analysis import measure
-        from thbcad.lens import Lens
-
         if not isinstance(lens, Lens):
             made = "system.lens(space, c) makes one"
             raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import printable, speaking_of
 from optics.scene.problem import Problem, assignment
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 
 def changes_of(options: Namespace) -> dict[str, Any]:

@@ -33,7 +33,17 @@ def other_source(words: str, problem: Problem) -> Source:
         beam = own if source_of(problem).from_afar else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
-        return _led(found, problem)
+        own, size = problem.source, _number(found, "size")
+        half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
+        return Source(
+            kind="lambertian",
+            half_width=(size / 2, size / 2),
+            distance=_distance(found, problem),
+            flux=own.flux,
+            unit=own.unit,
+            half_angle=half_angle,
+            wavelength=own.wavelength,
+        )
     if found := LUMINAIRE.fullmatch(words):
         lamp = Path(found["file"]).absolute()
         return Source(
@@ -60,20 +70,6 @@ def _beam(problem: Problem) -> Source:
         distance=Source.distance + depth + freedom_of(front),
         flux=own.flux,
         unit=own.unit,
-        wavelength=own.wavelength,
-    )
-
-
-def _led(found: re.Match[str], problem: Problem) -> Source:
-    own, size = problem.source, _number(found, "size")
-    half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
-    return Source(
-        kind="lambertian",
-        half_width=(size / 2, size / 2),
-        distance=_distance(found, problem),
-        flux=own.flux,
-        unit=own.unit,
-        half_angle=half_angle,
         wavelength=own.wavelength,
     )
 

@@ -56,22 +56,17 @@ def designed(shared: Shared, work: Work) -> Designed:
     problem = shared.problem.with_(**work.changes)
     problem = replace(problem, run=replace(problem.run, threads=1))
     with TemporaryDirectory() as folder:
-        made = design(_with_files(problem, shared.files, Path(folder)))
+        tables: dict[str, Any] = {}
+        for table, part, path in data_of(problem):
+            local = Path(folder) / (table + Path(path).suffix)
+            local.write_bytes(shared.files[path])
+            tables[table] = replace(part, **{part.data: str(local)})
+        made = design(replace(problem, **tables))
         if made.interrupted:
             raise KeyboardInterrupt
         judged = made.verdict.data() | {"notes": "; ".join(made.verdict.notes)}
         metrics = _flat(judged | dict(made.metrics))
         return Designed(metrics, _picture(made), _lens_text(made) if work.keep_lens else "")
-
-
-def _with_files(problem: Problem, files: Mapping[str, bytes], folder: Path) -> Problem:
-    """Return the problem with its files written to a folder of this machine."""
-    tables: dict[str, Any] = {}
-    for table, part, path in data_of(problem):
-        local = folder / (table + Path(path).suffix)
-        local.write_bytes(files[path])
-        tables[table] = replace(part, **{part.data: str(local)})
-    return replace(problem, **tables)
 
 
 def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, float | int | str | bool | None]:

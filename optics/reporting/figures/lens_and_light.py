@@ -77,14 +77,14 @@ def light_figures(
     if system.target.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
-    return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)
-
-
-def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:
-    return {
-        f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
-        for k, (name, fan) in enumerate(paths.items(), 1)
-    }
+    return (
+        figures
+        | colour_figures(system, measurement, unit)
+        | {
+            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+            for k, (name, fan) in enumerate(paths.items(), 1)
+        }
+    )
 
 
 def lens_figures(lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> Figures:

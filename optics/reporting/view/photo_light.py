@@ -48,7 +48,11 @@ class PhotoLight:
 
     def along(self, origin: Array, direction: Array) -> Array:
         """Return the radiance that rays (3, n) meet, (n, 3)."""
-        colour = self._surroundings(direction)
+        # a dark room with a soft lamp above on the left
+        up = np.clip(direction[1], -1, 1)
+        soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
+        grey = 0.002 + 0.05 * np.maximum(up, 0) + 0.9 * soft
+        colour = grey[:, None] * COOL
         nearest = np.full(origin.shape[1], np.inf)
         for path, shade in (
             self._table(origin, direction),
@@ -71,13 +75,6 @@ class PhotoLight:
     def screen_path(self, origin: Array, direction: Array) -> Array:
         """Return the path to the screen with its frame, inf where it is not met, (n,)."""
         return self._screen(origin, direction)[0]
-
-    def _surroundings(self, direction: Array) -> Array:
-        """A dark room with a soft lamp above on the left."""
-        up = np.clip(direction[1], -1, 1)
-        soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
-        grey = 0.002 + 0.05 * np.maximum(up, 0) + 0.9 * soft
-        return grey[:, None] * COOL
 
     def _table(self, origin: Array, direction: Array) -> Meeting:
         with np.errstate(divide="ignore"):
