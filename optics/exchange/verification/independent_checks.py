@@ -11,8 +11,7 @@ from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import occt_trace, optical_faces, optical_form
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
-from optics.exchange.verification.step_file import StepFile
-from optics.exchange.verification.text_volume import text_volume_check
+from optics.exchange.verification.step_file import StepFile, text_volume_check
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
 from optics.scene.sources import Rays

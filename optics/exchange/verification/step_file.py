@@ -1,15 +1,16 @@
-"""A STEP file under test, read once by each of several programs that share no code."""
+"""A STEP file under test, read once by each of several programs that share no code, and its volume."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check
-from thbcad.io import Brep, parse_brep
-from thbcad.lens import OpticalForm
+from thbcad.io import Brep, parse_brep, volume
+from thbcad.lens import Lens, OpticalForm
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -92,3 +93,24 @@ class ExportedStep:
     checks: list[Check]
     front: OpticalForm
     rear: OpticalForm
+
+
+VOLUME = 1e-10  # relative
+
+
+def text_volume_check(solid: Brep, lens: Lens) -> Check:
+    """Return the Check of the volume by quadrature over the text against the lens in memory."""
+    return volume_check(solid, lens.volume(), VOLUME)
+
+
+def volume_check(solid: Brep, wanted: float, limit: float) -> Check:
+    """Return the Check of the volume by quadrature over the text against a wanted one, mm^3.
+
+    limit : of the relative difference
+    """
+    try:
+        off = abs(volume(solid) / wanted - 1)
+    except ValueError:  # faces that do not close
+        off = inf
+    name = "volume by quadrature over the text of the file against the closed form, relative"
+    return Check(name, off, limit, "")

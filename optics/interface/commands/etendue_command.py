@@ -29,8 +29,7 @@ from optics.designing.etendue import (
 )
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.outcome import Outcome
-from optics.interface.commands.picture_file import picture_path
-from optics.interface.commands.problem_options import system_of
+from optics.interface.commands.problem_options import picture_path, system_of
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_bytes

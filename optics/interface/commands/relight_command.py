@@ -8,7 +8,7 @@ from typing import Any
 from optics.base.runtime import check_lines, verification
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.picture_file import picture_path
+from optics.interface.commands.problem_options import picture_path
 from optics.light.analysis import loss_notes
 from thbcad.io import write_bytes
 
