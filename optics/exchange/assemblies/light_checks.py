@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from optics.base.runtime import Check
-from optics.exchange.assemblies.light_proof import GLASS
-
-if TYPE_CHECKING:
-    from optics.exchange.assemblies.light_proof import Floats, PartLight
+from optics.exchange.assemblies.light_proof import GLASS, Floats, PartLight
 
 VOLUME = 1e-9  # relative
 LOST = 1e-3  # of the flux, which trims and mounts may cost

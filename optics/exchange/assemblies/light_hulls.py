@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import asin, atan, inf, isinf, radians, sin, tan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.scene.system import OpticalSystem
 from thbcad.certified import (
     DIRECTIONS,
     ConvexRegion,
@@ -24,12 +24,8 @@ from thbcad.certified import (
     region_between,
     supports_of,
 )
-from thbcad.splines import KnotVector, tensor_apply
-
-if TYPE_CHECKING:
-    from optics.scene.system import LightTarget, OpticalSystem
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.splines import BSplineSurface
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
 Floats = NDArray[np.float64]
 
@@ -86,7 +82,7 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
         source = Stack(np.array([back]), source.supports + _grown(steepest, float(source.heights[0]) - back))
     if source.heights.max() < low < surfaces["front"].heights.min():
         source = source.towards(surfaces["front"], low)
-    target = _lit_target(system.target)
+    target = _lit_target(system)
     regions = {
         "source to front": region_between(source, surfaces["front"]),
         "front to rear": region_between(surfaces["front"], surfaces["rear"]),
@@ -170,8 +166,9 @@ def _active(kv: KnotVector, low: float, high: float) -> slice:
     return slice(first, int(np.searchsorted(kv.knots[: kv.dim], high, side="left")))
 
 
-def _lit_target(target: LightTarget) -> Floats:
+def _lit_target(system: OpticalSystem) -> Floats:
     """Return the supports of the pixels that are to be lit, in mm, or of tangents in the far field."""
+    target = system.target
     screen = target.screen()
     lit = target.irradiance(screen, 1.0) > 0
     (x, y), (wide, tall) = screen.centres, np.divide(screen.pitch, 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,10 @@ from optics.exchange.assemblies.light_samples import (
     stopped_light,
     straight_paths,
 )
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, face_triangles, faces_of
 from thbcad.cad.parts import (
+    PlacedLens,
     edges_within,
     faces_within,
     inner_wires,
@@ -30,12 +32,8 @@ from thbcad.cad.parts import (
     own_edges,
     rim_faces,
 )
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
-    from thbcad.cad.parts import PlacedLens
-    from thbcad.certified import ConvexRegion
-    from thbcad.lens import Lens
+from thbcad.certified import ConvexRegion
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports

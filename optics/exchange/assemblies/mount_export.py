@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,12 +26,10 @@ from thbcad.cad.parts import (
     placed_step,
     surface_numbers,
 )
+from thbcad.cad.shapes import Part
 from thbcad.io import write_bytes
-from thbcad.mounts import LEAST, Mount, MountProof, read_mount, require_mount
-
-if TYPE_CHECKING:
-    from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens, Tessellation
+from thbcad.lens import Lens, Tessellation
+from thbcad.mounts import LEAST, Mount, read_mount, require_mount
 
 VOLUME = 1e-6  # relative, what OCCT's integral is asked for
 
@@ -71,30 +68,41 @@ def export_mounted(
     require_writable(path)
     require_readers(name)
     try:
-        checks = _mount_checks(mount, require_mount(mount, lens))
+        proof = require_mount(mount, lens)
+        pairs = (("clearance", mount.clearance, proof.clearance), ("wall", mount.wall, proof.wall))
+        checks = [
+            Check(
+                f"least {name} of the mount, proven to be {got:.6g} mm, short of {wanted:g} mm by",
+                max(wanted - got, 0.0),
+                LEAST,
+                "mm",
+            )
+            for name, wanted, got in pairs
+        ]
         body = mounted_part(lens, mount)
         part = exact_part(placed_lens(body, lens), body.names)
         if name in MESHES:
-            return [path], [*checks, *_mesh(part, name, path, chord)]
+            write, single = MESHES[name]
+            mesh: Tessellation = part_mesh(part, chord, single)
+            write_bytes(path, write(mesh))
+            read = read_mesh(path, name)
+            by = f"{name.upper()} read back by {READERS[name][0]}"
+            off = abs(read.volume - solid_volume(part.solid, VOLUME))
+            apart = np.ptp(read.vertices, axis=0) - np.ptp(mesh.vertices, axis=0)
+            return [path], [
+                *checks,
+                Check("chord error as measured", mesh.chord, chord, "mm"),
+                Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
+                Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
+                Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
+                Check(f"size against the mesh in memory, {by}", float(np.abs(apart).max()), chord, "mm"),
+                Check(f"volume against OCCT's of the solid, {by}", off, chord * read.area, "mm^3"),
+            ]
         return [path], [*checks, *_solid(lens, part, name, path, labels)]
     except OSError as error:  # a full disk
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
     except (ValueError, RuntimeError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
-
-
-def _mount_checks(mount: Mount, proof: MountProof) -> list[Check]:
-    """Return the Checks of what is proven of a mount."""
-    pairs = (("clearance", mount.clearance, proof.clearance), ("wall", mount.wall, proof.wall))
-    return [
-        Check(
-            f"least {name} of the mount, proven to be {got:.6g} mm, short of {wanted:g} mm by",
-            max(wanted - got, 0.0),
-            LEAST,
-            "mm",
-        )
-        for name, wanted, got in pairs
-    ]
 
 
 def _solid(lens: Lens, part: Part, name: str, path: Path, labels: Labels) -> list[Check]:
@@ -105,21 +113,6 @@ def _solid(lens: Lens, part: Part, name: str, path: Path, labels: Labels) -> lis
     state = SolidState((iges_shape if name == "iges" else brep_shape)(path))
     by = f"{name.upper()} read back by OCCT"
     placed = placed_lens(state.shape, lens)
-    return [
-        *_state_checks(state, part, by),
-        *(
-            Check(
-                f"{word} numbers that differ from the lens in memory, {by}",
-                surface_numbers(placed.geometry(word)).differing(surface_numbers(surface)),
-                0,
-                "",
-            )
-            for word, surface in placed.surfaces.items()
-        ),
-    ]
-
-
-def _state_checks(state: SolidState, part: Part, by: str) -> list[Check]:
     volume = solid_volume(part.solid, VOLUME)
     return [
         Check(f"solids besides the one expected, {by}", abs(state.solids - 1), 0, ""),
@@ -131,22 +124,13 @@ def _state_checks(state: SolidState, part: Part, by: str) -> list[Check]:
         Check(
             f"volume against the part in memory, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""
         ),
-    ]
-
-
-def _mesh(part: Part, name: str, path: Path, chord: float) -> list[Check]:
-    write, single = MESHES[name]
-    mesh: Tessellation = part_mesh(part, chord, single)
-    write_bytes(path, write(mesh))
-    read = read_mesh(path, name)
-    by = f"{name.upper()} read back by {READERS[name][0]}"
-    off = abs(read.volume - solid_volume(part.solid, VOLUME))
-    apart = np.ptp(read.vertices, axis=0) - np.ptp(mesh.vertices, axis=0)
-    return [
-        Check("chord error as measured", mesh.chord, chord, "mm"),
-        Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
-        Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
-        Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
-        Check(f"size against the mesh in memory, {by}", float(np.abs(apart).max()), chord, "mm"),
-        Check(f"volume against OCCT's of the solid, {by}", off, chord * read.area, "mm^3"),
+        *(
+            Check(
+                f"{word} numbers that differ from the lens in memory, {by}",
+                surface_numbers(placed.geometry(word)).differing(surface_numbers(surface)),
+                0,
+                "",
+            )
+            for word, surface in placed.surfaces.items()
+        ),
     ]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Check
+from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.verification import occt_trace, optiland_trace, trace_step
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import receiver_at
+from thbcad.cad.parts import PlacedLens
 from thbcad.certified import DIRECTIONS
 from thbcad.lens import OpticalForm, optical_forms
-
-if TYPE_CHECKING:
-    from optics.exchange.assemblies.light_proof import PartLight
-    from thbcad.cad.parts import PlacedLens
 
 RAYS = (21, 22)  # in x and y: numbers without a ray on the axes of symmetry of both
 WITHIN = 0.98  # of the half-widths: rays that meet the front

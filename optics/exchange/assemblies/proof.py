@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +10,9 @@ from optics.base.runtime import Check, reading
 from optics.exchange.assemblies.light_checks import light_checks
 from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.assemblies.part_rays import landing_checks
-from optics.exchange.assemblies.placement_text import placed_text
+from optics.exchange.assemblies.placement_text import PlacedText, placed_text
 from optics.exchange.verification import same_surface, whole_checks
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, step_bytes, step_shape
 from thbcad.cad.parts import (
     PlacedLens,
@@ -23,11 +23,7 @@ from thbcad.cad.parts import (
     surface_numbers,
 )
 from thbcad.io import brep_of_text
-
-if TYPE_CHECKING:
-    from optics.exchange.assemblies.placement_text import PlacedText
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 TOLERANCE = 1e-6  # mm, as of a lens by itself
 # mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear: bores through a
@@ -56,7 +52,12 @@ def part_checks(
     checks, left_out = whole_checks(text.solid, OTHER_EDGES)
     checks += _text_checks(text, lens)
     state = SolidState(shape)
-    checks += _solid_checks(state)
+    checks += [
+        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
+        Check("free edges, by OCCT", state.free_edges, 0, ""),
+        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
+        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+    ]
     try:
         placed = placed_lens(shape, lens)
     except ValueError as error:
@@ -66,7 +67,12 @@ def part_checks(
         ], left_out
     apart = float(np.abs(placed.matrix - text.motion).max())
     checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
-    off = _areas_off(placed, lens)
+    # how far the areas of front and rear are from those of the lens, relative
+    back = placed.placement.Inverted()
+    off = {}
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        full = 4 * surface.half_width[0] * surface.half_width[1]
+        off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
     trimmed = max(off.values()) > AREA
     checks.append(
         Check(
@@ -102,25 +108,6 @@ def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
     off_rotation = max(float(np.abs(rotation @ rotation.T - np.eye(3)).max()), float(mirrored))
     checks.append(Check("text of the file: placement that is no rotation", off_rotation, MOTION, ""))
     return checks
-
-
-def _solid_checks(state: SolidState) -> list[Check]:
-    return [
-        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
-        Check("free edges, by OCCT", state.free_edges, 0, ""),
-        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
-        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
-    ]
-
-
-def _areas_off(placed: PlacedLens, lens: Lens) -> dict[str, float]:
-    """Return by how much the areas of front and rear differ from those of the lens, relative."""
-    back = placed.placement.Inverted()
-    off = {}
-    for name, surface in (("front", lens.front), ("rear", lens.rear)):
-        full = 4 * surface.half_width[0] * surface.half_width[1]
-        off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
-    return off
 
 
 def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:

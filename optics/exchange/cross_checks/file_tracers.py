@@ -9,21 +9,19 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from optics.base.runtime import PRECISIONS, UserError
+from optics.exchange.verification import StepFile
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from optics.exchange.verification import StepFile
-    from optics.scene.receivers import Receiver
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import OpticalForm
 
 INDEX = re.compile(r"refractive index ([0-9.]+(?:[eE][-+]?[0-9]+)?)\Z")
 

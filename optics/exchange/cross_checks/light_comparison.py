@@ -16,24 +16,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import floor, isqrt, sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
+from optics.exchange.cross_checks.file_tracers import FileTracer
 from optics.exchange.cross_checks.light_sums import Distances, binned, distances, exact_landing, on_target
 from optics.exchange.cross_checks.meshed_file import COARSER
 from optics.exchange.cross_checks.random_rays import random_rays
 from optics.light.analysis import cell_irradiance
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.cross_checks.file_tracers import FileTracer
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.paths import LightPath
+from optics.scene.receivers import Screen
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 400  # noise of 5 %
 RAYS_AT_ONCE = 1 << 20

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing import LandingPoints, Tracer
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.paths import LightPath
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import RayGrid, Rays
+from optics.scene.paths import LightPath
+from optics.scene.receivers import Screen
+from optics.scene.sources import RayGrid, Rays
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and programs may round it to none
 

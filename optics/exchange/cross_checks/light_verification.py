@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from optics.base.runtime import Check
-
-if TYPE_CHECKING:
-    from optics.exchange.cross_checks.light_comparison import LightComparison
-    from optics.scene.problem import Verify
+from optics.exchange.cross_checks.light_comparison import LightComparison
+from optics.scene.problem import Verify
 
 MOST_Z = 5.0  # 3e-7 of equal lights are farther apart
 MESH_FATES = 1e-3  # of the flux: at rims, and where light is just totally reflected, by single precision

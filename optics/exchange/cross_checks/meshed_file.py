@@ -12,22 +12,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.exchange.mitsuba import current_mitsuba, mitsuba_backend
-from optics.exchange.verification import last_step, optical_faces, optical_form
+from optics.exchange.verification import StepFile, last_step, optical_faces, optical_form
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver
+from optics.scene.sources import Rays
 from thbcad.cad.exchange import FaceNodes, face_nodes
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from optics.exchange.verification import StepFile
-    from optics.scene.receivers import Receiver
-    from optics.scene.sources import Rays
-    from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, KnotVector
 
 FLAT = 2  # steps across a plane face
 COARSER = 3.0  # errors of a mesh, from it to the mesh of every second node

@@ -6,9 +6,8 @@ so that the light on a pixel is a count: its variance is what it has of squared 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import cos, radians, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,14 @@ from optics.scene.sources import (
     CollimatedBeam,
     FileSource,
     LambertianArea,
+    LightSource,
     LuminaireSource,
     PointSource,
+    Profile,
     Rays,
 )
 
-if TYPE_CHECKING:
-    from optics.scene.sources import LightSource, Profile
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 SPARE = 64  # draws beside four for each ray, of which more than a third are kept: few rays have enough too
 
@@ -44,7 +42,17 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
     if isinstance(source, LuminaireSource):
-        return _of_luminaire(source, flux, fresh)
+        # directions of the full sphere, kept with the probability of their light
+        light = source.directions.light
+        s, t = _positions(source.profile, len(flux), fresh)
+        opening = np.stack([s * source.half_width[0], t * source.half_width[1], np.zeros(len(flux))])
+        kept = np.zeros((3, 0))
+        while kept.shape[1] < len(flux):
+            drawn = fresh.normal(size=(3, len(flux)))
+            drawn /= np.linalg.norm(drawn, axis=0)
+            lit = fresh.random(len(flux)) * light.candela.max() < light.intensity(drawn)
+            kept = np.concatenate([kept, drawn[:, lit]], axis=1)
+        return Rays(opening, kept[:, : len(flux)], flux).posed(source.pose)
     if isinstance(source, FileSource):
         given = source.sample()
         chosen = fresh.choice(len(given.flux), len(flux), p=given.flux / given.flux.sum())
@@ -61,20 +69,6 @@ def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Gen
         sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, len(flux))
         direction[:] = sine * np.cos(turn), sine * np.sin(turn), cosine
     return Rays(origin, direction, flux)
-
-
-def _of_luminaire(lamp: LuminaireSource, flux: Floats, fresh: np.random.Generator) -> Rays:
-    """Return rays of a luminaire: directions of the full sphere, kept with the probability of their light."""
-    light = lamp.directions.light
-    s, t = _positions(lamp.profile, len(flux), fresh)
-    opening = np.stack([s * lamp.half_width[0], t * lamp.half_width[1], np.zeros(len(flux))])
-    kept = np.zeros((3, 0))
-    while kept.shape[1] < len(flux):
-        drawn = fresh.normal(size=(3, len(flux)))
-        drawn /= np.linalg.norm(drawn, axis=0)
-        lit = fresh.random(len(flux)) * light.candela.max() < light.intensity(drawn)
-        kept = np.concatenate([kept, drawn[:, lit]], axis=1)
-    return Rays(opening, kept[:, : len(flux)], flux).posed(lamp.pose)
 
 
 def _cosines(source: LightSource, n: int, fresh: np.random.Generator) -> Floats:
@@ -124,7 +118,16 @@ def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Fl
     if profile.kind == "round":
         return np.sqrt(s) * np.cos(2 * np.pi * t), np.sqrt(s) * np.sin(2 * np.pi * t)
     if profile.kind == "round_gaussian":
-        return _within_disk(profile.sigma, n, fresh)
+        # a Gaussian that the unit disk cuts off: uniform positions, kept with its probability
+        found = np.zeros((2, 0))
+        while found.shape[1] < n:
+            s, t = fresh.uniform(-1, 1, (2, 4 * n + SPARE))
+            kept = (s**2 + t**2 < 1) & (
+                fresh.random(s.size)
+                < np.exp(-0.5 * ((s / profile.sigma[0]) ** 2 + (t / profile.sigma[1]) ** 2))
+            )
+            found = np.concatenate([found, [s[kept], t[kept]]], axis=1)
+        return found[0, :n], found[1, :n]
     if profile.kind == "gaussian":
         low = [ndtr(-1 / sigma) for sigma in profile.sigma]
         s, t = (w * ndtri(a + r * (1 - 2 * a)) for w, a, r in zip(profile.sigma, low, (s, t)))
@@ -135,16 +138,3 @@ def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Fl
         row, column = np.divmod(np.searchsorted(below, fresh.random(n) * below[-1], side="right"), columns)
         return 2 * (column + s) / columns - 1, 1 - 2 * (row + t) / rows
     return 2 * s - 1, 2 * t - 1
-
-
-def _within_disk(sigma: Sequence[float], n: int, fresh: np.random.Generator) -> tuple[Floats, Floats]:
-    """Return independent positions of a Gaussian that the unit disk cuts off: uniform ones, kept with its
-    probability."""
-    found = np.zeros((2, 0))
-    while found.shape[1] < n:
-        s, t = fresh.uniform(-1, 1, (2, 4 * n + SPARE))
-        kept = (s**2 + t**2 < 1) & (
-            fresh.random(s.size) < np.exp(-0.5 * ((s / sigma[0]) ** 2 + (t / sigma[1]) ** 2))
-        )
-        found = np.concatenate([found, [s[kept], t[kept]]], axis=1)
-    return found[0, :n], found[1, :n]

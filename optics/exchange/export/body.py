@@ -7,13 +7,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from thbcad.lens import Flange, aperture_volume, flanged_volume, optical_forms, polygon_volume
+from thbcad.lens import (
+    Flange,
+    Lens,
+    Tessellation,
+    aperture_volume,
+    flanged_volume,
+    optical_forms,
+    polygon_volume,
+)
 from thbcad.meshes import body_mesh
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens, Tessellation
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,11 +10,9 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.export.body import Body
-
-if TYPE_CHECKING:
-    from thbcad.checks import Floats
-    from thbcad.drawings import Sheet
-    from thbcad.lens import FreeformSurface, Lens
+from thbcad.checks import Floats
+from thbcad.drawings import Sheet
+from thbcad.lens import FreeformSurface, Lens
 
 SVG = "{http://www.w3.org/2000/svg}"
 APPLICATION = "THBCAD"

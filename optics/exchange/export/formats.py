@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.read_back import (
@@ -27,11 +26,13 @@ from optics.exchange.export.read_back import (
     solid_checks,
 )
 from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
+from optics.exchange.verification import volume_check
 from optics.scene.system import lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
     obj_bytes,
+    parse_brep,
     ply_bytes,
     sag_text,
     stl_bytes,
@@ -39,12 +40,8 @@ from thbcad.io import (
     threemf_bytes,
     write_files,
 )
-from thbcad.lens import Product, Tessellation, placed_surfaces
+from thbcad.lens import Lens, Product, Tessellation, placed_surfaces
 from thbcad.meshes import glb_bytes
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check
-    from thbcad.lens import Lens
 
 CHORD = 1e-3  # mm
 EXACT_VOLUME = 1e-10  # relative, of the text of a STEP file whose edges lie on its faces
@@ -174,7 +171,11 @@ def export(
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
         if name in DRAWINGS:
-            return _drawing(lens, name, path, chord, body, labels or Labels())
+            sheet = lens_sheet(
+                lens, (labels or Labels()).product, chord, body.aperture, body.flange, body.polygon
+            )
+            files = _written({path: drawing_bytes(sheet, name)})
+            return files, drawing_checks(lens, sheet, path, name, body)
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
@@ -206,15 +207,6 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
     write_files(files)
     return list(files)
-
-
-def _drawing(
-    lens: Lens, name: str, path: Path, chord: float, body: Body, labels: Labels
-) -> tuple[list[Path], list[Check]]:
-    """Write the drawing of the lens."""
-    sheet = lens_sheet(lens, labels.product, chord, body.aperture, body.flange, body.polygon)
-    files = _written({path: drawing_bytes(sheet, name)})
-    return files, drawing_checks(lens, sheet, path, name, body)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
@@ -273,9 +265,6 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
 
 def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
     """Return the Check of the volume of a STEP file by its text, without OCCT."""
-    from optics.exchange.verification import volume_check
-    from thbcad.io import parse_brep
-
     limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
     return [volume_check(parse_brep(path), body.volume(lens), limit)]
 

@@ -15,12 +15,12 @@ from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.wall_distance import wall_distance
 from thbcad.doors import pip_command
-from thbcad.lens import FRONT, REAR, optical_forms
+from thbcad.io import patched_deviation
+from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation, optical_forms
+from thbcad.splines import BSplineSurface, NURBSSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.lens import FreeformSurface, Lens, Tessellation
-    from thbcad.splines import BSplineSurface, NURBSSurface
 
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 SOLID_SURFACE = {"step": SURFACE, "iges": 1e-8, "brep": SURFACE}  # mm
@@ -79,7 +79,6 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
 def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
     """Return the Checks of a STEP file whose front and rear are patches."""
     from thbcad.cad.exchange import SolidState, step_shape
-    from thbcad.io import patched_deviation
 
     checks = _state_checks(SolidState(step_shape(path)), "STEP read back by OCCT", faces, lens.volume())
     return [*checks, Check("front and rear, text of the file", patched_deviation(path, lens), SURFACE, "mm")]
@@ -143,10 +142,13 @@ def mesh_checks(
             ("rear", REAR, lens.rear, lens.thickness),
         ):
             points = _samples(corners, read.faces[faces == face])
+            # in z, and in x and y beside the rectangle
+            x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
+            error = points - np.column_stack([x, y, vertex + surface(x, y)])
             checks.append(
                 Check(
                     f"{word} against the exact surface, {by}",
-                    _height_error(points, surface, vertex),
+                    float(np.linalg.norm(error, axis=1).max()),
                     chord,
                     "mm",
                 )
@@ -230,13 +232,6 @@ def _samples(corners: Array, triangles: NDArray[np.int64]) -> Array:
     step = -(-5 * len(triangles) // SAMPLES)
     a, b, c = (corners[triangles[::step, k]] for k in range(3))
     return np.concatenate([a, (a + b) / 2, (b + c) / 2, (c + a) / 2, (a + b + c) / 3])
-
-
-def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> float:
-    """Return the greatest distance of points from the surface: in z, and in x and y beside the rectangle."""
-    x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
-    error = points - np.column_stack([x, y, vertex + surface(x, y)])
-    return float(np.linalg.norm(error, axis=1).max())
 
 
 def read_mesh(path: Path, name: str) -> Any:

@@ -3,19 +3,15 @@ flange."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 
-from optics.exchange.export.edge_distance import edge_distance
-from thbcad.lens import SIDES, Polygon
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from optics.exchange.export.body import Body
-    from thbcad.checks import Floats
-    from thbcad.lens import Flange, Lens
+from optics.exchange.export.body import Body
+from thbcad.checks import Floats
+from thbcad.lens import SIDES, Flange, Lens, Polygon, Side, placed_surfaces, rim
 
 
 def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]]) -> float:
@@ -52,3 +48,42 @@ def _distance(name: str, points: Floats, half: Floats, round_: bool, flange: Fla
     relative = np.abs(points[:, :2]) / half
     size = np.hypot(*relative.T) if round_ else relative.max(axis=1)
     return float((np.hypot(*points[:, :2].T) * np.abs(1 / size - 1)).max())
+
+
+STEPS = 6
+
+Array = NDArray[np.float64]
+
+
+def edge_distance(lens: Lens, side: Side, points: Array) -> float:
+    """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims
+    F and B, mm.
+
+    The distance to any E(u, w) is an upper bound.  Gauss-Newton steps from a (u, w) of about equal height
+    find the nearest point of the edge, unless it lies on the rim of a slanted edge.
+
+    points : (n, 3), mm.
+    """
+    # the rims of front and rear as curves over the parameters of the rear
+    rims = (rim(surface, side) for surface in placed_surfaces(lens))
+    front, rear = (BSpline(kv.knots, poles, kv.degree) for kv, poles in rims)
+    slopes = front.derivative(), rear.derivative()
+    stop, w = rear.t[-1], np.full(len(points), 0.5)
+    ratio = lens.front.half_width[side.axis] / lens.rear.half_width[side.axis]
+    for _ in range(STEPS):  # about the (u, w) at which E has the height of the points
+        u = np.clip(points[:, side.axis] / ((1 - w) * ratio + w), -stop, stop)
+        low, high = front(u)[:, 2], rear(u)[:, 2]
+        w = np.clip((points[:, 2] - low) / (high - low), 0, 1)
+    for _ in range(STEPS):
+        f, across = front(u), rear(u) - front(u)
+        along = (1 - w)[:, None] * slopes[0](u) + w[:, None] * slopes[1](u)
+        rest = points - f - w[:, None] * across
+        aa, ab, bb, ar, br = (
+            (p * q).sum(1)
+            for p, q in ((along, along), (along, across), (across, across), (along, rest), (across, rest))
+        )
+        determinant = aa * bb - ab * ab
+        u = np.clip(u + (bb * ar - ab * br) / determinant, -stop, stop)
+        w = np.clip(w + (aa * br - ab * ar) / determinant, 0, 1)
+    f = front(u)
+    return float(np.linalg.norm(points - f - w[:, None] * (rear(u) - f), axis=1).max())

@@ -20,27 +20,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
+from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_engine import lens_mesh
 from optics.exchange.mitsuba.scene import REFLECTANCE, scene_dictionary
+from optics.exchange.mitsuba.surface_vertices import Jet
+from optics.light.engines import Film
 from optics.scene.receivers import GaussianWindow, Screen, filter_image
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.mitsuba.mesh import LensMesh
-    from optics.exchange.mitsuba.surface_vertices import Jet
-    from optics.light.engines import Film
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
 WIDER = 2  # times the target in each direction

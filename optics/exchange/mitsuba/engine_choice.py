@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from optics.exchange.mitsuba.camera_engine import CameraEngine
 from optics.exchange.mitsuba.loading import load_mitsuba, mitsuba_backend
 from optics.exchange.mitsuba.mesh_engine import MeshEngine
 from optics.exchange.mitsuba.rendered_model import RenderingEngine
-from optics.light.engines import ExactEngine
-
-if TYPE_CHECKING:
-    from optics.light.engines import Engine
+from optics.light.engines import Engine, ExactEngine
 
 
 def mitsuba_engine(name: str, threads: int = 0) -> Engine:

@@ -33,24 +33,21 @@ from dataclasses import replace
 from functools import cache
 from math import ceil, sqrt
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.designing.optimisation import stage_window
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.exchange.results import ResultFolder
-from optics.light.engines import TracedModel
+from optics.light.engines import Light, LightModel, TracedModel
 from optics.light.tracing import Tracer
 from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.engines import Light, LightModel
-    from thbcad.lens import Lens
-
-    Models = Callable[[Any, int], LightModel]  # of a sensor and its samples per pixel
+Models = Callable[[Any, int], LightModel]  # of a sensor and its samples per pixel
 
 Floats = NDArray[np.float64]
 NAME = "thbcad"

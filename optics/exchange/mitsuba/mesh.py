@@ -15,21 +15,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import repeat
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.loading import mitsuba_backend
-from optics.exchange.mitsuba.surface_vertices import SurfaceVertices, jet_operation
+from optics.exchange.mitsuba.surface_vertices import Jet, SurfaceVertices, jet_operation
 from thbcad.checks import read_only
-from thbcad.lens import rim_indices, tessellated
-
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
-    from optics.exchange.mitsuba.surface_vertices import Jet
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
+from thbcad.lens import Lens, rim_indices, tessellated
+from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
 FACES = ("front", "rear", "edges")

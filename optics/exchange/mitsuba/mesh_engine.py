@@ -10,21 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.base.runtime import Backend
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_tracer import MeshTracer
-from optics.light.engines import SOFT_RIM, TracedModel, measured_rays
-from optics.scene.sources import RayGrid
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.engines import Film
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.engines import SOFT_RIM, Film, TracedModel, measured_rays
+from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 PER_SPAN = 2  # least vertices per knot span of the finest level, in each direction
 FEWEST = 448  # spaces between the vertices, in each direction

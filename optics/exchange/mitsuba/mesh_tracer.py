@@ -10,28 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import DrArray
 from optics.designing.optimisation import Objective
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.exchange.mitsuba.mesh import LensMesh
+from optics.exchange.mitsuba.surface_vertices import Jet
 from optics.light.engines import TracedModel
 from optics.light.intersections import device_flux, rim_fade
 from optics.light.tracing import Landing, refract
+from optics.scene.receivers import Receiver, Window
 from optics.scene.sources import RayGrid, Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
-    from optics.exchange.mitsuba.surface_vertices import Jet
-    from optics.scene.receivers import Receiver, Window
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
-
-    Vector = tuple[DrArray, DrArray, DrArray]
+Vector = tuple[DrArray, DrArray, DrArray]
 
 
 class MeshTracer:
@@ -69,7 +67,11 @@ class MeshTracer:
             for name in shapes
         }
         self._flux = device_flux(self.backend, rays.flux)
-        rays = rays.rays(_before(mesh)) if isinstance(rays, RayGrid) else rays
+        rays = (
+            rays.rays(float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness))
+            if isinstance(rays, RayGrid)
+            else rays
+        )
         ox, oy, oz = (self.backend.array(row) for row in rays.origin)
         dx, dy, dz = (self.backend.array(row) for row in rays.direction)
         self._origin, self._direction = (ox, oy, oz), (dx, dy, dz)
@@ -173,11 +175,6 @@ class MeshTracer:
         u, v = dr.dot(s, across) * scale, dr.dot(d, turned) * scale
         n, along_e, along_f = (dr.gather(mi.Normal3f, normals, corner, hit) for corner in corners)
         return p + u * e + v * f, n * (1 - u - v) + along_e * u + along_f * v, hit
-
-
-def _before(mesh: LensMesh) -> float:
-    """Return z of a plane a thickness before the lens, mm."""
-    return float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness)
 
 
 def mesh_irradiance(

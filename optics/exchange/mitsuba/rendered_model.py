@@ -10,21 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.integrator import light_integrator
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
-
-if TYPE_CHECKING:
-    from optics.base.runtime import DrArray
-    from optics.light.engines import Engine, Film, LightModel
-    from optics.scene.receivers import Screen
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-    from thbcad.splines import KnotVector
+from optics.light.engines import Engine, Film, LightModel
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
 

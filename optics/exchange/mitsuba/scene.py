@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import cos, pi, radians
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,10 @@ from optics.base.runtime import UserError
 from optics.exchange.mitsuba.loading import MONO, current_mitsuba
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.scene_screen import screen_rectangle, square_pixels, watching_camera
-from optics.scene.sources import CollimatedBeam, LambertianArea, PointSource
+from optics.scene.receivers import Screen
+from optics.scene.sources import CollimatedBeam, LambertianArea, PointSource, Profile
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.scene.sources import Profile
-    from optics.scene.system import OpticalSystem
 
 REFLECTANCE = 2.0**-7  # of the screen
 VERTICES = (449, 449)

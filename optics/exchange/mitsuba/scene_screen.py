@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from math import atan2, degrees, radians, tan
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import UserError
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from thbcad.lens import Lens
+from optics.scene.receivers import Screen
+from thbcad.lens import Lens
 
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
 NEAREST = 0.9  # of the distance from the screen to the lens: the camera is not farther away

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Mapping
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,9 +21,7 @@ from optics.exchange.mitsuba.mesh import FACES, LensMesh
 from optics.exchange.mitsuba.scene import REFLECTANCE, VERTICES, scene_dictionary
 from optics.exchange.mitsuba.scene_screen import overview_camera
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 TAGS = {  # of the plugins that `scene_dictionary` names
     "scene": "scene",

@@ -15,21 +15,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from optics.base.runtime import Backend, DrArray
 from thbcad.checks import read_only
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface
+from thbcad.splines import KnotVector
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, DrArray
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface
-    from thbcad.splines import KnotVector
-
-    Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # z, zx, zy, Float64 (n,) each
+Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # z, zx, zy, Float64 (n,) each
 
 Floats = NDArray[np.float64]
 Matrices: TypeAlias = "list[tuple[csr_array, csr_array]]"  # values and slopes in x, and in y

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from optics.exchange.results.result_folder import (
         FIGURES as FIGURES,
         FILES as FILES,
-        Result as Result,
         ResultFolder as ResultFolder,
         is_result_file as is_result_file,
         lens_of as lens_of,

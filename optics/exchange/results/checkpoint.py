@@ -6,16 +6,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State, stages
 from optics.exchange.results.identity import fingerprint
 from optics.scene.problem import Problem
+from optics.scene.system import OpticalSystem
 from thbcad.io import sag_from_dict, sag_to_dict, write_text
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
 
 SCHEMA, VERSION = "thbcad-checkpoint", 4
 
@@ -70,7 +68,15 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
     try:
         data = _data(path)
         same = fingerprint(system.problem) in _owner(data).problems
-        state, notes = _state(data), [str(sentence) for sentence in data["notes"]]
+        moved, stage, history = data["moved"], data["stage"], tuple(Row(*row) for row in data["history"])
+        if type(moved) is not bool or type(stage) is not int:
+            raise ValueError("moved must be true or false and stage a whole number")
+        for row in history:
+            numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
+            if not all(type(v) in (int, float) for v in numbers):
+                raise ValueError("the history must hold numbers")
+        state = State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)
+        notes = [str(sentence) for sentence in data["notes"]]
     except OSError as error:
         raise UserError(
             f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume"
@@ -102,15 +108,3 @@ def _data(path: Path) -> dict[str, Any]:
 def _owner(data: dict[str, Any]) -> Owner:
     asked, resolved = data["problems"]
     return Owner(str(data["title"]), (str(asked), str(resolved)))
-
-
-def _state(data: dict[str, Any]) -> State:
-    """Return the State of a checkpoint's data; ValueError where an entry is not what was written."""
-    moved, stage, history = data["moved"], data["stage"], tuple(Row(*row) for row in data["history"])
-    if type(moved) is not bool or type(stage) is not int:
-        raise ValueError("moved must be true or false and stage a whole number")
-    for row in history:
-        numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
-        if not all(type(v) in (int, float) for v in numbers):
-            raise ValueError("the history must hold numbers")
-    return State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)

@@ -7,14 +7,12 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.exchange.results.owned_files import sha256_of
 from optics.scene.problem import Export, Problem, Verify
 from thbcad.io import lens_to_dict
-
-if TYPE_CHECKING:
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 OF_THE_LIGHT = (
     *("min_over_mean", "min_over_max", "rsd"),

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Row
@@ -22,9 +22,7 @@ from optics.exchange.results.identity import DATA, data_of, differing_keys, fing
 from optics.exchange.results.owned_files import HASHES, require_own, sha256_of, writable_folder
 from optics.scene.problem import Problem, load_problem
 from thbcad.io import read_lens
-
-if TYPE_CHECKING:
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 RECORD, CHECKPOINT = "result.json", "checkpoint.json"
 CHECKED = ("metrics.json", "verify.json", "manufacture.json")
@@ -79,7 +77,12 @@ class ResultFolder:
         try:
             with run_lock(self.path, problem.title):
                 self._clear_temporaries()
-                self._require_files(problem)
+                for name in self._names(problem):
+                    if (self.path / name).is_dir():
+                        raise UserError(
+                            f"cannot write {self.path / name}: it is a folder; move it or choose another "
+                            "with --out"
+                        )
                 if not force:
                     self._require_nothing_lost(problem)
                 try:
@@ -116,7 +119,21 @@ class ResultFolder:
                 f"{self.path} holds no single result: {' and '.join(changed)} changed since the run that "
                 f"{RECORD} speaks of; run the design again, or put the file back"
             )
-        self._require_one_run(record["run_id"])
+        # a file that is there and speaks of another run
+        names = [name for name in self._record()[HASHES] if is_result_file(name) and name not in FILES]
+        wrong = [name for name in names if (self.path / name).exists() and not self._is_recorded(name)]
+        for name in CHECKED:
+            try:
+                data = json.loads((self.path / name).read_text("utf-8"))
+            except (OSError, ValueError, RecursionError):
+                continue  # it claims nothing
+            if not isinstance(data, dict) or data.get("run_id") != record["run_id"]:
+                wrong.append(name)
+        if wrong:
+            raise UserError(
+                f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
+                f"{RECORD}; run the design again"
+            )
         return result
 
     def read_lens(self) -> Lens:
@@ -176,23 +193,6 @@ class ResultFolder:
         path, held = self.path / name, self._record()[HASHES]
         return path.exists() and held.get(name) == sha256_of(path)
 
-    def _require_one_run(self, wanted: str) -> None:
-        """Raise UserError where a file that is there speaks of another run."""
-        names = [name for name in self._record()[HASHES] if is_result_file(name) and name not in FILES]
-        wrong = [name for name in names if (self.path / name).exists() and not self._is_recorded(name)]
-        for name in CHECKED:
-            try:
-                data = json.loads((self.path / name).read_text("utf-8"))
-            except (OSError, ValueError, RecursionError):
-                continue  # it claims nothing
-            if not isinstance(data, dict) or data.get("run_id") != wanted:
-                wrong.append(name)
-        if wrong:
-            raise UserError(
-                f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
-                f"{RECORD}; run the design again"
-            )
-
     def _clear_temporaries(self) -> None:
         """Remove what a killed run left of half-written files."""
         for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in DATA)):
@@ -206,13 +206,6 @@ class ResultFolder:
         kept = [path.relative_to(self.path).as_posix() for path in self.path.glob("**/level_*")]
         levels = [name for name in kept if is_level_file(name)]
         return [*FILES, CHECKPOINT, *pictures_of(problem), *levels]
-
-    def _require_files(self, problem: Problem) -> None:
-        for name in self._names(problem):
-            if (self.path / name).is_dir():
-                raise UserError(
-                    f"cannot write {self.path / name}: it is a folder; move it or choose another with --out"
-                )
 
     def _require_nothing_lost(self, problem: Problem) -> None:
         if self.has_run_of(problem):

@@ -12,17 +12,15 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.designing.optimisation import Row
 from optics.exchange.results.identity import data_of, fingerprint, run_id
 from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
 from optics.exchange.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
 from optics.scene.problem import Problem, problem_to_toml
 from thbcad.io import json_text, write_bytes, write_lens, write_text
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Row
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 SCHEMA, VERSION = "thbcad-result", 1
 
@@ -38,10 +36,21 @@ class ResultWriter:
         self._earlier = set(recorded(self._folder / RECORD))
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
-        self.problem_text = self._store_problem(problem)
+        # the resolved problem with its files, so that it can be run again
+        names: dict[str, Any] = {}
+        for table, part, path in data_of(problem):
+            name = table + Path(path).suffix.lower()
+            names[table] = replace(part, **{part.data: name})
+            self.write(name, Path(path).read_bytes())
+        self.problem_text = problem_to_toml(replace(problem, **names))
+        self.write("problem.toml", self.problem_text.encode())
         write_lens(lens, folder.lens)
         self._written.add(folder.lens.name)
-        self.write("history.csv", _history_text(history).encode())
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
+        writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
+        self.write("history.csv", text.getvalue().encode())
         self.run = {"run_id": run_id(problem, lens)}
 
     @property
@@ -86,22 +95,3 @@ class ResultWriter:
         files = hashes(self._folder, self._written)
         record = {"schema": SCHEMA, "version": VERSION, **self.run, "asked": fingerprint(asked), **verdict}
         write_text(self._folder / RECORD, json_text(record | {HASHES: files}))
-
-    def _store_problem(self, problem: Problem) -> str:
-        """Store the resolved problem and its files, so that it can be run again; return its text."""
-        names: dict[str, Any] = {}
-        for table, part, path in data_of(problem):
-            name = table + Path(path).suffix.lower()
-            names[table] = replace(part, **{part.data: name})
-            self.write(name, Path(path).read_bytes())
-        text = problem_to_toml(replace(problem, **names))
-        self.write("problem.toml", text.encode())
-        return text
-
-
-def _history_text(history: Sequence[Row]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
-    writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
-    return text.getvalue()

@@ -27,14 +27,15 @@ if TYPE_CHECKING:
         surface_deviation as surface_deviation,
         verify as verify,
     )
-    from optics.exchange.verification.step_file import ExportedStep as ExportedStep, StepFile as StepFile
+    from optics.exchange.verification.step_file import (
+        ExportedStep as ExportedStep,
+        StepFile as StepFile,
+        text_volume_check as text_volume_check,
+        volume_check as volume_check,
+    )
     from optics.exchange.verification.text_comparison import (
         fresh_export_checks as fresh_export_checks,
         same_surface as same_surface,
-    )
-    from optics.exchange.verification.text_volume import (
-        text_volume_check as text_volume_check,
-        volume_check as volume_check,
     )
     from optics.exchange.verification.trace_comparison import light_checks as light_checks
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from thbcad.sags import PlacedConic
+from thbcad.sags import PlacedConic
 
-    Floats = NDArray[np.float64]
-    Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
+Floats = NDArray[np.float64]
+Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
 ROOM = 1e-3  # of the width, above and below the face
@@ -46,7 +43,12 @@ class ConicFace:
                 point = here + t[:, None] * directions
                 normal = self._normals(point)
                 ahead = (t >= -MEETS * self.width) & (t < travel)
-                meets = ahead & self._inside(point) & (normal[:, 2] > 0) & (_dot(normal, directions) > 0)
+                meets = (
+                    ahead
+                    & np.all(abs(point[:, :2]) <= self._half + MEETS * self.width, axis=1)
+                    & (normal[:, 2] > 0)
+                    & (_dot(normal, directions) > 0)
+                )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
         met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
         if self._bounded:
@@ -73,9 +75,6 @@ class ConicFace:
         normals = UP - self._curvature * self._scale * points
         unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         return unit
-
-    def _inside(self, points: Floats) -> NDArray[np.bool_]:
-        return np.all(abs(points[:, :2]) <= self._half + MEETS * self.width, axis=1)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""

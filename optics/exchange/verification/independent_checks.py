@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import occt_trace, optical_faces, optical_form
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
-from optics.exchange.verification.text_volume import text_volume_check
+from optics.exchange.verification.step_file import StepFile, text_volume_check
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace
-from thbcad.lens import CORNERS, SIDES, optical_forms, rim, ruled_edges
+from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, rim, ruled_edges
+from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.verification.step_file import StepFile
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens, OpticalForm
-    from thbcad.sags import ConicCurve
-
-    Rows = NDArray[np.float64]
+Rows = NDArray[np.float64]
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
@@ -68,29 +62,26 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 
 def text_checks(solid: Brep, lens: Lens) -> list[Check]:
     """Return the Checks of the text of a STEP file against the lens in memory."""
-    return [
-        *whole_checks(solid)[0],
-        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
-        *_same(solid, lens),
-        text_volume_check(solid, lens),
-    ]
-
-
-def _same(solid: Brep, lens: Lens) -> list[Check]:
-    """Return the checks of faces and edges, number by number, against the lens in memory."""
     pair, optical = optical_forms(lens), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
     flat = lens.front.half_width == lens.rear.half_width
     front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
+    corners = {_bits(corner) for form in pair for corner in _corners(form)}
+    rims = {row for form in pair for row in _rims(form)}
     counts = {
         "front numbers": differing_numbers(front, pair[0]),
         "rear numbers": differing_numbers(rear, pair[1]),
         "edge face numbers": _other_planes(rest, lens) if flat else _other_ruled(rest, lens),
-        "rims and corners": _loose(solid, pair),
+        "rims and corners": sum(_loose_parts(edge, corners, rims) for edge in solid.edges),
     }
     return [
-        Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
-        for name, value in counts.items()
+        *whole_checks(solid)[0],
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        *(
+            Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
+            for name, value in counts.items()
+        ),
+        text_volume_check(solid, lens),
     ]
 
 
@@ -110,16 +101,6 @@ def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:
             axis = int(np.argmax(face.plane[1] != 0))
             wanted.discard((axis, face.plane[0, axis]))
     return len(wanted) + abs(len(faces) - 4)
-
-
-def _loose(solid: Brep, pair: Sequence[OpticalForm]) -> int:
-    """Return how many parts of the edges are not those of the lens.
-
-    Counted are ends of edges that are no corner, and edges that are neither a rim nor a line between corners.
-    """
-    corners = {_bits(corner) for form in pair for corner in _corners(form)}
-    rims = {row for form in pair for row in _rims(form)}
-    return sum(_loose_parts(edge, corners, rims) for edge in solid.edges)
 
 
 def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,12 @@ from optics.base.runtime import Check
 from optics.exchange.verification.occt_tracer import optical_form
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
+from optics.exchange.verification.step_file import StepFile
 from thbcad.cad.exchange import conic_faces, spline_faces
+from thbcad.io import Brep
 from thbcad.lens import FreeformSurface, require_sound_graphs
 from thbcad.sags import NOT_BOUNDED, PlacedConic
-from thbcad.splines import BSplineSurface
-
-if TYPE_CHECKING:
-    from optics.exchange.verification.step_file import StepFile
-    from thbcad.io import Brep
-    from thbcad.splines import KnotVector
+from thbcad.splines import BSplineSurface, KnotVector
 
 GRID = 1e-10  # of the size of a face: poles farther from their grid than rounding
 WITHOUT_LENS = (
@@ -48,6 +45,13 @@ def bare_checks(file: StepFile) -> BareChecks:
     by_itself = text_checks_of(file.text)
     state = file.state
     measures, not_measured = measure_checks(file.text, state)
+    # numbers of spline faces, and of planes across z, spheres and patches of conics, by OCCT and by the text
+    by_occt = [*spline_faces(file.state.shape), *conic_faces(file.state.shape)]
+    faces = file.text.faces
+    splines = [face.surface for face in faces if face.surface is not None]
+    conics = [form for face in faces if isinstance(form := optical_form(file.text, face), PlacedConic)]
+    by_text = [*splines, *conics]
+    unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
     checks = [
         Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
         Check("free edges, by OCCT", state.free_edges, 0, ""),
@@ -56,7 +60,7 @@ def bare_checks(file: StepFile) -> BareChecks:
         Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
         Check(
             "text of the file: numbers of surfaces that differ from those that OCCT reads",
-            _unequal(file),
+            unequal + abs(len(by_occt) - len(by_text)),
             0,
             "",
         ),
@@ -78,18 +82,6 @@ def text_checks_of(solid: Brep) -> BareChecks:
         with np.errstate(all="ignore"):
             nets += _crossing_checks(surfaces)
     return BareChecks([*checks, *nets], left_out)
-
-
-def _unequal(file: StepFile) -> int:
-    """Return how many numbers of spline faces, and of planes across z, spheres and patches of conics differ
-    between the text and what OCCT reads."""
-    by_occt = [*spline_faces(file.state.shape), *conic_faces(file.state.shape)]
-    faces = file.text.faces
-    splines = [face.surface for face in faces if face.surface is not None]
-    conics = [form for face in faces if isinstance(form := optical_form(file.text, face), PlacedConic)]
-    by_text = [*splines, *conics]
-    unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
-    return unequal + abs(len(by_occt) - len(by_text))
 
 
 def _net_checks(solid: Brep) -> tuple[list[Check], list[BSplineSurface]]:

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from optics.exchange.verification.reference_tracer import last_step
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver
 from thbcad.cad.exchange import face_hits
+from thbcad.io import Brep, BrepFace
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
-    from optics.scene.receivers import Receiver
     from thbcad.cad.exchange import TopoDS_Shape
-    from thbcad.io import Brep, BrepFace
-    from thbcad.lens import OpticalForm
 
-    Rows = NDArray[np.float64]
+Rows = NDArray[np.float64]
 
 MISCOUNTED = "optical faces where a lens has 2, front and rear"
 

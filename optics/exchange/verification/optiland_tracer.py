@@ -22,28 +22,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.exchange.verification.independent_checks import RAYS
 from optics.exchange.verification.reference_tracer import last_step
+from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver
+from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens, OpticalForm
 from thbcad.sags import PlacedConic
+from thbcad.splines import BSplineSurface
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # optiland takes seconds to load
     from optiland.geometries import BaseGeometry, NurbsGeometry, Plane, StandardGeometry
     from optiland.rays import RealRays
 
-    from optics.base.runtime import Backend
-    from optics.exchange.verification.step_file import StepFile
-    from optics.scene.receivers import Receiver
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens, OpticalForm
-    from thbcad.splines import BSplineSurface
-
-    Rows = NDArray[np.float64]
     Frames = Iterator[tuple[NDArray[np.int64], BaseGeometry]]  # numbers of rays and the geometry for them
 
+Rows = NDArray[np.float64]
 AT_ONCE = 1000  # rays
 HEIGHTS = 17  # from the lowest to the highest pole of a face
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12  # mm; about ten times the rounding at 1 m from the face

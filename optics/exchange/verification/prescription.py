@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isinf
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import Check
-from optics.scene.problem import base_of
+from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import KnotVector
-
-if TYPE_CHECKING:
-    from optics.scene.problem import Freeform, Front, Problem, Rear
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.surfaces import THBSurface
+from thbcad.surfaces import THBSurface
 
 BOUND = 1e-12  # relative: rounding of coefficients that lie on z_freedom
 

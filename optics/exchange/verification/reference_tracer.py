@@ -7,22 +7,19 @@ conics in closed form, and refraction uses the vector form of Snell's law.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from optics.base.runtime import NumericalError
-from optics.exchange.verification.conic_face import MEETS, ROOM, ConicFace
+from optics.exchange.verification.conic_face import MEETS, ROOM, ConicFace, Floats, Meetings
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver, Screen
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from optics.exchange.verification.conic_face import Floats, Meetings
-    from optics.scene.receivers import Receiver, Screen
-    from thbcad.lens import OpticalForm
-    from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, KnotVector
 
 HALVINGS = 12  # of steps in which a ray may fall through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it

@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from math import inf, nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import Check
 from optics.exchange.verification.occt_tracer import optical_form
-from thbcad.cad.exchange import solid_volume
-from thbcad.io import MILLIMETRE, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.cad.exchange import SolidState, solid_volume
+from thbcad.io import MILLIMETRE, Brep, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic
-
-if TYPE_CHECKING:
-    from thbcad.cad.exchange import SolidState
-    from thbcad.io import Brep
-    from thbcad.lens import OpticalForm
 
 FINE_VOLUME = 1e-9  # relative
 MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
@@ -41,6 +36,9 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
         distance, uncompared = image_distance(solid)
         turned = turned_faces(solid)
     schema = solid.labels["schema"]
+    names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
+    again = sum(names.values()) - len(names)
+    middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
     return [
         Check(
             "text of the file: schema that is none of AP203, AP214, AP242",
@@ -61,7 +59,12 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
         Check(
             "text of the file: splines closed or crossing by their flags alone", solid.contradictions, 0, ""
         ),
-        Check("text of the file: faces with a name that belongs to another", _misnamed(solid), 0, ""),
+        Check(
+            "text of the file: faces with a name that belongs to another",
+            again + int(len(middle) == 2 and not middle["front"] < middle["rear"]),
+            0,
+            "",
+        ),
     ], [f"distance from curves in the faces' parameters: {what}" for what in uncompared]
 
 
@@ -108,15 +111,6 @@ def _or_inf(measure: Callable[[Brep], float], solid: Brep) -> float:
         raise
     except ValueError:
         return inf
-
-
-def _misnamed(solid: Brep) -> int:
-    """Return how many faces bear a name of this package's that another face bears, or that of the opposite
-    face."""
-    names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
-    again = sum(names.values()) - len(names)
-    middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
-    return again + int(len(middle) == 2 and not middle["front"] < middle["rear"])
 
 
 def _middle(form: OpticalForm | None) -> float:

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check
+from optics.base.runtime import Backend, Check
 from optics.exchange.verification.solid_text import FINE_VOLUME
 from optics.exchange.verification.step_file import ExportedStep, StepFile
 from optics.exchange.verification.trace_comparison import light_checks
-from thbcad.cad.exchange import solid_volume, step_bytes
+from optics.scene.system import OpticalSystem
+from thbcad.cad.exchange import SolidFile, solid_volume, step_bytes
 from thbcad.io import write_bytes
-from thbcad.lens import optical_forms
+from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms
 from thbcad.sags import PlacedConic, graph_of_poles
-from thbcad.splines import BSplineSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.cad.exchange import SolidFile
-    from thbcad.lens import FreeformSurface, Lens, OpticalForm
-    from thbcad.splines import KnotVector, NURBSSurface
-
-    Surface = BSplineSurface | NURBSSurface | PlacedConic
+Surface = BSplineSurface | NURBSSurface | PlacedConic
 
 TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction
@@ -50,20 +43,20 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
 
     backend : of double precision.
     """
+    limit, volume = system.problem.verify.volume, lens.volume()
+    off = abs(file.solid.volume / volume - 1)
+    if off > limit:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
+        off = abs(solid_volume(file.solid.shape, FINE_VOLUME) / volume - 1)
     return [
         *solid_checks(system, lens, file),
-        _occt_volume(system, lens, file.solid),
+        Check("volume by OCCT against the closed form, relative", off, limit, ""),
         *light_checks(system, lens, file.solid, backend),
     ]
 
 
 def solid_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
     """Return the checks of faces, edges, tolerances and numbers."""
-    return [*_topology(file.solid), *_geometry(system, lens, file.solid)]
-
-
-def _topology(step: SolidFile) -> list[Check]:
-    """Return the checks of faces, edges and tolerances."""
+    step = file.solid
     return [
         Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
@@ -71,6 +64,7 @@ def _topology(step: SolidFile) -> list[Check]:
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
         Check("shell not closed", int(not step.closed), 0, ""),
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
+        *_geometry(system, lens, file.solid),
     ]
 
 
@@ -87,15 +81,6 @@ def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]
         deviation = surface_deviation(read, surface, vertex)
         checks.append(Check(f"{name} face against the lens in memory", deviation, limit, "mm"))
     return checks
-
-
-def _occt_volume(system: OpticalSystem, lens: Lens, step: SolidFile) -> Check:
-    """Return the check of the volume by OCCT's integral, which takes seconds on rough surfaces."""
-    limit, volume = system.problem.verify.volume, lens.volume()
-    off = abs(step.volume / volume - 1)
-    if off > limit:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
-        off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
-    return Check("volume by OCCT against the closed form, relative", off, limit, "")
 
 
 def surface_deviation(face: OpticalForm, surface: FreeformSurface, vertex: float) -> float:

@@ -1,17 +1,19 @@
-"""A STEP file under test, read once by each of several programs that share no code."""
+"""A STEP file under test, read once by each of several programs that share no code, and its volume."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from optics.base.runtime import Check
+from thbcad.io import Brep, parse_brep, volume
+from thbcad.lens import Lens, OpticalForm
+
 if TYPE_CHECKING:
-    from optics.base.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.io import Brep
-    from thbcad.lens import OpticalForm
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,6 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
         """
-        from thbcad.io import parse_brep
-
         return parse_brep(self.path)
 
     @cached_property
@@ -75,7 +75,7 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
-        from optics.exchange.verification.occt_tracer import optical_faces
+        from optics.exchange.verification.occt_tracer import optical_faces  # which loads OCCT
 
         optical_faces(self.text)
         return self.text, self.solid
@@ -93,3 +93,24 @@ class ExportedStep:
     checks: list[Check]
     front: OpticalForm
     rear: OpticalForm
+
+
+VOLUME = 1e-10  # relative
+
+
+def text_volume_check(solid: Brep, lens: Lens) -> Check:
+    """Return the Check of the volume by quadrature over the text against the lens in memory."""
+    return volume_check(solid, lens.volume(), VOLUME)
+
+
+def volume_check(solid: Brep, wanted: float, limit: float) -> Check:
+    """Return the Check of the volume by quadrature over the text against a wanted one, mm^3.
+
+    limit : of the relative difference
+    """
+    try:
+        off = abs(volume(solid) / wanted - 1)
+    except ValueError:  # faces that do not close
+        off = inf
+    name = "volume by quadrature over the text of the file against the closed form, relative"
+    return Check(name, off, limit, "")

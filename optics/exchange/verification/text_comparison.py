@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Check
+from optics.exchange.verification.step_file import StepFile
+from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import step_bytes
 from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
+from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface, KnotVector
-
-if TYPE_CHECKING:
-    from optics.exchange.verification.step_file import StepFile
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
 
 OTHER_TEXT = (
     "the text of the STEP file differs from a fresh export of the lens by this version; "

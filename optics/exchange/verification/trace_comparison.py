@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.base.runtime import Check
-from optics.exchange.verification.reference_tracer import deposit, trace_step
-from optics.light.tracing import Tracer
-from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.exchange.verification.reference_tracer import OpticalFaces
-    from optics.light.tracing import LandingPoints
-    from optics.scene.sources import Rays
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
+from optics.base.runtime import Backend, Check
+from optics.exchange.verification.reference_tracer import OpticalFaces, deposit, trace_step
+from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.sources import Rays, single_rays
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and threads may round it to none
 
@@ -66,17 +57,13 @@ def compared(
     both = lit & others_lit & (np.abs(points) <= screen.half_width).all(axis=1)
     error = float(np.abs(points[both] - others.points[both]).max()) if both.any() else np.inf
     image, other_image = deposit(points, flux, screen), deposit(others.points, others.flux, screen)
+    norm = np.linalg.norm(image)
     return Comparison(
         landing=error,
-        irradiance=_difference(image, other_image),
+        irradiance=float(np.linalg.norm(image - other_image) / norm) if norm else np.inf,
         mismatched=int((lit != others_lit).sum()),
         unit=screen.unit,
     )
-
-
-def _difference(image: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    norm = np.linalg.norm(image)
-    return float(np.linalg.norm(image - other) / norm) if norm else np.inf
 
 
 def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend: Backend) -> list[Check]:

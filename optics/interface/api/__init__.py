@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.interface.api.design_errors import (
-        SAMPLES as SAMPLES,
         form_tolerances as form_tolerances,
         monte_carlo as monte_carlo,
         require_monte_carlo as require_monte_carlo,
@@ -14,13 +13,12 @@ if TYPE_CHECKING:
     )
     from optics.interface.api.design_figures import DesignFigures as DesignFigures
     from optics.interface.api.design_files import (
-        Written as Written,
         helpers as helpers,
         write_result as write_result,
     )
     from optics.interface.api.design_result import Design as Design
     from optics.interface.api.design_run import design as design, designed as designed
-    from optics.interface.api.irradiance_model import DEVICE as DEVICE, Model as Model
+    from optics.interface.api.irradiance_model import Model as Model
     from optics.interface.api.minimisation import Minimum as Minimum, minimise as minimise
     from optics.interface.api.prepared_problem import (
         engine_of as engine_of,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,9 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from optics.base.runtime import UserError
 from thbcad.checks import floats, require_real
 from thbcad.hierarchy import THBSpace
-
-if TYPE_CHECKING:
-    from thbcad.surfaces import THBSurface
+from thbcad.surfaces import THBSurface
 
 Floats = NDArray[np.float64]
 Coefficients: TypeAlias = Floats | tuple[Floats, ...]  # front first

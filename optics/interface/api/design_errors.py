@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
 from optics.base.workers import require_workers, worker_pool
+from optics.interface.api.design_result import Design
 from optics.interface.api.irradiance_model import DEVICE
-from optics.tolerancing.form_errors import form_errors_of
+from optics.tolerancing.form_errors import FormErrors, form_errors_of
 from optics.tolerancing.monte_carlo_samples import (
     ErrorModel,
     FormTolerance,
@@ -16,12 +16,7 @@ from optics.tolerancing.monte_carlo_samples import (
     each_set,
     sample_lenses,
 )
-from optics.tolerancing.perturbations import RISE, tolerance_budget
-
-if TYPE_CHECKING:
-    from optics.interface.api.design_result import Design
-    from optics.tolerancing.form_errors import FormErrors
-    from optics.tolerancing.perturbations import ToleranceBudget
+from optics.tolerancing.perturbations import RISE, ToleranceBudget, tolerance_budget
 
 SAMPLES = 512
 FORM_NM = 50.0  # rms of a free surface: 0.2 to 0.5 um peak to valley are usual for diamond turned plastics

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+from optics.base.runtime import Backend, HelperProcess
+from optics.designing.optimisation import Row, Stage
+from optics.interface.api.level_records import LevelRecord
+from optics.light.analysis import Measurement, fans as ray_fans
+from optics.reporting.view import lens_sight, photo_caption, photograph
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, HelperProcess
-    from optics.designing.optimisation import Row, Stage
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 
 class DesignFigures:
@@ -39,9 +37,7 @@ class DesignFigures:
         backend: Backend,
     ) -> None:
         """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        from optics.light.analysis import fans as ray_fans
         from optics.reporting.figures import scene_paths
-        from optics.reporting.view import lens_sight, photo_caption
 
         placed = not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
@@ -83,8 +79,6 @@ class DesignFigures:
 
         The photograph is the last in the row; where it has not begun, it is taken here.
         """
-        from optics.reporting.view import photograph
-
         photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
         captions = {
             "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",

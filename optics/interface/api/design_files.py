@@ -10,23 +10,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.base.runtime import peak_mb, process_for
+from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, verification
+from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
 from optics.exchange.results import ResultFolder, ResultWriter, level_files
+from optics.exchange.verification import ExportedStep, StepFile, light_checks, text_volume_check
 from optics.interface.api.design_figures import DesignFigures
+from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
-from optics.scene.problem import limit_checks
+from optics.light.analysis import delivery_checks, judged
+from optics.reporting.report import Report, light_files, report_html
+from optics.scene.problem import as_data, limit_checks, manufacture_rows
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check, HelperProcess
-    from optics.exchange.verification import ExportedStep
-    from optics.interface.api.design_record import DesignRecord
-    from thbcad.lens import Lens, Manufacturability
+from thbcad.lens import Lens, Manufacturability, manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
@@ -67,8 +67,6 @@ class _Export:
 
         The text is read here as soon as it is written.
         """
-        from optics.exchange.verification import StepFile, text_volume_check
-
         written = self._written.result()
         volume = text_volume_check(StepFile(self._path).text, self._lens)
         step = self._read.result()
@@ -85,9 +83,6 @@ def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
 
 def verified(design: DesignRecord) -> Claims:
     """Return the checks of a design's solid and light, as in verify.json."""
-    from optics.base.runtime import verification
-    from thbcad.lens import manufacturability
-
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
@@ -103,10 +98,6 @@ def write_result(
 
     folder : taken by this run.  solids : which exports.
     """
-    from optics.designing.etendue import reached_sentences
-    from optics.reporting.report import light_files
-    from thbcad.lens import manufacturability
-
     system, lens, problem = design.system, design.lens, design.problem
     writer = ResultWriter(folder, problem, lens, design.history)
     export = _Export(solids, OpticalSystem(problem), lens, writer.staged_step)
@@ -139,24 +130,6 @@ def write_result(
         p.ask("optics.base.runtime", "peak_mb").result() for p in (solids, figures.process)
     )
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
-    return _claimed(design, folder, writer, metrics, checks, product, figures, etendue.background)
-
-
-def _claimed(
-    design: DesignRecord,
-    folder: ResultFolder,
-    writer: ResultWriter,
-    metrics: Claims,
-    checks: list[Check],
-    product: Manufacturability,
-    figures: DesignFigures,
-    background: Sequence[str],
-) -> Written:
-    """Write what is now known of the lens, the record last."""
-    from optics.base.runtime import verification
-    from optics.light.analysis import judged
-    from optics.reporting.report import Report, report_html
-    from optics.scene.problem import as_data, manufacture_rows
 
     verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
@@ -169,7 +142,7 @@ def _claimed(
         pictures=figures.pictures,
         levels=figures.levels(),
         verdict=verdict,
-        background=background,
+        background=etendue.background,
         run=writer.run,
         view=figures.view(),
     )
@@ -187,9 +160,6 @@ def _checks(
 
     solid, step : as of `_Export`.
     """
-    from optics.exchange.verification import light_checks
-    from optics.light.analysis import delivery_checks
-
     system, lens, problem = design.system, design.lens, design.problem
     return [
         *solid,

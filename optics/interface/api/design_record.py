@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.base.runtime import Backend
+from optics.designing.etendue import universal_bound
+from optics.designing.optimisation import Row
+from optics.designing.prediction import blur_limits, blur_sentence
 from optics.designing.progress import Notes
 from optics.interface.api.irradiance_model import DEVICE
+from optics.interface.api.level_records import LevelRecord
+from optics.light.analysis import Measurement, Verdict, delivery_checks, judged, loss_notes, measure
+from optics.light.tracing import normal_incidence_transmittance
+from optics.scene.problem import Problem, limit_checks
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import Row
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement, Verdict
-    from optics.scene.problem import Problem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens, manufacturability
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +63,6 @@ class DesignRecord:
 
         `verify` checks that file.
         """
-        from optics.light.analysis import delivery_checks, judged
-        from optics.scene.problem import limit_checks
-        from thbcad.lens import manufacturability
-
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
@@ -86,11 +83,6 @@ class DesignRecord:
 
 def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     """Return the Measurement of a lens; sentences on blurred and lost light go to its notes."""
-    from optics.designing.etendue import universal_bound
-    from optics.designing.prediction import blur_limits, blur_sentence
-    from optics.light.analysis import loss_notes, measure
-    from optics.light.tracing import normal_incidence_transmittance
-
     system, lens, notes = design.system, design.lens, design.notes
     measurement = measure(system, lens, backend)
     metrics = measurement.metrics | {

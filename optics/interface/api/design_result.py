@@ -12,25 +12,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.designing.optimisation import stages
+from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
 from optics.exchange.results import ResultFolder
 from optics.interface.api.design_files import save, verified
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
-from optics.interface.api.level_records import read_levels
+from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
+from optics.interface.relighting import other_source, relit
+from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
+from optics.light.blur import spot_rms
+from optics.reporting.view import scene_page
+from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
+from optics.tolerancing.machining import ToolFindings, ToolOrder, tool_findings
+from optics.tolerancing.metrology import (
+    AsBuilt,
+    FileFrame,
+    Side,
+    Way,
+    default_side,
+    light_as_built,
+    read_measured,
+    surface_of,
+)
+from thbcad.lens import Lens
 
 if TYPE_CHECKING:
-    from optics.designing.optimisation import Row, State
-    from optics.interface.api.level_records import LevelRecord
-    from optics.light.analysis import Measurement
     from optics.reporting.figures import OverviewFigure
-    from optics.scene.problem import Problem, Source
-    from optics.tolerancing.machining import ToolFindings, ToolOrder
-    from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
-    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
@@ -136,8 +146,6 @@ class Design(DesignRecord):
         ------
         UserError : other words, or light that does not go with the lens.
         """
-        from optics.interface.relighting import other_source, relit
-
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
             measurement = relit(self.problem, self.lens, light, self.system.backend)
@@ -145,8 +153,6 @@ class Design(DesignRecord):
 
     def tool(self, order: ToolOrder) -> ToolFindings:
         """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
-        from optics.tolerancing.machining import tool_findings
-
         with DEVICE:
             return tool_findings(self.system, self.lens, order, self.system.backend)
 
@@ -167,8 +173,6 @@ class Design(DesignRecord):
         ------
         UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
-        from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
-
         side = surface or default_side(self.lens)
         measured = read_measured(file, surface_of(self.lens, side), frame)
         with DEVICE:
@@ -185,7 +189,6 @@ class Design(DesignRecord):
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         from optics.reporting.figures import scene_paths
-        from optics.reporting.view import scene_page
 
         plain = OpticalSystem(self.problem)
         with DEVICE:
@@ -216,8 +219,6 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
 
     What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
     """
-    from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
-
     with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
         irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
@@ -225,8 +226,6 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
     if system.target.even_region is None:
         own = contrast_error(own, target) | own
     elif "grid" not in own.get("uniformity", {}):
-        from optics.light.blur import spot_rms
-
         with DEVICE:
             blur = spot_rms(system, lens, system.backend)
         noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones

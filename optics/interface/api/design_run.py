@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import UserError
-from optics.designing.optimisation import Interrupted, Listener, shape_lens, stages
+from optics.base.runtime import Moment, UserError
+from optics.designing.optimisation import Interrupted, Listener, State, shape_lens, stages
 from optics.designing.progress import DesignProgress, Notes, RunClock, Size
 from optics.interface.api.design_result import Design
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelKeeper
-from optics.interface.api.prepared_problem import prepared, shaping_by
+from optics.interface.api.prepared_problem import Prepared, prepared, shaping_by
+from optics.light.engines import Engine
 from optics.scene.problem import Problem
 from optics.scene.system import advice, solvable_system
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Moment
-    from optics.designing.optimisation import State
-    from optics.interface.api.prepared_problem import Prepared
-    from optics.light.engines import Engine
 
 Show = Callable[["Moment"], None]
 

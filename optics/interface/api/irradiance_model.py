@@ -11,21 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from threading import RLock
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import vertex_knots
+from optics.designing.optimisation import Objective, vertex_knots
 from optics.interface.api.coefficient_vectors import Coefficients, image_of, packed, vectors
+from optics.light.engines import LightModel
 from optics.scene.photometry import PER_STERADIAN
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Objective
-    from optics.light.engines import LightModel
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
 
 Floats = NDArray[np.float64]
 Pull = Callable[[ArrayLike], Coefficients]
@@ -134,7 +130,7 @@ class Model:
             raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
         with DEVICE:
             screen = self._light.screen
-            knots = [vertex_knots(_half_width(space), counts) for space in self._spaces]
+            knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), counts) for space in self._spaces]
             return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
 
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
@@ -150,7 +146,3 @@ class Model:
 
     def _shown(self, image: Floats) -> Floats:
         return self._scale * self._light.screen.crop(image)
-
-
-def _half_width(space: THBSpace) -> tuple[float, float]:
-    return space.kv_u.stop, space.kv_v.stop

@@ -6,22 +6,19 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.designing.optimisation import Indicators
+from optics.designing.optimisation import Indicators, Stage
 from optics.exchange.results import lens_of
 from optics.interface.api.irradiance_model import unit_of
+from optics.light.analysis import Measurement, measure, rel_l2
+from optics.light.engines import Engine
+from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, lens_to_dict
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Stage
-    from optics.light.analysis import Measurement
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 
@@ -63,8 +60,6 @@ class LevelKeeper:
         self.records: list[LevelRecord] = []
 
     def __call__(self, stage: Stage, lens: Lens, target: Floats) -> None:
-        from optics.light.analysis import measure
-
         indicators = Indicators(self._traced, self._engine, target, None)
         measurement = measure(self._system, lens, self._system.backend)
         gradients = tuple(indicators.vertex(lens, stage))
@@ -84,8 +79,6 @@ def read_levels(
     folder: Path, files: Sequence[tuple[str, str, str]], system: OpticalSystem
 ) -> tuple[LevelRecord, ...]:
     """Return the levels that a result folder keeps.  files : names as of `level_files`."""
-    from optics.light.analysis import Measurement, rel_l2
-
     levels = []
     for lens, arrays, _ in files:
         with np.load(folder / arrays, allow_pickle=False) as data:

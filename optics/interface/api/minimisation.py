@@ -108,13 +108,6 @@ class _Search:
 
     def __call__(self, x: Floats) -> tuple[float, Floats]:
         rows = [row.copy() for row in np.split(x, self._ends)]
-        value, gradients = self._evaluated(rows)
-        if value < self._best[0]:
-            self._best = value, rows
-        self.losses.append(value)
-        return value, np.concatenate(gradients)
-
-    def _evaluated(self, rows: list[Floats]) -> tuple[float, list[Floats]]:
         try:
             value, gradient = self._loss(packed(rows))
             parts = gradient if isinstance(gradient, tuple) else (gradient,)
@@ -129,7 +122,10 @@ class _Search:
             )
         if not (np.isfinite(value) and all(np.isfinite(g).all() for g in gradients)):
             raise NumericalError("the loss or its gradient is not finite; start from another surface")
-        return value, gradients
+        if value < self._best[0]:
+            self._best = value, rows
+        self.losses.append(value)
+        return value, np.concatenate(gradients)
 
     def stepped(self, _: Floats) -> None:
         """Tell the callback of a step."""

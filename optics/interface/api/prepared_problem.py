@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Backend, UserError, load_backend
+from optics.designing.optimisation import TransportStart
+from optics.designing.prediction import resolved
 from optics.light.blur import aimed_through, blur_of
-from optics.light.engines import BlurredEngine, ExactEngine
+from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.designing.optimisation import TransportStart
-    from optics.light.engines import Engine
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +29,6 @@ def prepared(system: OpticalSystem) -> Prepared:
     ------
     UserError : no usable LLVM library.
     """
-    from optics.base.runtime import load_backend
-    from optics.designing.prediction import resolved
-
     run = system.problem.run
     backend = load_backend(run.precision, run.threads)
     system, start = resolved(system, backend)

@@ -9,6 +9,7 @@ from typing import Any
 
 from optics.base.runtime import UserError
 from optics.interface.api.design_record import DesignRecord
+from thbcad.io import write_text
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,6 @@ class SceneView:
         ------
         UserError : the file cannot be written.
         """
-        from thbcad.io import write_text
-
         try:
             write_text(Path(path), self.page)
         except OSError as error:

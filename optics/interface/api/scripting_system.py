@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property, partial
 from math import isqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,16 +25,13 @@ from optics.interface.api.coefficient_vectors import (
 )
 from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
 from optics.interface.api.prepared_problem import prepared, shaping_by
-from optics.light.engines import Film
+from optics.light.analysis import Measurement, measure
+from optics.light.engines import Engine, Film
 from optics.scene.problem import Problem
 from optics.scene.system import solvable_system
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import Lens, require_sound
 from thbcad.surfaces import THBSurface
-
-if TYPE_CHECKING:
-    from optics.light.analysis import Measurement
-    from optics.light.engines import Engine
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import Lens
 
 MOST_RAYS = 1 << 26  # at once
 LEAST_RAYS = 2  # in each direction
@@ -129,8 +125,6 @@ class System:
         ------
         UserError : it cannot exist, since its surfaces cross.
         """
-        from thbcad.lens import require_sound
-
         spaces = space_rows(space, self._level_0)
         sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
         try:
@@ -147,9 +141,6 @@ class System:
         ------
         UserError : no Lens.
         """
-        from optics.light.analysis import measure
-        from thbcad.lens import Lens
-
         if not isinstance(lens, Lens):
             made = "system.lens(space, c) makes one"
             raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")

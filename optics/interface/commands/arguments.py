@@ -12,11 +12,12 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.known_words import refused_choice, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    force_option,
+    problem_options,
     sweep_options,
     tolerance_options,
     tool_options,
 )
-from optics.interface.commands.shared_options import force_option, problem_options
 from optics.scene.problem import ENGINES, STARTS
 from thbcad import __version__
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,8 @@ from optics.exchange.results import HASHES, hashes, remove_files, require_own, w
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import loss_notes
-from optics.tolerancing.metrology import FileFrame, as_built_data, as_built_lines
-
-if TYPE_CHECKING:
-    from optics.tolerancing.metrology import AsBuilt, Way
+from optics.tolerancing.metrology import FileFrame, Way, as_built_data, as_built_lines
+from thbcad.io import json_text, write_files, write_lens, write_text
 
 RECORD = "asbuilt.json"
 FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
@@ -38,24 +36,9 @@ def asbuilt(options: Namespace) -> Outcome:
     )
     way: Way = "best fit" if options.align == "best-fit" else "datums"
     built = design.as_built(options.measured, frame, options.surface, way)
-    _write(folder, design, built, options.step)
-    from thbcad.io import json_text, write_text
-
-    notes = loss_notes(built.measurement.metrics, design.system.units)
-    verdict = built.verdict(design.problem.verify, notes)
-    data = as_built_data(built) | verdict.data()
-    files = (*FILES, STEP) if options.step else FILES
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
-    lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
-    return Outcome(data, lines, OF_GRADES[verdict.grade])
-
-
-def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
-    """Write the made lens, its light, and pictures of both."""
     from io import BytesIO
 
     from optics.reporting.figures import height_error_figure, made_light_figure
-    from thbcad.io import write_files, write_lens
 
     arrays: dict[str, Any] = {
         "made": built.measurement.irradiance,
@@ -72,7 +55,15 @@ def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
     write_lens(built.lens, folder / "lens.json")
     write_files({folder / name: content for name, content in contents.items()})
     remove_files(folder, [STEP])
-    if step:
+    if options.step:
         from thbcad.cad import write_step
 
         write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)
+
+    notes = loss_notes(built.measurement.metrics, design.system.units)
+    verdict = built.verdict(design.problem.verify, notes)
+    data = as_built_data(built) | verdict.data()
+    files = (*FILES, STEP) if options.step else FILES
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
+    return Outcome(data, lines, OF_GRADES[verdict.grade])

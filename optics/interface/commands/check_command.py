@@ -5,12 +5,13 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import speaking_of
 from optics.designing.etendue import etendue_notes
-from optics.designing.optimisation import surfaces_can_cross
+from optics.designing.optimisation import Stage, surfaces_can_cross
 from optics.designing.prediction import (
+    Expectation,
     blur_limits,
     blur_sentence,
     expectation_lines,
@@ -22,53 +23,44 @@ from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
-from optics.scene.system import advice, skip_lines
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Stage
-    from optics.designing.prediction import Expectation
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, advice, skip_lines
 
 
 def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
     system = system_of(options)
     with speaking_of(options.problem):
-        return _checked(system, options.explain)
-
-
-def _checked(system: OpticalSystem, explain: bool) -> Outcome:
-    backend = system.backend
-    system, start = resolved(system, backend)
-    expectation, plan = expected(system, backend, start)
-    fire = fire_warning(system, expectation.concentration)
-    data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
-    picture, least = system.target.light, system.lens.least_thickness()
-    limits = blur_limits(system, system.lens, backend) if system.blurred else None
-    missed = foreseen_misses(system, expectation, limits, backend)
-    data["missed"] = missed
-    lines = [
-        f"{system.problem.title}: the problem is valid"
-        + (", but its limits may not be kept" if missed else ""),
-        *missed,
-        f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
-        f"{data['dark_share']:.0%} of them dark",
-        *_side_lines(system),
-        "before optimisation: "
-        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
-        *expectation_lines(system, expectation),
-    ]
-    lines += [
-        f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
-        for s in plan
-    ]
-    if explain:
-        lines += skip_lines(system.skips)
-    if limits is not None:
-        data["blur"] = asdict(limits)
-        lines.append(f"blur: {blur_sentence(system, limits)}")
-    lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
-    return Outcome(data, lines)
+        backend = system.backend
+        system, start = resolved(system, backend)
+        expectation, plan = expected(system, backend, start)
+        fire = fire_warning(system, expectation.concentration)
+        data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
+        picture, least = system.target.light, system.lens.least_thickness()
+        limits = blur_limits(system, system.lens, backend) if system.blurred else None
+        missed = foreseen_misses(system, expectation, limits, backend)
+        data["missed"] = missed
+        lines = [
+            f"{system.problem.title}: the problem is valid"
+            + (", but its limits may not be kept" if missed else ""),
+            *missed,
+            f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
+            f"{data['dark_share']:.0%} of them dark",
+            *_side_lines(system),
+            "before optimisation: "
+            f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
+            *expectation_lines(system, expectation),
+        ]
+        lines += [
+            f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
+            for s in plan
+        ]
+        if options.explain:
+            lines += skip_lines(system.skips)
+        if limits is not None:
+            data["blur"] = asdict(limits)
+            lines.append(f"blur: {blur_sentence(system, limits)}")
+        lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
+        return Outcome(data, lines)
 
 
 def _side_lines(system: OpticalSystem) -> list[str]:

@@ -65,7 +65,10 @@ def _stoppable(options: Namespace) -> int:
 
 def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
-    _require_extra()
+    missing = missing_packages("optics")
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with _silence() if options.quiet else nullcontext():
         outcome: Outcome = getattr(command, options.command)(options)
@@ -112,14 +115,6 @@ def _more_room() -> str:
     most, _ = getrlimit(RLIMIT_AS)
     limit = "" if most == RLIM_INFINITY else f"raise its limit (ulimit -v {most >> 10}), or "
     return f"{limit}use fewer pixels, rays or levels"
-
-
-def _require_extra() -> None:
-    """Raise UserError unless everything that the commands need is installed; help needs none of it."""
-    missing = missing_packages("optics")
-    if missing:
-        verb = "is" if len(missing) == 1 else "are"
-        raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
 
 
 @contextmanager

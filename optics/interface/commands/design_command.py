@@ -7,22 +7,17 @@ from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError, check_lines, note
-from optics.designing.optimisation import earlier_state
+from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import counted_ways, error_words, photometric_lines
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.designing.optimisation import Row, State
-    from optics.interface.api import Written
-    from optics.scene.photometry import Units
-    from optics.scene.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -69,7 +64,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
         if options.iterations:
-            ready = replace(ready, system=_with_iterations(ready.system, options.iterations))
+            optimizer = replace(ready.system.problem.optimizer, iterations=(options.iterations,))
+            ready = replace(ready, system=OpticalSystem(replace(ready.system.problem, optimizer=optimizer)))
         if options.earlier:
             state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
         figures = DesignFigures(drawing, ready.system)
@@ -82,7 +78,10 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
-    return _outcome(written, system.units)
+    metrics, checked = written.metrics, written.verification
+    data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
+    lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, system.units))
+    return Outcome(data, lines, OF_GRADES[checked["grade"]])
 
 
 def _resumed(run: _Run, system: OpticalSystem) -> State:
@@ -93,11 +92,6 @@ def _resumed(run: _Run, system: OpticalSystem) -> State:
         return state
     run.notes(f"goes on from the finished result in {run.folder.path}, on its last level")
     return earlier_state(system, run.folder.read(taken=True).lens)
-
-
-def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
-    optimizer = replace(system.problem.optimizer, iterations=(iterations,))
-    return OpticalSystem(replace(system.problem, optimizer=optimizer))
 
 
 def _what_is_kept(run: _Run) -> str:
@@ -127,13 +121,6 @@ def resuming(words: Sequence[str]) -> str:
 def _alone(word: str) -> str:
     """Return an option whose value is the next word, "" of one that holds it."""
     return "" if "=" in word else word
-
-
-def _outcome(written: Written, units: Units) -> Outcome:
-    metrics, checked = written.metrics, written.verification
-    data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
-    lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, units))
-    return Outcome(data, lines, OF_GRADES[checked["grade"]])
 
 
 def _design_lines(

@@ -5,12 +5,14 @@ from __future__ import annotations
 from argparse import Namespace
 from math import prod, sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError
 from optics.designing.etendue import (
     FIXED,
     SEARCH,
+    OneBlur,
+    Throughput,
     base_rear,
     blur_sentence,
     curve_sentence,
@@ -27,13 +29,10 @@ from optics.designing.etendue import (
 )
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.outcome import Outcome
-from optics.interface.commands.picture_file import picture_path
-from optics.interface.commands.problem_options import system_of
+from optics.interface.commands.problem_options import picture_path, system_of
 from optics.light.tracing import normal_incidence_transmittance
-
-if TYPE_CHECKING:
-    from optics.designing.etendue import OneBlur, Throughput, UniversalBound
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
+from thbcad.io import write_bytes
 
 NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
@@ -48,7 +47,11 @@ def etendue(options: Namespace) -> Outcome:
     out = picture_path(options)
     system = _resolved_base(system_of(options))
     passing = throughput(system)
-    data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
+    data: dict[str, Any] = {
+        "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
+        system.units.key("flux"): {"source": system.problem.source.flux, "meets_front": passing.meets_front},
+    }
+    lines = _throughput_lines(system, passing)
     without = _why_no_limit(system, passing)
     if without:
         _require_nothing_of_limits(options, without)
@@ -75,7 +78,15 @@ def etendue(options: Namespace) -> Outcome:
         lines += _blur_lines(system, free, blurs["any_proportions"], True)
     data |= {
         "efficiency": efficiency,
-        "universal": _universal_data(system, universal, efficiency) | {"cap_over_sampled": cap},
+        "universal": {
+            "rel_l2": universal.least_rel_l2(efficiency),
+            "exact_efficiency": universal.exact_efficiency,
+            system.units.key("on_target"): universal.most_on_target,
+            system.units.key("on_lit"): universal.most_on_lit,
+            "peak": universal.peak,
+            "curve": [list(point) for point in universal.curve()],
+            "cap_over_sampled": cap,
+        },
         "one_blur": blurs,
     }
     if options.measure:
@@ -83,7 +94,6 @@ def etendue(options: Namespace) -> Outcome:
         lines += more
     if out:
         from optics.reporting.figures import bound_figure
-        from thbcad.io import write_bytes
 
         write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
         lines.append(f"wrote {out}")
@@ -121,23 +131,18 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
 
 def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
     """Return the bound for images as a designed lens throws them, for --json and as lines."""
+    from optics.light.blur import patch_images
+
     start = perf_counter()
-    images = images_bound(system, _measured_half_width(system, result), SEARCH)
+    lens = ResultFolder(result).read_lens()
+    half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
+    images = images_bound(system, (half, half), SEARCH)
     data = _blur_data(images, start)
     return data, [
         f"the lens of {result}: "
         f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
         *_blur_lines(system, images, data, True),
     ]
-
-
-def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
-    """Return half the width and height of a square with the area of the small images of a designed lens."""
-    from optics.light.blur import patch_images
-
-    lens = ResultFolder(result).read_lens()
-    half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
-    return half, half
 
 
 def _resolved_base(system: OpticalSystem) -> OpticalSystem:
@@ -147,25 +152,6 @@ def _resolved_base(system: OpticalSystem) -> OpticalSystem:
     from optics.designing.prediction import resolved
 
     return resolved(system, system.backend)[0]
-
-
-def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:
-    return {
-        "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
-        system.units.key("flux"): {"source": system.problem.source.flux, "meets_front": passing.meets_front},
-    }
-
-
-def _universal_data(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> dict[str, Any]:
-    """Return the universal rung for --json; rel_l2 is null where no light has the efficiency."""
-    return {
-        "rel_l2": universal.least_rel_l2(efficiency),
-        "exact_efficiency": universal.exact_efficiency,
-        system.units.key("on_target"): universal.most_on_target,
-        system.units.key("on_lit"): universal.most_on_lit,
-        "peak": universal.peak,
-        "curve": [list(point) for point in universal.curve()],
-    }
 
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:

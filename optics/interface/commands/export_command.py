@@ -4,30 +4,23 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from optics.base.runtime import UserError, check_lines
+from optics.base.runtime import Check, UserError, check_lines, verification
+from optics.exchange.export import Labels
 from optics.exchange.results import HASHES, hashes
 from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from thbcad.io import json_text, write_files, write_text
+from thbcad.lens import Flange, Lens, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from optics.base.runtime import Check
-    from optics.exchange.export import Labels
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Flange, Lens
-
 
 def export(options: Namespace) -> Outcome:
     """Write the lens for other programs, check the file and store the checks beside it."""
-    from optics.base.runtime import verification
     from optics.exchange.export import Body, export as run, format_of, labelled_lens, report_of, require_free
-    from thbcad.io import json_text, write_text
 
     if options.light or is_luminaire(options):
         _require_whole_lens("light is that of", options)
@@ -87,12 +80,16 @@ def _scene(options: Namespace) -> Outcome:
     """
     from pathlib import Path
 
-    from optics.base.runtime import verification
     from optics.exchange.export import report_of, require_free_files
-    from optics.exchange.mitsuba import current_mitsuba, scene_checks, scene_file_names, scene_files
+    from optics.exchange.mitsuba import (
+        current_mitsuba,
+        irradiance_of_one,
+        scene_checks,
+        scene_file_names,
+        scene_files,
+    )
     from optics.exchange.results import ResultFolder
     from optics.scene.system import OpticalSystem
-    from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
     _require_whole_lens("a scene holds", options)
@@ -113,21 +110,16 @@ def _scene(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    lines = [*check_lines(data), *written, *_how_to_render(system, out)]
-    return Outcome(data, lines, OF_GRADES[data["grade"]])
-
-
-def _how_to_render(system: OpticalSystem, out: Path) -> list[str]:
-    """Return the commands that render a scene's files, and what their pictures mean."""
-    from optics.exchange.mitsuba import irradiance_of_one
-
     density = system.density
     one = density.factor * irradiance_of_one(system)
-    return [
+    lines = [
+        *check_lines(data),
+        *written,
         f"render it with: mitsuba {out}, the light on the screen",
         f"or with: mitsuba -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
     ]
+    return Outcome(data, lines, OF_GRADES[data["grade"]])
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:
@@ -143,8 +135,6 @@ def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | Non
     ------
     UserError : numbers that make no polygon.
     """
-    from thbcad.lens import Polygon
-
     if numbers is None:
         return None
     if len(numbers) % 2:
@@ -162,8 +152,6 @@ def _flange(numbers: Sequence[float] | None) -> Flange | None:
     ------
     UserError : numbers that make none.
     """
-    from thbcad.lens import Flange
-
     try:
         return None if numbers is None else Flange(*numbers)
     except ValueError as error:

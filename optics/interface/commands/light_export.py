@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping, Sequence
 from math import isclose
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Check, UserError, check_lines, reading, verification
+from optics.base.runtime import Backend, Check, UserError, check_lines, reading, verification
 from optics.exchange.results import HASHES, hashes
 from optics.interface.commands.outcome import OF_GRADES, Outcome
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from optics.base.runtime import Backend
-    from optics.light.outgoing import OnTarget
-    from optics.scene.luminaires import Luminaire
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.light.outgoing import OnTarget
+from optics.scene.luminaires import Luminaire
+from optics.scene.system import OpticalSystem
+from thbcad.io import json_text, write_text
+from thbcad.lens import Lens
 
 LIGHT = "irradiance.npz"  # of a result folder
 MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
@@ -75,7 +72,14 @@ def intensity_of_light(options: Namespace) -> Outcome:
     from optics.light.outgoing import outgoing_intensity
     from optics.scene.luminaires import LUMINAIRE_WRITERS, read_luminaire
 
-    _require_step(options.step)
+    step = options.step
+    low, high = STEPS
+    within = low <= step <= high and round(step, DECIMALS) == step
+    if not within or not isclose(round(180 / step) * step, 180):
+        raise UserError(
+            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
+            f"got {step:g}"
+        )
     system, lens, backend = _traceable(options)
     out = Path(options.out)
     light = outgoing_intensity(system, lens, backend, options.rays, options.step)
@@ -149,17 +153,6 @@ def _on_target(shown: Mapping[str, OnTarget]) -> str:
     return f"on the target (rel_l2 to the light of the lens, seen from the rear's middle): {'; '.join(parts)}"
 
 
-def _require_step(step: float) -> None:
-    """Raise UserError unless a step of gamma divides 180 degrees, in decimals that a file holds."""
-    low, high = STEPS
-    within = low <= step <= high and round(step, DECIMALS) == step
-    if not within or not isclose(round(180 / step) * step, 180):
-        raise UserError(
-            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
-            f"got {step:g}"
-        )
-
-
 def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     """Return what is to be traced, once it is known that the file can be written.
 
@@ -184,7 +177,6 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
 def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines: Sequence[str]) -> Outcome:
     """Write the report beside a file of light, and return the outcome."""
     from optics.exchange.export import report_of
-    from thbcad.io import json_text, write_text
 
     report = report_of(str(out))
     data = {

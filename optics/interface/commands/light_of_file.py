@@ -5,16 +5,13 @@ from __future__ import annotations
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from optics.base.runtime import UserError, note, reading
+from optics.base.runtime import Backend, Check, UserError, note, reading
 from optics.exchange.results import HASHES, hashes, require_own, writable_folder
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend, Check
-    from optics.exchange.verification import StepFile
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.exchange.verification import StepFile
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 
 class FileLight(NamedTuple):

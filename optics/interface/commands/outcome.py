@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Grade
+from optics.base.runtime import Grade
 
 DONE, MISSED, PART_FAILS = 0, 1, 4  # exit codes of what was done
 OF_GRADES: dict[Grade, int] = {

@@ -1,16 +1,16 @@
-"""The problem that the arguments of a command describe: its file, and what --set and --engine change."""
+"""What arguments of several commands stand for: the problem with --set and --engine, and a picture."""
 
 from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from optics.base.runtime import printable, speaking_of
+from optics.base.runtime import UserError, printable, speaking_of
+from optics.exchange.results import require_own, require_writable
 from optics.scene.problem import Problem, assignment
-
-if TYPE_CHECKING:
-    from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem
 
 
 def changes_of(options: Namespace) -> dict[str, Any]:
@@ -35,3 +35,20 @@ def system_of(options: Namespace) -> OpticalSystem:
         for line in skip_lines(system.skips):
             print(f"thbcad: {printable(line)}", file=sys.stderr)
     return system
+
+
+def picture_path(options: Namespace) -> Path | None:
+    """Return where --out wants a picture, None without it; checked before any work is done.
+
+    Raises
+    ------
+    UserError : it does not end in .png, cannot be written, or would replace what is not ours.
+    """
+    if not options.out:
+        return None
+    out = Path(options.out)
+    if out.suffix.lower() != ".png":
+        raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
+    require_writable(out)
+    require_own(out.parent, (out.name,), "", options.force)
+    return out

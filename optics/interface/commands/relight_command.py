@@ -8,8 +8,9 @@ from typing import Any
 from optics.base.runtime import check_lines, verification
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.picture_file import picture_path
+from optics.interface.commands.problem_options import picture_path
 from optics.light.analysis import loss_notes
+from thbcad.io import write_bytes
 
 SHOWN = ("rel_l2_debiased", "psnr_db", "ssim", "efficiency", "lit_efficiency", "stray")
 
@@ -31,7 +32,6 @@ def relight(options: Namespace) -> Outcome:
         lines.append(f"{key:15} {words[0]:>12} {words[1]:>12}")
     if out:
         from optics.reporting.figures import relit_figure
-        from thbcad.io import write_bytes
 
         write_bytes(out, relit_figure(own, other, design.system.target.screen(), options.source))
         lines.append(f"wrote {out}")

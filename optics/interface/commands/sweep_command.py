@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError, note, speaking_of
 from optics.interface.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
 from optics.interface.commands.problem_options import changes_of
+from optics.interface.sweeps import Sweep
 from optics.scene.problem import load_problem
-
-if TYPE_CHECKING:
-    from optics.interface.sweeps import Sweep
 
 
 def sweep(options: Namespace) -> Outcome:
     """Design the variants of a problem file and write the folder of the sweep."""
-    from optics.interface.sweeps import SweepPlan, run_sweep
+    from optics.interface.sweeps import SweepPlan, run_sweep, value_list
 
     out = Path(options.out or Path("exports") / f"{Path(options.problem).stem}_sweep")
+    ranges: dict[str, list[Any]] = {}
+    with speaking_of("--vary"):
+        for text in options.vary:
+            key, values = value_list(text, Path(options.problem).parent)
+            if key in ranges:
+                raise UserError(f"{key} is varied twice; give all its values at once")
+            ranges[key] = values
     plan = SweepPlan(
         problem=load_problem(options.problem, changes_of(options)),
-        ranges=_ranges(options),
+        ranges=ranges,
         folder=out,
         workers=options.workers,
         scheduler=options.scheduler,
@@ -40,20 +45,6 @@ def sweep(options: Namespace) -> Outcome:
     grades = found.grades()
     missed = PART_FAILS if {*grades} == {"file or part fails"} else MISSED
     return Outcome(data, _lines(found), DONE if grades.get("made") else missed)
-
-
-def _ranges(options: Namespace) -> dict[str, list[Any]]:
-    """Return {key: values} of --vary."""
-    from optics.interface.sweeps import value_list
-
-    ranges: dict[str, list[Any]] = {}
-    with speaking_of("--vary"):
-        for text in options.vary:
-            key, values = value_list(text, Path(options.problem).parent)
-            if key in ranges:
-                raise UserError(f"{key} is varied twice; give all its values at once")
-            ranges[key] = values
-    return ranges
 
 
 def _lines(found: Sweep) -> list[str]:

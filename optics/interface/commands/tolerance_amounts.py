@@ -98,18 +98,13 @@ def _of_file(path: str | None) -> dict[str, Any]:
     except ValueError as error:
         raise UserError(f"{file} is no TOML: {error}") from None
     for name, amount in amounts.items():
-        _require_amount(file, name, amount)
+        number = isinstance(amount, int | float) and not isinstance(amount, bool)
+        if not (number and 0 <= amount < inf):
+            raise UserError(
+                f"{file}: {name} must be a number from 0, got {reprlib.repr(amount)}; a file of amounts has "
+                "lines such as lens.decentre = 0.02"
+            )
     return amounts
-
-
-def _require_amount(file: Path, name: str, amount: Any) -> None:
-    """Raise UserError unless an amount of a file is a number from 0."""
-    number = isinstance(amount, int | float) and not isinstance(amount, bool)
-    if not (number and 0 <= amount < inf):
-        raise UserError(
-            f"{file}: {name} must be a number from 0, got {reprlib.repr(amount)}; a file of amounts has "
-            "lines such as lens.decentre = 0.02"
-        )
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

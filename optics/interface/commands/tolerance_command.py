@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import Phase, Progress, UserError, note
 from optics.designing.progress import drawing
@@ -14,14 +14,11 @@ from optics.exchange.results import HASHES, hashes, require_own, run_id, writabl
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
-from optics.tolerancing.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
-from optics.tolerancing.perturbations import HEAD, effect_rows, shop_sentences
-
-if TYPE_CHECKING:
-    from optics.reporting.report import PageSection
-    from optics.tolerancing.form_errors import FormErrors
-    from optics.tolerancing.monte_carlo_samples import MonteCarlo
-    from optics.tolerancing.perturbations import ToleranceBudget
+from optics.reporting.report import PageSection
+from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
+from optics.tolerancing.monte_carlo_samples import MonteCarlo
+from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
+from thbcad.io import json_text, write_text
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
@@ -79,24 +76,6 @@ def tolerance(options: Namespace) -> Outcome:
     amounts, limits = amounts_of(options), limits_of(options.limit)
     periods = periods_of(PERIODS if options.periods is None else options.periods)
     design = Design.load(options.result)
-    _require_samples(design, amounts, periods, options)
-    folder = Path(options.out or options.result)
-    writable_folder(folder)
-    require_own(folder, (PAGE, RECORD), RECORD, options.force)
-    study = _study(design, amounts, limits, periods, options)
-    from thbcad.io import json_text, write_text
-
-    data = study.data()
-    write_text(folder / PAGE, _page(study))
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
-    lines = [*_lines(study.budget), *study.of_reflections(), *study.of_made(), *study.of_form()]
-    return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
-
-
-def _require_samples(
-    design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace
-) -> None:
-    """Raise UserError where made lenses are asked for that cannot be, or where their options stand alone."""
     workers, scheduler = options.workers, options.scheduler
     if options.samples:
         require_monte_carlo(design, options.samples, amounts.forms, periods, workers, scheduler)
@@ -106,6 +85,27 @@ def _require_samples(
         raise UserError("--periods goes with --samples: it is of random form errors")
     elif amounts.forms:
         note(f"{', '.join(amounts.forms)}.form: random form errors are for --samples alone")
+    folder = Path(options.out or options.result)
+    writable_folder(folder)
+    require_own(folder, (PAGE, RECORD), RECORD, options.force)
+    study = _study(design, amounts, limits, periods, options)
+
+    data = study.data()
+    write_text(folder / PAGE, _page(study))
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
+    rows = [HEAD, *effect_rows(study.budget)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
+    table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
+    lines = [
+        *shop_sentences(study.budget),
+        "",
+        *table,
+        "",
+        *study.of_reflections(),
+        *study.of_made(),
+        *study.of_form(),
+    ]
+    return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
 
 
 def _study(
@@ -181,13 +181,6 @@ def _of_form(study: _Study) -> PageSection:
     rows = [] if form is None else form_rows(form)
     pictures = [] if form is None else [*form_figures_of(form).values()]
     return PageSection("Form errors", study.of_form(), FORM_HEAD, rows, pictures)
-
-
-def _lines(budget: ToleranceBudget) -> list[str]:
-    rows = [HEAD, *effect_rows(budget)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
-    table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
-    return [*shop_sentences(budget), "", *table, ""]
 
 
 class _Shown:

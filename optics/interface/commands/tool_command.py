@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import check_lines, verification
 from optics.exchange.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
-
-if TYPE_CHECKING:
-    from optics.tolerancing.machining import ToolFindings
+from thbcad.io import json_text, write_files, write_text
 
 RECORD, PAGE = "tool.json", "tool.html"
 PICTURES = ("tool_front.png", "tool_rear.png")
@@ -40,19 +37,13 @@ def tool(options: Namespace) -> Outcome:
     findings = tool_findings(system, lens, order, system.backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
-    _write(folder, f"{problem.title}: tools", findings, data, lines)
-    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], OF_GRADES[checked["grade"]])
-
-
-def _write(folder: Path, title: str, findings: ToolFindings, data: dict[str, Any], lines: list[str]) -> None:
-    """Write pictures, page and record, the record last."""
     from optics.reporting.figures import figures_of_tool
     from optics.reporting.report import check_page
-    from thbcad.io import json_text, write_files, write_text
 
     figures = figures_of_tool(findings)
-    page = check_page(title, data, lines, [(c, p) for _, c, p in figures])
+    page = check_page(f"{problem.title}: tools", data, lines, [(c, p) for _, c, p in figures])
     files = {name: picture for name, _, picture in figures} | {PAGE: page.encode()}
     write_files({folder / name: content for name, content in files.items()})
     remove_files(folder, {*PICTURES} - {*files})
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], OF_GRADES[checked["grade"]])

@@ -5,21 +5,20 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from optics.base.runtime import UserError
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.base.runtime import UserError, load_backend
 from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
 from optics.light.tracing import SENTENCES, path_faults
+from optics.scene.photometry import Units
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from optics.scene.photometry import Units
+from thbcad.io import json_text, write_bytes, write_text
 
 MOST_RAYS = 1 << 15  # per direction
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
@@ -38,9 +37,7 @@ def trace(options: Namespace) -> Outcome:
     writable_folder(folder)
     files = (*FILES, *DIAGRAMS) if system.target.far_field else FILES
     require_own(folder, (*files, RECORD), RECORD, options.force)
-    from optics.base.runtime import load_backend
     from optics.reporting.figures import fresnel_figure, phase_space_figure
-    from thbcad.io import json_text, write_bytes, write_text
 
     backend = load_backend(options.precision, problem.run.threads)
     exact = backend if options.precision == "double" else system.backend

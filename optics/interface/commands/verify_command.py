@@ -5,13 +5,14 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from optics.base.runtime import Check, UserError, check_lines, note, reading
+from optics.base.runtime import Check, UserError, check_lines, note, reading, verification
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.scene.problem import limit_checks
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
+from thbcad.lens import manufacturability
 
 
 def verify(options: Namespace) -> Outcome:
@@ -21,14 +22,22 @@ def verify(options: Namespace) -> Outcome:
     if options.lens is not None and not alone:
         raise UserError(f"--lens says which lens the part in a STEP file holds, and {path} is none")
     request = light_request(options, not alone)
-    from optics.base.runtime import verification
     from optics.exchange.verification import StepFile, bare_checks
 
     notes: list[str] = []
     left_out: list[str] = []
     light: FileLight | None = None
     if options.lens is not None:
-        checks, left_out = _of_part(path, options.lens, options.optiland)
+        from optics.exchange.assemblies import part_checks
+        from optics.exchange.export import labelled_lens
+        from optics.exchange.verification import optiland_available
+
+        lens, _ = labelled_lens(options.lens)
+        designed = Path(options.lens).is_dir()
+        system = OpticalSystem(ResultFolder(options.lens).read().problem) if designed else None
+        checks, left_out = part_checks(path, lens, options.optiland and optiland_available(), system)
+        if options.optiland and not optiland_available():
+            left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
     elif alone:
         file = StepFile(path)
         with reading(path):
@@ -43,20 +52,6 @@ def verify(options: Namespace) -> Outcome:
         checked["light"] = light.data
         lines += light.lines
     return Outcome(checked, lines, OF_GRADES[checked["grade"]])
-
-
-def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[str]]:
-    """Return the checks of a part in a STEP file that holds a lens, and what is left out."""
-    from optics.exchange.assemblies import part_checks
-    from optics.exchange.export import labelled_lens
-    from optics.exchange.verification import optiland_available
-
-    lens, _ = labelled_lens(of)
-    system = OpticalSystem(ResultFolder(of).read().problem) if Path(of).is_dir() else None
-    checks, left_out = part_checks(path, lens, by_optiland and optiland_available(), system)
-    if by_optiland and not optiland_available():
-        left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
-    return checks, left_out
 
 
 def _light_checks(path: Path) -> list[Check]:
@@ -84,7 +79,6 @@ def _folder_checks(
         text_and_occt_checks,
         verify as run,
     )
-    from thbcad.lens import manufacturability
 
     folder = ResultFolder(path)
     problem, lens, _ = folder.read()

@@ -1,19 +1,17 @@
-"""A finished lens in other light."""
+"""A finished lens in other light, named in words: sun, LED, luminaire, the source of another problem."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from optics.base.runtime import UserError
-from optics.light.analysis import measure
-from optics.scene.system import OpticalSystem, solvable_system
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.light.analysis import Measurement
-    from optics.scene.problem import Problem, Source
-    from thbcad.lens import Lens
+from optics.base.runtime import Backend, UserError
+from optics.light.analysis import Measurement, measure
+from optics.scene.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
+from optics.scene.system import OpticalSystem, solvable_system, source_of
+from thbcad.lens import Lens
+from thbcad.sags import Conic
 
 
 def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Measurement:
@@ -37,3 +35,85 @@ def _index_at(system: OpticalSystem, nm: float) -> float:
         return system.index_at(nm)
     except UserError:
         return system.lens.index
+
+
+LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
+LUMINAIRE = re.compile(r"(?P<file>.+\.(ies|ldt))(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
+FORMS = '"sun", "led:SIZEmm", "FILE.ies" or "FILE.ldt" (each may end in "@DISTANCEmm") or a problem file'
+
+
+def other_source(words: str, problem: Problem) -> Source:
+    """Return the source that words describe, with the flux of a problem's own, in its unit.
+
+    "sun": a beam as wide as the problem's own, or else as the front, with the sun's divergence.
+    "led:1mm": a Lambertian square with sides of 1 mm where the problem's source is; "led:1mm@30mm": 30 mm
+    before the front vertex.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that file.  Another path: the
+    source of that problem file, as it is.
+
+    Raises
+    ------
+    UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
+    """
+    own = problem.source
+    if words.lower() == "sun":
+        beam = own if source_of(problem).from_afar else _beam(problem)
+        return replace(beam, divergence=SUN, divergence_profile="sun")
+    if found := LED.fullmatch(words):
+        own, size = problem.source, _number(found, "size")
+        half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
+        return Source(
+            kind="lambertian",
+            half_width=(size / 2, size / 2),
+            distance=_distance(found, problem),
+            flux=own.flux,
+            unit=own.unit,
+            half_angle=half_angle,
+            wavelength=own.wavelength,
+        )
+    if found := LUMINAIRE.fullmatch(words):
+        lamp = Path(found["file"]).absolute()
+        return Source(
+            kind="luminaire",
+            file=str(lamp),
+            distance=_distance(found, problem),
+            flux=own.flux,
+            unit=own.unit,
+            wavelength=own.wavelength,
+        )
+    if not words.lower().endswith(".toml"):
+        raise UserError(f"--source must be {FORMS}, got {words!r}")
+    return load_problem(Path(words)).source
+
+
+def _beam(problem: Problem) -> Source:
+    """Return a parallel beam as wide as the front, from before all of it."""
+    own, front = problem.source, problem.lens.front
+    radius, constant = base_of(front)
+    depth = max(0.0, -float(Conic(radius, constant)(*front.half_width)))
+    return Source(
+        kind="collimated",
+        half_width=front.half_width,
+        distance=Source.distance + depth + freedom_of(front),
+        flux=own.flux,
+        unit=own.unit,
+        wavelength=own.wavelength,
+    )
+
+
+def _distance(found: re.Match[str], problem: Problem) -> float:
+    """Return where a lamp stands before the front vertex, mm."""
+    if found["distance"]:
+        return _number(found, "distance")
+    if source_of(problem).from_afar:
+        raise UserError(
+            "the lens is made for parallel light, which has no place: say where the light is, "
+            f"{found[0]}@30mm"
+        )
+    return problem.source.distance
+
+
+def _number(found: re.Match[str], name: str) -> float:
+    try:
+        return float(found[name])
+    except ValueError:
+        raise UserError(f"--source must be {FORMS}, got {found[0]!r}") from None

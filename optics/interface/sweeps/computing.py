@@ -6,21 +6,16 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import Any
 
 from optics.base.runtime import Moment, Phase, Progress, UserError
-from optics.base.workers import TaskResult, run_tasks
+from optics.base.workers import WorkerPool, run_tasks
 from optics.designing.progress import drawing
 from optics.interface.sweeps.sweep_rows import DONE, FAILED, KILLED
 from optics.interface.sweeps.sweep_store import StoredVariant, SweepStore
 from optics.interface.sweeps.variant_work import Designed, Shared, Work
-
-if TYPE_CHECKING:
-    from types import TracebackType
-
-    from optics.base.workers import WorkerPool
-    from optics.interface.sweeps.variants import Variant
-
+from optics.interface.sweeps.variants import Variant
 
 VARIANT, TABLES = 3.0, 2.0  # expected seconds: of a variant, and of tables and plots
 
@@ -55,29 +50,23 @@ def compute(
     try:
         with closing(run_tasks(function, items, pool, tasks.shared)) as results:
             for result in results:
-                row, lens = _stored(result)
-                store.add(tasks.variants[result.index].identity, tasks.changes(result.index), row, lens)
+                made = result.value or Designed({}, b"", "")
+                status = KILLED if result.killed else FAILED if result.failure else DONE
+                row = StoredVariant(
+                    status=status,
+                    sentence=result.failure,
+                    metrics=made.metrics,
+                    seconds=result.seconds,
+                    peak_mb=result.peak_mb,
+                    picture=made.picture,
+                )
+                store.add(tasks.variants[result.index].identity, tasks.changes(result.index), row, made.lens)
                 progress.count(bool(result.failure))
     except UserError as error:
         raise UserError(
             f"{error}; {progress.done} of {len(tasks.variants)} variants were stored, the same command goes "
             "on with the rest"
         ) from None
-
-
-def _stored(result: TaskResult) -> tuple[StoredVariant, str]:
-    """Return the row of a result, and the text of its lens."""
-    made = result.value or Designed({}, b"", "")
-    status = KILLED if result.killed else FAILED if result.failure else DONE
-    row = StoredVariant(
-        status=status,
-        sentence=result.failure,
-        metrics=made.metrics,
-        seconds=result.seconds,
-        peak_mb=result.peak_mb,
-        picture=made.picture,
-    )
-    return row, made.lens
 
 
 class SweepProgress:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import io
 import math
-from typing import TYPE_CHECKING
 
+from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 from optics.interface.sweeps.sweep_tables import cell
-
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 
 MOST = 400  # pictures: 20 x 20 still fit on a screen
 TILE, LINE, GAP = 96, 11, 6  # pixels: of a picture, of a line of text below it, between them

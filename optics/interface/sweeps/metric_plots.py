@@ -6,15 +6,12 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
-from optics.interface.sweeps.sweep_rows import DONE
+from optics.interface.sweeps.sweep_rows import DONE, Sweep
 from optics.interface.sweeps.sweep_tables import cell
 
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_rows import Sweep
-
-    Line = list[tuple[Any, float]]
+Line = list[tuple[Any, float]]
 
 MOST_LINES = 8  # of a plot: more have no place in its legend
 ROUNDING, TINY = 1e-9, 1e-12  # differences of metrics that say nothing: relative, and of parts of the flux

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import Moment, UserError
 from optics.base.workers import require_workers, worker_pool
 from optics.interface.sweeps.computing import SweepProgress, Tasks, compute
 from optics.interface.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.interface.sweeps.sweep_rows import INVALID, Sweep, SweepRow
+from optics.interface.sweeps.sweep_store import SweepStore
 from optics.interface.sweeps.variant_work import Designed, Shared, Work, designed
 from optics.interface.sweeps.variants import Variant, all_variants, checked_ranges
 from optics.scene.problem import Problem
-
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_store import SweepStore
 
 
 @dataclass(frozen=True)

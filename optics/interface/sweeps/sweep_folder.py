@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
 from optics.exchange.results import (
@@ -21,13 +20,11 @@ from optics.exchange.results import (
 from optics.interface.sweeps.contact_sheet import contact_sheet
 from optics.interface.sweeps.metric_plots import metric_plots, plot_name
 from optics.interface.sweeps.sweep_page import sweep_page
+from optics.interface.sweeps.sweep_rows import Sweep
 from optics.interface.sweeps.sweep_store import SweepStore, open_store
 from optics.interface.sweeps.sweep_tables import csv_text, parquet_bytes
 from optics.scene.problem import Problem
 from thbcad.io import json_text, write_files, write_text
-
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_rows import Sweep
 
 STORE, RECORD = "sweep.sqlite", "sweep.json"
 TABLE, PARQUET, PAGE, SHEET = "sweep.csv", "sweep.parquet", "sweep.html", "contact_sheet.png"

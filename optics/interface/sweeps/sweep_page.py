@@ -7,12 +7,10 @@ import re
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 from optics.interface.sweeps.sweep_tables import cell, columns
-
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST_PICTURES = 1000  # in the table: about 5 kB each

@@ -6,10 +6,9 @@ import csv
 import io
 import json
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from optics.interface.sweeps.sweep_rows import Sweep
+from optics.interface.sweeps.sweep_rows import Sweep
 
 
 def csv_text(sweep: Sweep) -> str:

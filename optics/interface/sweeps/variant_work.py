@@ -8,15 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from optics.exchange.results import data_of
-from optics.interface.api import design
+from optics.interface.api import Design, design
 from optics.reporting.view import block_means
 from optics.scene.problem import Problem
-
-if TYPE_CHECKING:
-    from optics.interface.api import Design
 
 PICTURE = 96  # pixels, at most, of the larger side
 GAMMA = 2.2  # of screens: without it dark parts could not be told apart
@@ -59,22 +56,17 @@ def designed(shared: Shared, work: Work) -> Designed:
     problem = shared.problem.with_(**work.changes)
     problem = replace(problem, run=replace(problem.run, threads=1))
     with TemporaryDirectory() as folder:
-        made = design(_with_files(problem, shared.files, Path(folder)))
+        tables: dict[str, Any] = {}
+        for table, part, path in data_of(problem):
+            local = Path(folder) / (table + Path(path).suffix)
+            local.write_bytes(shared.files[path])
+            tables[table] = replace(part, **{part.data: str(local)})
+        made = design(replace(problem, **tables))
         if made.interrupted:
             raise KeyboardInterrupt
         judged = made.verdict.data() | {"notes": "; ".join(made.verdict.notes)}
         metrics = _flat(judged | dict(made.metrics))
         return Designed(metrics, _picture(made), _lens_text(made) if work.keep_lens else "")
-
-
-def _with_files(problem: Problem, files: Mapping[str, bytes], folder: Path) -> Problem:
-    """Return the problem with its files written to a folder of this machine."""
-    tables: dict[str, Any] = {}
-    for table, part, path in data_of(problem):
-        local = folder / (table + Path(path).suffix)
-        local.write_bytes(files[path])
-        tables[table] = replace(part, **{part.data: str(local)})
-    return replace(problem, **tables)
 
 
 def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, float | int | str | bool | None]:

@@ -74,7 +74,7 @@ def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[
         for k, value in enumerate(ranges[key]):
             if k not in possible:
                 why = next(variant.refusal for variant, place in zip(found, places) if place[at] == k)
-                raise UserError(_alone(problem, key, value) or why)
+                raise UserError(_variant(problem, {key: value}).refusal or why)
     return found
 
 
@@ -104,7 +104,3 @@ def _variant(problem: Problem, changes: Mapping[str, Any]) -> Variant:
         return Variant(values, "", str(error))
     except OSError as error:
         return Variant(values, "", str(UserError(f"cannot read {error.filename}: {error.strerror}")))
-
-
-def _alone(problem: Problem, key: str, value: Any) -> str:
-    return _variant(problem, {key: value}).refusal

@@ -11,11 +11,8 @@ if TYPE_CHECKING:
     )
     from optics.reporting.figures.canvas import (
         new_figure as new_figure,
-        new_panels as new_panels,
-        plane_figure as plane_figure,
         png_bytes as png_bytes,
     )
-    from optics.reporting.figures.colours_of_light import colour_figures as colour_figures
     from optics.reporting.figures.intensity_diagrams import intensity_figures as intensity_figures
     from optics.reporting.figures.lens_and_light import (
         draw_fan as draw_fan,

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from optics.light.analysis import unit_mean
 from optics.reporting.figures.canvas import new_panels, plane_figure, png_bytes
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.tolerancing.metrology import AsBuilt
+from optics.scene.receivers import Screen
+from optics.tolerancing.metrology import AsBuilt
 
 PIXELS = 256  # along the longer side: finer than the waves that 10^5 points resolve
 NANOMETRES, MICROMETRES = 1e6, 1e3  # of a millimetre

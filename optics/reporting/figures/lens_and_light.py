@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from optics.light.analysis import counted_ways
+from optics.designing.optimisation import Row, Stage
+from optics.light.analysis import Measurement, counted_ways
+from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
+from optics.scene.system import OpticalSystem
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from optics.designing.optimisation import Row, Stage
-    from optics.light.analysis import Measurement
-    from optics.light.tracing import RayPath
-    from optics.scene.system import OpticalSystem
-    from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
-
-    Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
+Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
 
 LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
 DARK = 0.75  # of the colours, from which on they are too light for thin lines
@@ -82,14 +77,14 @@ def light_figures(
     if system.target.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
-    return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)
-
-
-def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:
-    return {
-        f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
-        for k, (name, fan) in enumerate(paths.items(), 1)
-    }
+    return (
+        figures
+        | colour_figures(system, measurement, unit)
+        | {
+            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+            for k, (name, fan) in enumerate(paths.items(), 1)
+        }
+    )
 
 
 def lens_figures(lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> Figures:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
+from optics.light.analysis import Measurement
 from optics.reporting.figures.canvas import plt, png_bytes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from optics.light.analysis import Measurement
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import FreeformSurface, Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import FreeformSurface, Lens
 
 WIDE, HIGH = 3.6, 3.2  # inches, of a picture
 DECADES = 3  # of the colours of gradients

@@ -9,16 +9,13 @@ import io
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from optics.light.analysis import counted_ways
-
-if TYPE_CHECKING:
-    from optics.light.analysis import Measurement
-    from optics.scene.system import OpticalSystem
+from optics.light.analysis import Measurement, counted_ways
+from optics.scene.system import OpticalSystem
 
 SIZE, DPI = (11.0, 3.4), 80
 SHOWN = (

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
 from optics.light.tracing import RayPath, TargetArea, trace_paths
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
 from optics.reporting.view import Face, Scene, View, caption, corners, placed, solid_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from optics.base.runtime import Backend
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
 
@@ -66,8 +62,14 @@ def _draw(
     axes: Axes, scene: Scene, faces: Sequence[Face], irradiance: Array, paths: Sequence[RayPath]
 ) -> None:
     """Draw everything, what is nearer above what is farther."""
-    _rays(axes, scene, paths)
-    _source(axes, scene)
+    for path in paths:
+        points = scene.visible(path.points)
+        colour = AIM if path.fate.endswith("on_target") else LOST
+        for part, order in ((points[:, :-1], 1), (points[:, -2:], 3 if points.shape[1] > 2 else 1)):
+            axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
+    axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=1.5)
+    if not np.ptp(scene.source[:2]):
+        axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=1.5)
     low, high = scene.box(*(face.points.reshape(3, -1) for face in faces[:2]))
     draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
     if scene.target.size:
@@ -84,22 +86,6 @@ def _behind(lens: Array) -> Array:
     """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
     across = 1.5 * lens[:2]
     return np.stack([*across, lens[2] + [0.0, FAR / 2 * np.ptp(lens[:2], axis=1).max()]])
-
-
-def _rays(axes: Axes, scene: Scene, paths: Sequence[RayPath]) -> None:
-    """Draw the rays, their last part above the lens and what comes before it below."""
-    for path in paths:
-        points = scene.visible(path.points)
-        colour = AIM if path.fate.endswith("on_target") else LOST
-        for part, order in ((points[:, :-1], 1), (points[:, -2:], 3 if points.shape[1] > 2 else 1)):
-            axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
-
-
-def _source(axes: Axes, scene: Scene) -> None:
-    """Draw the outline of the source, or a point."""
-    axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=1.5)
-    if not np.ptp(scene.source[:2]):
-        axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=1.5)
 
 
 def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.view import Face, View, oblique, rendered, solid_faces
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from thbcad.lens import Lens
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 INK = "0.2"
 LABEL = {"facecolor": "white", "alpha": 0.6, "lw": 0, "pad": 1.5}

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from optics.designing.etendue import ImageBound, UniversalBound
+from optics.light.analysis import Measurement
 from optics.reporting.figures.canvas import plt, png_bytes
-
-if TYPE_CHECKING:
-    from optics.designing.etendue import ImageBound, UniversalBound
-    from optics.light.analysis import Measurement
-    from optics.scene.receivers import Screen
+from optics.scene.receivers import Screen
 
 
 def bound_figure(universal: UniversalBound, bound: ImageBound, screen: Screen) -> bytes:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from optics.light.analysis import unit_mean
 from optics.reporting.figures.canvas import new_figure, new_panels, plane_figure, png_bytes
-from optics.tolerancing.form_errors import height_text
-
-if TYPE_CHECKING:
-    from optics.scene.receivers import Screen
-    from optics.tolerancing.form_errors import FormErrors, SideCost
-    from optics.tolerancing.monte_carlo_samples import MonteCarlo
-    from optics.tolerancing.perturbations import ToleranceBudget, ToleranceEffect
-
+from optics.scene.receivers import Screen
+from optics.tolerancing.form_errors import FormErrors, SideCost, height_text
+from optics.tolerancing.monte_carlo_samples import MonteCarlo
+from optics.tolerancing.perturbations import ToleranceBudget, ToleranceEffect
 
 Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name
 

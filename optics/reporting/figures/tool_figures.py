@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from optics.reporting.figures.canvas import new_panels, png_bytes
+from optics.tolerancing.machining import CuspBlur, CuspLight, SpiralMotion, SurfaceFindings, ToolFindings
 from thbcad.tools import concavity, round_axis, tool_acceleration
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from optics.tolerancing.machining import CuspBlur, CuspLight, SpiralMotion, SurfaceFindings, ToolFindings
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 POINTS = 256  # of maps, in each direction; even: none on the axis
 BINS = 96  # of the map of blur, in each direction: several rays each

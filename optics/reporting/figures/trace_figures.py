@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
+from optics.light.analysis import PhaseSpace
 from optics.light.tracing import critical_angle, traced_transmittance, transmittances
 from optics.reporting.figures.canvas import plane_figure, plt, png_bytes
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from optics.base.runtime import Backend
-    from optics.light.analysis import PhaseSpace
-    from optics.scene.photometry import Density
-    from optics.scene.receivers import Screen
+from optics.scene.photometry import Density
+from optics.scene.receivers import Screen
 
 
 def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:

@@ -6,11 +6,12 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.reporting.report.html import (
+        PageSection as PageSection,
         Report as Report,
         check_page as check_page,
         report_html as report_html,
+        section_page as section_page,
     )
     from optics.reporting.report.irradiance_files import light_files as light_files
-    from optics.reporting.report.page_sections import PageSection as PageSection, section_page as section_page
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

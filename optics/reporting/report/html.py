@@ -7,20 +7,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any
+from itertools import zip_longest
+from typing import Any, cast
 
-from optics.base.runtime import checks_of
-from optics.light.analysis import NEGLIGIBLE, counted_ways, error_words, photometric_lines
-from optics.reporting.report.key_numbers import key_list
-from optics.reporting.report.metric_words import PERCENT, metric_rows, number_text
+from optics.base.runtime import Check, Grade, Result, checks_of
+from optics.light.analysis import NEGLIGIBLE, Verdict, counted_ways, error_words, photometric_lines
+from optics.reporting.report.metric_words import PERCENT, key_list, metric_rows, number_text
 from optics.reporting.report.page_style import STYLE
-from optics.scene.photometry import units_of
-
-if TYPE_CHECKING:
-    from optics.base.runtime import Check, Grade, Result
-    from optics.light.analysis import Verdict
-    from optics.scene.photometry import Units
-    from optics.scene.problem import Problem
+from optics.scene.photometry import Units, units_of
+from optics.scene.problem import Problem
 
 OF_THE_SPLINES = (
     "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "
@@ -90,22 +85,19 @@ class Report:
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     metrics, units = report.metrics, units_of(report.problem.source.unit)
+    photo = [picture for name, picture in report.pictures.items() if name == FIRST]
+    files = "".join(f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in FILES.items())
     return (
-        f"{page_head(escape(report.problem.title))}{_banner(report)}{_first(report, units)}"
+        f"{page_head(escape(report.problem.title))}{_banner(report)}"
+        f'<div class="first">{figures_html(photo)}{key_list(metrics, units)}</div>'
         f"<p>{_summary(metrics, units)}</p>"
         f"{list_html(photometric_lines(metrics, units), 'notes')}"
         f"{_pictures(report)}"
         f'<div class="numbers">{_numbers(report, units)}</div>'
-        f'<div class="files"><h2>Files</h2>{_file_list()}'
+        f'<div class="files"><h2>Files</h2><ul>{files}</ul>'
         f"{list_html(map(': '.join, report.run.items()), 'run')}</div>"
         f'<div class="problem"><h2>Problem</h2><pre>{escape(problem_text)}</pre></div></html>\n'
     )
-
-
-def _first(report: Report, units: Units) -> str:
-    """Return the first picture, where there is one, and beside it the main numbers."""
-    photo = [picture for name, picture in report.pictures.items() if name == FIRST]
-    return f'<div class="first">{figures_html(photo)}{key_list(report.metrics, units)}</div>'
 
 
 def _pictures(report: Report) -> str:
@@ -126,10 +118,12 @@ def _pictures(report: Report) -> str:
 def _numbers(report: Report, units: Units) -> str:
     """Return the tables."""
     passed = f'<span class="{COLOURS[report.verification["grade"]]}">{report.verification["grade"]}</span>'
-    rows = metric_rows(report.metrics, units)
+    metrics = _table(("name", "value", "unit", "meaning"), metric_rows(report.metrics, units), ("", "n"))
+    rows = ((name, number_text(value), unit, position) for name, value, unit, position in report.manufacture)
+    manufacture = _table(("quantity", "value", "unit", "where"), rows, ("", "n"))
     return (
-        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), rows)}"
-        f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
+        f"<h2>Metrics</h2>{metrics}"
+        f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{manufacture}"
         f"<h2>Verification: {passed}</h2>{_check_table(report.verification)}"
     )
 
@@ -199,11 +193,6 @@ def list_html(sentences: Iterable[str], name: str) -> str:
     return f'<ul class="{name}">{items}</ul>' if items else ""
 
 
-def _file_list() -> str:
-    items = (f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in FILES.items())
-    return f"<ul>{''.join(items)}</ul>"
-
-
 def _summary(metrics: dict[str, Any], units: Units) -> str:
     return (
         f"Relative error {error_words(metrics)} ({counted_ways(metrics)}), "
@@ -230,30 +219,46 @@ def _other_ways(metrics: dict[str, Any], units: Units) -> str:
     return f" {fluxes['by_other_ways']:.2%} of the light on the target comes by other ways: {verdict}."
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table whose second column holds numbers."""
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: Sequence[str] = ()) -> str:
+    """Return a table of texts.  classes : of the columns, "" for none; "result" is that of the result."""
     lines = ["<tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in head) + "</tr>"]
     for row in rows:
-        cells = (
-            f'<td class="n">{escape(text)}</td>' if column == 1 else f"<td>{escape(text)}</td>"
-            for column, text in enumerate(row)
-        )
-        lines.append(f"<tr>{''.join(cells)}</tr>")
+        cells = ""
+        for text, name in zip_longest(row, classes[: len(row)], fillvalue=""):
+            name = RESULTS[cast("Result", text)] if name == "result" else name
+            cells += f'<td class="{name}">{escape(text)}</td>' if name else f"<td>{escape(text)}</td>"
+        lines.append(f"<tr>{cells}</tr>")
     return f'<div class="table"><table>{"".join(lines)}</table></div>'
 
 
-def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
-    texts = ((name, number_text(value), unit, position) for name, value, unit, position in rows)
-    return _table(("quantity", "value", "unit", "where"), texts)
-
-
 def _check_table(verification: Mapping[str, Any]) -> str:
-    names = ("check", "got", "wanted", "result")
-    rows = ["<tr>" + "".join(f'<th scope="col">{name}</th>' for name in names) + "</tr>"]
-    for check in checks_of(verification):
-        rows.append(
-            f'<tr><td>{escape(check.name)}</td><td class="n">{escape(check.got)}</td>'
-            f'<td class="n">{check.wanted}</td><td class="{RESULTS[check.result]}">{check.result}</td></tr>'
-        )
-    left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
-    return f'<div class="table"><table>{"".join(rows)}</table></div>{left_out}'
+    rows = ((c.name, c.got, c.wanted, c.result) for c in checks_of(verification))
+    table = _table(("check", "got", "wanted", "result"), rows, ("", "n", "n", "result"))
+    return table + "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
+
+
+@dataclass(frozen=True)
+class PageSection:
+    """A part of a page.
+
+    sentences : above the table, as a list.  head, rows : of the table; none without rows.
+    pictures : (caption, PNG bytes).
+    """
+
+    title: str
+    sentences: Sequence[str] = ()
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    pictures: Sequence[tuple[str, bytes]] = ()
+
+
+def section_page(title: str, introduction: str, sections: Iterable[PageSection]) -> str:
+    """Return a page that holds everything in itself.  introduction : a sentence or two, text."""
+    body = "".join(_section(section) for section in sections)
+    return f"{page_head(escape(title))}<p>{escape(introduction)}</p>{body}</html>\n"
+
+
+def _section(section: PageSection) -> str:
+    table = _table(section.head, section.rows) if section.rows else ""
+    pictures = f'<div class="figures">{figures_html(section.pictures)}</div>' if section.pictures else ""
+    return f"<h2>{escape(section.title)}</h2>{list_html(section.sentences, 'notes')}{table}{pictures}"

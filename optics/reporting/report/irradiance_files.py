@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import io
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from optics.scene.photometry import Density
+from optics.scene.receivers import Screen
 
-    from optics.scene.photometry import Density
-    from optics.scene.receivers import Screen
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 ARRAYS, PICTURE = "irradiance.npz", "irradiance_16bit.png"
 WHITE = 65535  # of 16 bits

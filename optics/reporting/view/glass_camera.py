@@ -9,25 +9,23 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from optics.base.runtime import Backend
 from optics.light.tracing import seen_branches
 from optics.reporting.view.photo_light import WARM, PhotoLight, interpolated
 from optics.reporting.view.photo_room import LINES, PIXELS, WIDEST, PhotoRoom, photo_room
 from optics.reporting.view.scene_layout import block_means
 from optics.scene.photometry import encoded_srgb
+from optics.scene.problem import Problem
 from optics.scene.sources import Rays
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.base.runtime import Backend
-    from optics.scene.problem import Problem
-    from thbcad.lens import Lens
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 STRIP = 90  # lines at once: their rays take some 30 MB
 GLOSS = 0.04, 0.5  # what the table reflects of light from above, and at most

@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from optics.reporting.view.photo_room import PhotoRoom
+from optics.reporting.view.photo_room import PhotoRoom
 
-    Array = NDArray[np.float64]
-    # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
-    Meeting = tuple[Array, Callable[[NDArray[np.int64]], Array]]
+Array = NDArray[np.float64]
+# the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
+Meeting = tuple[Array, Callable[[NDArray[np.int64]], Array]]
 
 WARM, COOL = np.array([1.0, 0.96, 0.9]), np.array([0.78, 0.88, 1.0])
 FRAME = 1.025  # of the screen's half-width
@@ -50,7 +48,11 @@ class PhotoLight:
 
     def along(self, origin: Array, direction: Array) -> Array:
         """Return the radiance that rays (3, n) meet, (n, 3)."""
-        colour = self._surroundings(direction)
+        # a dark room with a soft lamp above on the left
+        up = np.clip(direction[1], -1, 1)
+        soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
+        grey = 0.002 + 0.05 * np.maximum(up, 0) + 0.9 * soft
+        colour = grey[:, None] * COOL
         nearest = np.full(origin.shape[1], np.inf)
         for path, shade in (
             self._table(origin, direction),
@@ -73,13 +75,6 @@ class PhotoLight:
     def screen_path(self, origin: Array, direction: Array) -> Array:
         """Return the path to the screen with its frame, inf where it is not met, (n,)."""
         return self._screen(origin, direction)[0]
-
-    def _surroundings(self, direction: Array) -> Array:
-        """A dark room with a soft lamp above on the left."""
-        up = np.clip(direction[1], -1, 1)
-        soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
-        grey = 0.002 + 0.05 * np.maximum(up, 0) + 0.9 * soft
-        return grey[:, None] * COOL
 
     def _table(self, origin: Array, direction: Array) -> Meeting:
         with np.errstate(divide="ignore"):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isinf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, placed
 from optics.reporting.view.solid_renderer import solid_faces
+from optics.scene.problem import Problem
 from optics.scene.system import source_of
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-    from thbcad.lens import Lens
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 PIXELS = (960, 540)  # columns and rows
 COARSE = 61  # samples across a face, for the box around it

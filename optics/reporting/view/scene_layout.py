@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isinf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.reporting.view.solid_renderer import Face, oblique
+from optics.scene.problem import Problem
 from optics.scene.system import source_of
 
-if TYPE_CHECKING:
-    from optics.scene.problem import Problem
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
 # half-widths of lens and target together between their middles in the picture: more than 1 leaves both free

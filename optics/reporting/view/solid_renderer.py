@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
-from thbcad.lens import SIDES
+from thbcad.lens import SIDES, FreeformSurface, Lens
 
-if TYPE_CHECKING:
-    from thbcad.lens import FreeformSurface, Lens
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 SAMPLES = 420  # across a face
 PIXELS = 440  # across a view, in which a face takes 350 at most

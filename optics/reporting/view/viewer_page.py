@@ -11,20 +11,18 @@ from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.light.tracing import RayPath
 from optics.reporting.view.scene_layout import Scene, block_means, caption, corners, placed
 from optics.reporting.view.solid_renderer import Face, solid_faces
+from optics.scene.system import OpticalSystem
+from thbcad.lens import Lens
 
-if TYPE_CHECKING:
-    from optics.light.tracing import RayPath
-    from optics.scene.system import OpticalSystem
-    from thbcad.lens import Lens
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 SAMPLES = 177  # across a face: two faces of 8 bytes a point take 0.67 MB as text; the indices have 16 bits
 MOST_PIXELS = 256  # of the irradiance, across

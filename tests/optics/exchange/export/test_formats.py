@@ -13,9 +13,9 @@ import pytest
 from OCP.RWStl import RWStl
 
 from optics.exchange.export.drawing_checks import drawing_checks
-from optics.exchange.export.edge_distance import edge_distance
 from optics.exchange.export.formats import FORMATS, MESHES, export
 from optics.exchange.export.read_back import array_checks, cloud_checks, mesh_checks, sag_checks
+from optics.exchange.export.wall_distance import edge_distance
 from optics.interface.commands import main
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import THBSurface, read_lens, write_lens

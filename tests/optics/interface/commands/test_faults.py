@@ -109,7 +109,9 @@ def replayed(kept, monkeypatch):
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
     monkeypatch.setattr("optics.reporting.figures.scene_paths", lambda *_: [])
-    monkeypatch.setattr("optics.designing.prediction.resolved", lambda system, backend: (system, None))
+    monkeypatch.setattr(
+        "optics.interface.api.prepared_problem.resolved", lambda system, backend: (system, None)
+    )
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from optics.reporting.report.key_numbers import key_list, key_numbers
+from optics.reporting.report.metric_words import key_list, key_numbers
 from optics.scene.photometry import units_of
 
 METRICS = {
