@@ -5,10 +5,18 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 DATA = ROOT / "tests" / "data"
+
+
+def examples(most, **options):
+    """Return the settings of a property of so many examples; a quarter of them, or 8, in `make test`."""
+    if settings.default.max_examples < 60:  # the profile of tests/conftest.py
+        most = max(min(most, 8), most // 4)
+    return settings(max_examples=most, **options)
 
 
 def slow_unless(often, cases):

@@ -5,9 +5,10 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 
 from oracles.spline_definitions import gamma
+from tests.cases import examples
 from tests.thbcad.cases import (
     coefficients,
     hierarchies,
@@ -92,7 +93,7 @@ def test_segments_of_segments_are_segments(kv, data):
     assert abs(to_inner @ to_outer - operator).max() <= TIGHT
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(spaces(max_spans=4), seeds())
 def test_coarsening_in_any_order_ends_in_the_same_space(space, rng):
     """Two disjoint sets of leaves, refined and made whole in both orders."""
@@ -123,7 +124,7 @@ def test_refinement_and_conversion_commute(space):
     assert np.allclose(lifted[0] @ direct.coefficients @ lifted[1].T, moved.coefficients, rtol=0, atol=TIGHT)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(spaces(max_degree=4, max_spans=4), st.data())
 def test_powers_up_to_the_degree_are_in_the_space(space, data):
     """x^a y^b in [-1, 1]^2; what the projector loses is its norm times the roundings of a value."""

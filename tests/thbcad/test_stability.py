@@ -5,13 +5,13 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.exact_splines import ExactAxis, ExactTHB, roundings
 from oracles.kernel_accuracy import coarsened, deepest, measure, projection_defect, window
 from oracles.spline_definitions import DefinitionTHB, boehm, gamma
 from oracles.stresses import STRESSES, clamped, corner, random_breaks
-from tests.cases import slow_unless
+from tests.cases import examples, slow_unless
 from tests.thbcad.cases import coefficients, hierarchies, knot_vectors, points, seeds
 from thbcad import KnotVector, THBSpace, THBSurface
 
@@ -28,7 +28,7 @@ def test_the_twin_refines_as_knots_are_inserted(kv):
     assert rows == boehm(kv.knots, kv.degree, new)
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(st.data())
 def test_the_twin_is_the_spline_by_definition(data):
     space, refined = data.draw(hierarchies(max_spans=3, deepest=2))
@@ -112,7 +112,7 @@ def test_restriction_inverts_prolongation(degree):
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@examples(200)
 @given(st.integers(1, 3), st.integers(1, 3), seeds())
 def test_short_walks(p, q, rng):
     """Refine keeps the surface; coarsen then gives back space and coefficients; functions are non-negative

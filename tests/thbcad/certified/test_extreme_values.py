@@ -6,9 +6,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import cox_de_boor
+from tests.cases import examples
 from tests.thbcad.cases import SCALES, coefficients, knot_vectors, parameters, spaces
 from thbcad.certified.extreme_values import minimum, value_range
 from thbcad.sags import square_coefficients
@@ -57,7 +58,7 @@ def paraboloid(x0, y0, height, kv):
 
 
 @pytest.mark.slow
-@settings(max_examples=80)
+@examples(80)
 @given(st.data(), st.sampled_from(ORDERS))
 def test_the_range_holds_exact_values(data, derivative):
     """No slack: the samples and the bounds are compared as Fractions.  The corners of the cells are among the
@@ -217,7 +218,7 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(derivative):
     assert 1.7 < rate < 2.5
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data())
 def test_thb_surfaces_and_their_patches_have_the_same_range(data):
     space = data.draw(spaces(max_steps=3))

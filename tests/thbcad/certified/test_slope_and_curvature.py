@@ -3,9 +3,10 @@ rates."""
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from scipy.interpolate import NdBSpline
 
+from tests.cases import examples
 from tests.thbcad.cases import coefficients, knot_vectors, spaces
 from thbcad.certified.slope_and_curvature import greatest_slope, least_radii
 from thbcad.sags import Conic, conic_graph, graph_poles, square_coefficients
@@ -160,7 +161,7 @@ def test_no_sample_is_steeper(graph, seed):
     assert 0 <= found.lower <= found.value <= found.upper <= found.lower * (1 + 2e-9) + noise
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(graphs(min_degree=2, max_degree=4, max_spans=4, scales=(1.0, 25.4)), st.integers(0, 2**32 - 1))
 def test_no_sample_is_more_curved(graph, seed):
     """Random surfaces, with creases at knots of multiplicity p; the enclosures are as narrow as asked."""
@@ -242,7 +243,7 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@examples(20)
 @given(st.data())
 def test_thb_surfaces_and_their_patches_have_the_same_radii(data):
     space = data.draw(spaces(max_steps=3).filter(lambda s: min(s.kv_u.degree, s.kv_v.degree) > 1))

@@ -3,8 +3,9 @@ lines."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
+from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
 from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line
 from thbcad.drawings import Style, plan_view, section_view, side_view
@@ -20,7 +21,7 @@ def random_graph(rng, degree):
     return BSplineSurface(kv_u, kv_v, rng.uniform(-1, 1, (kv_u.dim, kv_v.dim)))
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(seeds(), st.integers(2, 5), st.sampled_from([1e-1, 1e-2, 1e-3]))
 def test_an_outline_lies_within_its_bound_of_the_least_height(rng, degree, chord):
     """On a dense grid the least height is too great by at most what the slope makes of half a step."""

@@ -4,10 +4,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from scipy.interpolate import LSQBivariateSpline, NdBSpline, make_interp_spline, make_lsq_spline
 
 from oracles.spline_definitions import gamma
+from tests.cases import examples
 from tests.thbcad.cases import knot_vectors, seeds, spaces
 from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting.adaptive_fit import fit
@@ -132,7 +133,7 @@ def test_weights_move_the_solution():
 
 
 @given(spaces(max_degree=4, max_spans=3, deepest=2), seeds())
-@settings(max_examples=20)
+@examples(20)
 def test_thin_plate_energy_against_scipy_derivatives(space, rng):
     """c^T E c is the integral of the squared second derivatives, by finer quadrature of scipy's
     derivatives."""

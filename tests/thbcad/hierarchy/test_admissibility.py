@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import DefinitionTHB
+from tests.cases import examples
 from tests.thbcad.cases import hierarchies, points, seeds, spaces, tensor_spaces
 from thbcad import KnotVector, THBSpace
 
@@ -25,7 +26,7 @@ def coarsest_above(space):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@examples(40)
 @given(tensor_spaces(max_degree=4), st.integers(2, 4), seeds())
 def test_the_class_is_kept(space, m, rng):
     for _ in range(6):

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import gamma
+from tests.cases import examples
 from tests.thbcad.cases import coefficients, hierarchies, points, refined_spaces, spaces
 from tests.thbcad.hierarchy.cases import ORDERS, block, entry_roundings, uniform_space
 from thbcad.hierarchy.thb_space import THBSpace
@@ -13,7 +14,7 @@ from thbcad.splines import KnotVector
 # ---- prolongation ----
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data())
 def test_prolongation_keeps_the_spline(data):
     start = data.draw(hierarchies(max_steps=3))
@@ -34,7 +35,7 @@ def test_prolongation_keeps_the_spline(data):
         assert error <= float(gamma(4 * entry_roundings(finer))) * scale
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data())
 def test_prolongations_compose(data):
     first = data.draw(hierarchies(max_steps=2))
@@ -45,7 +46,7 @@ def test_prolongations_compose(data):
     assert error <= float(gamma(3 * entry_roundings(c)))
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(spaces())
 def test_prolongation_to_the_same_space_is_the_identity(space):
     p = space.prolongation(space).toarray()

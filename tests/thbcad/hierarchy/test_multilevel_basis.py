@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline
 
 from oracles.spline_definitions import bisected, gamma, support
+from tests.cases import examples
 from tests.thbcad.cases import hierarchies, points, seeds
 from thbcad.hierarchy.multilevel_basis import MultilevelBasis
 from thbcad.hierarchy.thb_space import THBSpace
@@ -35,7 +36,7 @@ def generating_system(space, refined, u, v):
     return np.stack(columns, axis=1)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.data())
 def test_weights_are_those_of_scaled_b_splines(data):
     space, refined = data.draw(hierarchies(max_spans=3, deepest=2))
@@ -51,7 +52,7 @@ def test_weights_are_those_of_scaled_b_splines(data):
     )
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.data())
 def test_adjoint(data):
     space, _ = data.draw(hierarchies())
@@ -65,7 +66,7 @@ def test_adjoint(data):
     )
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(hierarchies(max_spans=3, deepest=2))
 def test_it_spans_the_space(case):
     """M has full row rank, and weights of level 0 alone are prolonged."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import gamma
+from tests.cases import examples
 from tests.thbcad.cases import hierarchies, points
 from tests.thbcad.hierarchy.cases import block, dof_per_level, entry_roundings, refined_by, uniform_space
 from thbcad.hierarchy.domains import MAX_LEVEL
@@ -59,7 +60,7 @@ def test_refining_nothing_changes_nothing():
     assert space.refine({0: []}).levels == 1
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.data())
 def test_mirror_symmetry(data):
     """The mirrored refinement of a mirrored knot vector has the mirrored functions and values."""
@@ -89,7 +90,7 @@ def axis_functions(kv, level):
     return range(kv.dim)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(hierarchies(max_spans=3))
 def test_transposition(case):
     """Swapping x and y swaps the indices of the functions."""

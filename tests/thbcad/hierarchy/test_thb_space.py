@@ -5,9 +5,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import DefinitionTHB, gamma
+from tests.cases import examples
 from tests.thbcad.cases import hierarchies, parameters, points, refined_spaces, spaces, tensor_spaces
 from tests.thbcad.hierarchy.cases import block, dof_per_level, entry_roundings, uniform_space
 from thbcad.hierarchy.domains import MAX_LEVEL
@@ -18,7 +19,7 @@ from thbcad.splines import KnotVector
 # ---- the truncated basis by its definition ----
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.data())
 def test_the_basis_is_the_truncated_one(data):
     """Functions, order, values and derivatives against level-by-level truncation with dense matrices."""
@@ -82,7 +83,7 @@ def test_partition_of_unity_and_non_negative(data):
         assert abs(d.sum(axis=1)).max() <= float(gamma(2 * entry_roundings(space))) * abs(d).sum(axis=1).max()
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(spaces(max_spans=3))
 def test_linear_independence(space):
     """The nets of the functions in the tensor-product form have full rank."""
@@ -160,7 +161,7 @@ def holds(kv, level, span, x):
     return low <= x < low + width or x == low + width == breaks[-1]
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.data(), st.integers(0, 3))
 def test_uniform_cuts_what_is_coarser_and_leaves_what_is_finer(data, level):
     space, _ = data.draw(hierarchies(max_spans=3, deepest=2))

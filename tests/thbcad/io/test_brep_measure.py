@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepGProp import BRepGProp
@@ -19,6 +19,7 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
 
+from tests.cases import examples
 from tests.thbcad.cad.shapes.cases import CASES
 from tests.thbcad.cases import LENSES, lenses
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
@@ -74,7 +75,7 @@ def test_the_file_has_the_volume_of_the_lens(name):
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@examples(15)
 @given(lenses(conics=False))
 def test_random_lenses(lens):
     assert volume(of(lens)) == pytest.approx(lens.volume(), rel=1e-10)

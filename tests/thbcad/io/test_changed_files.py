@@ -4,8 +4,9 @@ import json
 from functools import cache
 
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
+from tests.cases import examples
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, lenses
 from thbcad.cad.exchange import step_bytes
 from thbcad.io import brep_of_text, image_distance, turned_faces
@@ -40,7 +41,7 @@ def refusal(read, text):
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@examples(10)
 @given(lenses(conics=False))
 def test_a_step_file_holds_the_lens(lens):
     solid = brep_of_text(step_bytes(lens).decode("ascii"))
@@ -53,7 +54,7 @@ def test_a_step_file_holds_the_lens(lens):
     assert image_distance(solid) == (pytest.approx(0, abs=1e-12), ())
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.sampled_from(NAMES), st.data())
 def test_a_step_file_cut_anywhere_is_refused(name, data):
     text = step(name)
@@ -62,7 +63,7 @@ def test_a_step_file_cut_anywhere_is_refused(name, data):
         brep_of_text(cut)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.sampled_from(NAMES), st.data())
 def test_a_changed_step_file_is_read_or_refused_with_a_sentence(name, data):
     """Characters are replaced, put in or taken out anywhere."""
@@ -77,7 +78,7 @@ def test_a_changed_step_file_is_read_or_refused_with_a_sentence(name, data):
 # ---- lens.json ----
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.sampled_from(NAMES), st.data())
 def test_a_lens_file_cut_anywhere_is_refused(name, data):
     text = native(name)
@@ -97,7 +98,7 @@ def ordered(data):
     return data
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.sampled_from(NAMES), st.data())
 def test_a_changed_lens_file_is_refused_or_holds_what_it_says(name, data):
     """One character is another: nothing that the file says is passed over."""

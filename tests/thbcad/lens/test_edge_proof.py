@@ -8,9 +8,10 @@ from operator import add, mul, sub, truediv
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from OCP.BOPAlgo import BOPAlgo_ArgumentAnalyzer
 
+from tests.cases import examples
 from tests.thbcad.cases import seeds, surfaces
 from thbcad.cad.shapes import part_between
 from thbcad.certified import MOST_BOXES, Interval, positive, range_over
@@ -274,7 +275,7 @@ def test_surfaces_that_cross_at_equal_places_alone():
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@examples(40)
 @given(st.data())
 def test_random_lenses(data):
     """What is accepted is clear in a dense sample; what is refused crosses where the sentence says."""

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from scipy.spatial import ConvexHull
 
 from oracles.spline_definitions import flux_volume
+from tests.cases import examples
 from tests.thbcad.cases import EPS, lenses
 from tests.thbcad.lens.cases import flat_sag, plano
 from thbcad.hierarchy import THBSpace
@@ -54,7 +55,7 @@ def test_volume_of_table_6_3():
     assert lens.volume() == pytest.approx(rear - front + sides, rel=1e-14)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(lenses())
 def test_volume_against_the_flux_through_the_faces(lens):
     """Gauss quadrature of the exact surfaces; the splines may differ from the conics by 1e-11 mm."""

@@ -3,11 +3,12 @@ stay within the bounds."""
 
 import numpy as np
 import pytest
-from hypothesis import given, reject, settings, strategies as st
+from hypothesis import given, reject, strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import NdBSpline
 from scipy.optimize import minimize
 
+from tests.cases import examples
 from tests.thbcad.cases import refined_spaces, surfaces
 from thbcad.hierarchy import THBSpace
 from thbcad.lens.freeform_surface import FreeformSurface
@@ -186,7 +187,7 @@ def test_the_estimate_of_the_area_is_honest_on_a_rough_surface():
 
 
 @pytest.mark.slow
-@settings(max_examples=50)
+@examples(50)
 @given(lenses(), st.integers(0, 2**32 - 1))
 def test_no_sample_lies_outside_the_bounds(lens, seed):
     """Scattered points and rims, by scipy on the graphs; the fronts' sizes may differ from the rears'."""
@@ -278,7 +279,7 @@ def test_the_places_hold_the_values():
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@examples(30)
 @given(lenses())
 def test_the_sag_is_bounded_apart_from_its_conic(lens):
     for surface, found in zip((lens.front, lens.rear), manufacturability(lens).surfaces.values()):
@@ -326,7 +327,7 @@ def test_levels_without_functions_have_no_features():
     assert feature_of(own.refine({1: [(i, j) for i in range(4) for j in range(4)]})).level == 2
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.data(), st.integers(2, 3), st.integers(1, 5))
 def test_the_feature_is_that_of_the_finest_active_function(data, degree, spans):
     own, _ = data.draw(

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 from scipy.spatial import cKDTree
 
+from tests.cases import examples
 from tests.thbcad.cases import lenses, seeds
 from thbcad import FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.io import obj_bytes, ply_bytes, stl_bytes, threemf_bytes
@@ -22,7 +23,7 @@ RULED = Lens(
 LINE = KnotVector.uniform(3, 1, -5.0, 5.0)
 TILT = THBSurface(THBSpace(LINE, LINE), np.repeat(0.5 * LINE.greville(), 4))  # z = x / 2
 TWISTED = Lens(FreeformSurface((5.0, 5.0)), FreeformSurface((5.0, 11.0), sag=TILT), 3.0, 1.5)
-BIG = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+BIG = examples(60, suppress_health_check=[HealthCheck.too_slow])
 
 
 def directed_edges(mesh):

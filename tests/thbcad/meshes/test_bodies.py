@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial import cKDTree
 
+from tests.cases import examples
 from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
 from thbcad import body_mesh, to_trimesh
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
@@ -92,7 +93,7 @@ def test_a_flange_has_its_planes_and_its_outline():
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@examples(20)
 @given(st.floats(0.3, 5.0), st.floats(0.3, 4.0), st.floats(1e-3, 0.1))
 def test_any_ellipse_keeps_any_chord(a, b, chord):
     mesh = body_mesh(WAVY, chord, (a, b))

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
+from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
 from tests.thbcad.sags.cases import conics, greatest_errors
 from thbcad import interpolate
@@ -94,7 +95,7 @@ def test_cell_maxima_count_shared_nodes_to_both_cells():
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@examples(100)
 @given(conics(), st.integers(2, 10), st.integers(2, 10), seeds())
 def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):
     """Interpolants on random knots, as they are and with a random net added."""
@@ -168,7 +169,7 @@ def test_bounds_of_a_function_of_ones_own(k, l, degree, spans):
 # ---- splines to a tolerance ----
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(conics(), st.integers(2, 7), st.integers(2, 7), st.integers(2, 7), seeds())
 def test_the_tolerance_is_kept_and_so_are_the_knots(case, p, q, digits, rng):
     conic, half = case

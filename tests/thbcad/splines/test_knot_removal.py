@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import linprog
 
+from tests.cases import examples
 from tests.thbcad.cases import insertions, knot_vectors, seeds
 from thbcad import BSplineSurface, KnotVector
 from thbcad.splines.knot_removal import removal_errors, remove_knots, remove_surface_knots
@@ -50,7 +51,7 @@ def curves(draw, **options):
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@examples(150)
 @given(st.data())
 def test_what_was_inserted_is_removed_again(data):
     """Exactly the old knots stay, where the tolerance lets no old one go.
@@ -284,7 +285,7 @@ def test_coefficients_that_are_not_finite_are_refused():
         remove_knots(UNIFORM, [0, 0, np.nan, 0, 0, 0, 0], 1e-3)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data(), st.integers(0, 3), st.sampled_from([0.0, 1e-9, 1e-3, 0.2]))
 def test_surfaces_keep_bound_and_tolerance(data, d, tolerance):
     kv_u, kv_v = (data.draw(knot_vectors(max_degree=5)) for _ in range(2))

@@ -4,10 +4,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline
 
 from oracles.spline_definitions import boehm, cox_de_boor, gamma
+from tests.cases import examples
 from tests.thbcad.cases import SCALES, insertions, knot_vectors, parameters
 from thbcad.splines.knot_vector import KnotVector
 
@@ -56,7 +57,7 @@ def test_local_support(case, derivative):
     assert a.shape == (len(u), kv.dim)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data())
 def test_values_and_derivatives_are_those_of_exact_arithmetic(data):
     """Every entry within 5 roundings per degree of the exact Cox-de Boor value of the same float64 knots."""
@@ -139,7 +140,7 @@ def test_integrals_against_scipy(kv):
     assert kv.integrals().sum() == pytest.approx(width, rel=float(gamma(kv.dim + 3)))
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(knots_and_insertions(max_spans=4))
 def test_prolongation_is_exact_knot_insertion(case):
     """The Oslo rows against Boehm's insertion in exact arithmetic, to 5 roundings per degree, zeros

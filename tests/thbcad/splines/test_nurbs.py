@@ -6,10 +6,11 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline
 
 from oracles.spline_definitions import cox_de_boor, gamma
+from tests.cases import examples
 from tests.thbcad.cases import insertions, nurbs_surfaces, parameters, seeds
 from tests.thbcad.splines.cases import curves, geom_curve
 from thbcad.cad.shapes import rational_geom
@@ -89,7 +90,7 @@ def exact_derivative(curve, u, order):
     return out
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(curves_and_parameters(max_spans=3, max_degree=6), st.integers(0, 4))
 def test_points_and_derivatives_are_those_of_exact_arithmetic(case, order):
     """Each of the order + 1 steps of the quotient rule adds the roundings of a point, relative to the size of
@@ -216,7 +217,7 @@ def test_insertion_keeps_the_surface(data):
     assert abs(finer(u, v) - surface(u, v)).max() <= 4 * rounding(surface.kv_u.degree + surface.kv_v.degree)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(nurbs_surfaces())
 def test_bezier_patches_and_segments_are_pieces_of_the_surface(surface):
     bound = 4 * rounding(surface.kv_u.degree + surface.kv_v.degree)

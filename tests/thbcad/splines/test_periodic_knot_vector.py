@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline, make_interp_spline
 
 from oracles.spline_definitions import cox_de_boor, gamma
+from tests.cases import examples
 from tests.thbcad.cases import SCALES, seeds
 from thbcad import KnotVector, PeriodicKnotVector
 
@@ -77,7 +78,7 @@ def test_partition_of_unity_and_non_negative(kv, data):
     assert abs(a.sum(axis=1) - 1).max() <= float(gamma(6 * kv.degree + 1))
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(periodic_vectors(max_spans=4, scales=(1.0,)), st.data())
 def test_values_and_derivatives_are_those_of_exact_arithmetic(kv, data):
     """Sums of Cox-de Boor values over the translated knots, whole numbers here; 5 roundings per degree and

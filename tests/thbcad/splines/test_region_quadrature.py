@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
+from tests.cases import examples
 from thbcad.splines import BSplineSurface, KnotVector, Primitive, gauss_rule
 
 
@@ -28,7 +29,7 @@ def graph(p, q, seed):
     return Graph(BSplineSurface(kv_u, kv_v, rng.uniform(-1, 1, (kv_u.dim, kv_v.dim))))
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 99))
 def test_the_primitive_is_the_integral_of_the_spline_up_to_u(p, q, seed):
     f = graph(p, q, seed)

@@ -4,8 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
+from tests.cases import examples
 from tests.thbcad.cases import coefficients, points, spaces
 from thbcad import KnotVector, THBSpace, THBSurface
 
@@ -16,7 +17,7 @@ def size(faces):
     return sum(f.kv_u.dim * f.kv_v.dim for f in faces)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.data(), st.sampled_from(PRICES))
 def test_faces_are_the_surface_and_tile_it(data, price):
     """Least squares on fewer knots lose up to 2^p roundings; spans of ratio 9 and multiple knots are among
@@ -37,7 +38,7 @@ def test_faces_are_the_surface_and_tile_it(data, price):
     assert held.min() > 0
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(spaces(max_spans=4, max_degree=2))
 def test_a_higher_price_means_fewer_faces(space):
     surface = THBSurface(space, np.zeros(space.dim))

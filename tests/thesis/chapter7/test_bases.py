@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.stats import beta as beta_distribution, irwinhall
 
 from examples.thesis.chapter7.bases import BasisBlur, approximate_in_basis, bates, beta, deltas, irwin_hall
 from optics.designing.etendue import Kernel, approximate
+from tests.cases import examples
 from tests.optics.designing.etendue.cases import kernels, matrix, optimum, targets
 
 ROUNDING = 1e-12  # sums of some hundred numbers up to 1; B-splines of up to 6 pieces
@@ -45,14 +46,14 @@ def test_beta_functions_are_areas_of_the_density():
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@examples(15)
 @given(kernels(), targets())
 def test_deltas_are_the_general_problem(kernel, target):
     require_general(kernel, target)
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@examples(60)
 @given(kernels(), targets())
 def test_deltas_are_the_general_problem_many_times(kernel, target):
     require_general(kernel, target)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose
 
 from optics.designing.etendue.approximation import approximate, split
 from optics.designing.etendue.certificate import gradient, kkt_residual, lower_bound, scaled_bound
 from optics.designing.etendue.kernel import Kernel
+from tests.cases import examples
 from tests.optics.designing.etendue.cases import kernels, matrix, optimum, targets
 
 ROUNDING = 1e-12  # of bounds, relative: some hundred operations on numbers up to 1
@@ -43,7 +44,7 @@ def test_the_bound_holds_for_any_residual(kernel, target, seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@examples(40)
 @given(kernels(), targets())
 def test_the_certificate_is_tight_at_the_optimum(kernel, target):
     # images that light can equal converge slowly, but are not asked for: the others take up to 6000 steps

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.optimize import lsq_linear
 
 from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import examples
 from tests.optics.cases import HOLLOW
 
 SMALL_TARGET = HOLLOW | {
@@ -26,7 +27,7 @@ SMALL_TARGET = HOLLOW | {
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(SEEDS, st.floats(0.3, 4.0))
 def test_the_least_distance_is_that_of_a_general_solver(seed, brightness):
     """Bounded least squares with the mean as a row of great weight, whose error is about 1 / weight^2."""
@@ -46,7 +47,7 @@ def test_the_least_distance_is_that_of_a_general_solver(seed, brightness):
     assert found == pytest.approx(expected, abs=1e-7)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(SEEDS)
 def test_no_light_below_the_caps_is_nearer(seed):
     rng = np.random.default_rng(seed)

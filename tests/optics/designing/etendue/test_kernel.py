@@ -4,12 +4,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import convolve
 
 from optics.designing.etendue import kernel as module
 from optics.designing.etendue.kernel import Kernel
+from tests.cases import examples
 from tests.optics.designing.etendue.cases import kernels, matrix, targets
 
 EPS = np.finfo(np.float64).eps
@@ -145,7 +146,7 @@ def exact_greatest_mean(kernel, image):
     return max(means)
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(kernels(), targets(), st.integers(0, 2**32 - 1), st.booleans())
 def test_the_greatest_mean_is_rounded_upward(kernel, target, seed, faint):
     """Also of taps of 1e-13, which transforms drown: the pixels of light that they reach are summed."""

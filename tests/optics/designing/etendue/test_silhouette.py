@@ -6,7 +6,7 @@ from math import atan, pi, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 
 from optics.designing.etendue.silhouette import (
@@ -20,7 +20,7 @@ from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Sourc
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from oracles.seen_envelope import sampled_etendue, sampled_lenses
-from tests.cases import ROOT, slow_unless
+from tests.cases import ROOT, examples, slow_unless
 from tests.optics.cases import HOLLOW, hollow_lens
 
 GLOWING = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
@@ -56,7 +56,7 @@ def test_a_square_right_below_has_its_closed_form():
         )
 
 
-@settings(max_examples=5, deadline=None)
+@examples(5)
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(5.5, 30))
 def test_a_body_is_seen_as_by_random_directions(x, y, z):
     rng = np.random.default_rng(7)
@@ -82,7 +82,7 @@ def any_faces(draw):
     return {"half_width": half_width, "radius": radius, "conic": draw(st.floats(-2, 0.5))}
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(
     any_faces(),
     any_faces(),

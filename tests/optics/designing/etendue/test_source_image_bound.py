@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.optimize import nnls
 
 from optics.designing.etendue.approximation import approximate
@@ -13,6 +13,7 @@ from optics.designing.etendue.kernel import Kernel
 from optics.designing.etendue.kernel_stack import KernelStack, stack_approximation
 from optics.designing.etendue.source_image_bound import any_proportions, image_bound
 from optics.scene.sources import Profile
+from tests.cases import examples
 
 SIDES = st.integers(1, 4)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -46,7 +47,7 @@ def nearest(light, target):
     return np.linalg.norm(scale * light - target) / np.linalg.norm(target)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(SIDES, SIDES, SEEDS)
 def test_adjoint_and_reach_belong_to_the_stack(rows, columns, seed):
     rng, shape = np.random.default_rng(seed), (7, 9)
@@ -68,7 +69,7 @@ def test_a_stack_is_the_mean_of_its_kernels():
     np.testing.assert_allclose(stack.apply(lights), expected, atol=1e-14)
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(SIDES, SIDES, st.floats(0, 1), st.floats(0, 1), SEEDS)
 def test_every_rectangle_between_is_a_sum_of_boxes(rows, columns, more, wider, seed):
     """The lemma that carries the bound: sides k to k + 1, anywhere on the pixels."""
@@ -78,7 +79,7 @@ def test_every_rectangle_between_is_a_sum_of_boxes(rows, columns, more, wider, s
     assert error <= 1e-10
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(SEEDS)
 def test_the_bound_is_below_the_optimum_and_near_it(seed):
     target = np.random.default_rng(seed).uniform(size=(7, 8)) ** 3
@@ -91,7 +92,7 @@ def test_the_bound_is_below_the_optimum_and_near_it(seed):
     assert bound >= 0.99 * found.residual
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(st.floats(2.0, 5.0), st.floats(2.0, 5.0), st.floats(1.0, 3.0), st.integers(1, 2), SEEDS)
 def test_no_light_made_of_images_is_nearer(high, wide, larger, merge, seed):
     """Images of one size c w, c >= 1, in any number and anywhere, against any target."""
@@ -103,7 +104,7 @@ def test_no_light_made_of_images_is_nearer(high, wide, larger, merge, seed):
     assert bound.lower_bound <= bound.attained
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(st.floats(2.0, 4.0), st.floats(1.0, 3.0), SEEDS)
 def test_light_of_images_is_not_excluded(wide, larger, seed):
     """A target that is itself such light has the bound 0 up to the solver's residual: the test that catches a
@@ -113,7 +114,7 @@ def test_light_of_images_is_not_excluded(wide, larger, seed):
     assert image_bound(target, (wide, wide), Profile(), 1, 1e-5).lower_bound <= 1e-9
 
 
-@settings(max_examples=4, deadline=None)
+@examples(4)
 @given(st.floats(4.0, 20.0), st.floats(-2.0, 2.0), st.floats(1.0, 3.0), st.integers(1, 2), SEEDS)
 def test_no_light_of_images_in_any_proportions_is_nearer(area, stretch, larger, merge, seed):
     """Images of one size, at least the area, in any number and anywhere, against any target."""
@@ -127,7 +128,7 @@ def test_no_light_of_images_in_any_proportions_is_nearer(area, stretch, larger, 
     assert bound.lower_bound <= bound.attained + 1e-12
 
 
-@settings(max_examples=2, deadline=None)
+@examples(2)
 @given(st.floats(6.0, 9.0), st.floats(-1.2, 1.2), SEEDS)
 def test_light_of_stretched_images_is_not_excluded(area, stretch, seed):
     """A target that is itself such light has the bound 0 up to the solver's residual."""

@@ -6,7 +6,7 @@ from math import atan, degrees, log, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
@@ -24,7 +24,7 @@ from optics.designing.etendue.throughput_bound import (
 from optics.light.blur import patch_images
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.cases import ROOT
+from tests.cases import ROOT, examples
 from tests.optics.cases import hollow_lens, tracer_to
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.distance": 20.0}
@@ -220,7 +220,7 @@ def test_light_aside_comes_in_larger_images(problem_file):
     assert 2 * sure**2 == pytest.approx(spread(OpticalSystem(problem))[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 1.0))
 def test_the_least_mean_is_that_of_convex_optimisation(seed, error):
     rng = np.random.default_rng(seed)

@@ -14,6 +14,7 @@ from optics.designing.optimisation import Row, State
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import examples
 from tests.optics.cases import small_space, store_result, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -60,7 +61,7 @@ def result(problem, tmp_path_factory):
     return store_result(tmp_path_factory.mktemp("result") / "out", problem, OpticalSystem(problem).lens)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(share=st.floats(0, 0.999))
 def test_a_record_that_was_cut_is_refused(result, share):
     path = result.path / "result.json"
@@ -73,7 +74,7 @@ def test_a_record_that_was_cut_is_refused(result, share):
         path.write_bytes(data)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(run_id=st.text(max_size=64))
 def test_a_record_of_another_run_is_refused(result, run_id):
     path = result.path / "result.json"

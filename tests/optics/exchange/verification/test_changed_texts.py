@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.exchange.verification.independent_checks import text_and_occt_checks, text_checks
 from optics.exchange.verification.lone_file import WITHOUT_LENS, bare_checks, text_checks_of
@@ -15,6 +15,7 @@ from optics.exchange.verification.step_checks import verify
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.text_comparison import OTHER_TEXT, fresh_export_checks, same_checks
 from optics.scene.system import OpticalSystem
+from tests.cases import examples
 from tests.optics.exchange.verification.cases import SPLINES, shaped
 from tests.optics.exchange.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
 from thbcad.cad.exchange import part_step, step_bytes
@@ -76,7 +77,7 @@ def test_a_damaged_file_is_rejected(good, name):
     assert bool(failed(text_checks_of(solid).checks)) == alone
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.data())
 def test_every_number_of_the_solid_counts(good, data):
     """A real of a point, a vector or a knot, or a ratio of a direction, is another by 1e-9: it is seen."""

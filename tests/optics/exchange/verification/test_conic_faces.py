@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.exchange.verification.conic_face import ConicFace
 from optics.exchange.verification.independent_checks import text_and_occt_checks
@@ -19,6 +19,7 @@ from optics.exchange.verification.step_checks import surface_deviation, verify
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
+from tests.cases import examples
 from tests.optics.cases import moved_point
 from tests.optics.exchange.verification.cases import shaped
 from thbcad import FreeformSurface, Lens, write_step
@@ -135,7 +136,7 @@ def test_a_rim_with_another_radius_is_caught(good, tmp_path, backend):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@examples(40)
 @given(
     st.sampled_from([(np.inf, 0.0), (-30.0, 0.0), (25.0, 0.0), (-30.0, 0.7), (20.0, -2.5), (-25.0, -0.6)]),
     st.integers(0, 2**32 - 1),

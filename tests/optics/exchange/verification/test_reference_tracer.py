@@ -7,13 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.exchange.verification.reference_tracer import ParametricFace, _intersect, trace_step
 from optics.light.intersections import SearchedHits
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from oracles.light_formulas import refracted_vector
+from tests.cases import examples
 from tests.optics.cases import coefficients, grazing_rays, landing_points, tracer_to
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, placed_surfaces
@@ -123,7 +124,7 @@ def test_rays_meet_a_wavy_face_where_they_first_fall_through_it(backend, height,
         assert several.sum() >= 5
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(
     height=st.floats(0.2, 2.5),
     waves=st.tuples(*[st.floats(0.5, 4)] * 2),

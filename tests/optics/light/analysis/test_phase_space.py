@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.scene.sources import point_rays
+from tests.cases import examples
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface, Lens
 
@@ -36,7 +37,7 @@ def test_rays_that_do_not_arrive_have_no_determinant(backend):
     assert np.isfinite(found).tolist() == [True, False]
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_a_plate_shifts_rays_and_keeps_their_directions(backend, x, y, p, q):
     found = at_target(backend, PLATE, np.array([[x], [y], [p], [q]]), SOURCE_Z, TARGET_Z)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import example, given, strategies as st
 
 from optics.light.intersections.ray_roots import conic_distance
 from optics.light.intersections.searched_intersections import SearchedHits
+from tests.cases import examples
 from tests.optics.cases import grazing_rays, hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
@@ -130,7 +131,7 @@ def test_brackets_find_what_newtons_steps_from_the_conic_do_not(backend):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     height=st.floats(0, 3),
     spans=st.tuples(*[st.integers(1, 10)] * 2),

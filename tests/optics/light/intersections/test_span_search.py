@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.light.intersections.spline_table import Cells
+from tests.cases import examples
 
 
 def expected(breaks, points):
     return np.clip(np.searchsorted(breaks, points, "right") - 1, 0, len(breaks) - 2)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     widths=st.lists(st.floats(1e-3, 10), min_size=1, max_size=40),
     start=st.floats(-100, 100),

@@ -6,13 +6,14 @@ import operator
 
 import numpy as np
 import pytest
-from hypothesis import settings, strategies as st
+from hypothesis import strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.receivers import MAX_LENGTH, SUBPOINTS, formula_light
+from tests.cases import examples
 
 EXAMPLE = "exp(-(x^2 + y^2) / 0.1) * (1 + 0.5 * cos(8 * pi * x))"
-MANY = settings(deadline=None, derandomize=True, max_examples=300)
+MANY = examples(300)
 
 
 def means(function, pixels, subpoints=SUBPOINTS):

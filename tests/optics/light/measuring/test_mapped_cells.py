@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 from optics.base.runtime import OrderFreeSums, load_backend
 from optics.light.measuring import pixel_lines
 from optics.light.measuring.cut_cells import LEAST_AREA
 from optics.scene.receivers import Screen
+from tests.cases import examples
 from tests.optics.cases import THREADS, on_threads
 from tests.optics.light.measuring.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
@@ -86,7 +87,7 @@ def test_the_screen_keeps_the_flux_of_cells_that_lie_on_it(backend, screen, size
     assert made.laid(backend).sum() == pytest.approx((made.emitted * four / 4).sum(), rel=1e-12)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(made=shuffled(steps=(64,)))
 def test_light_does_not_depend_on_the_sign_of_the_map(backend, made):
     """Rows and columns of cells exchanged turn every triangle round: the same light."""
@@ -103,7 +104,7 @@ def test_a_fold_adds_up(backend):
     np.testing.assert_allclose(folded, 2 * half, rtol=0, atol=200 * UNIT)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(made=shuffled(screens=[whole(16, 18)], steps=(1, 64)))
 def test_whole_pixels_move_the_image(backend, made):
     """Two columns to the right, three rows up, where no light leaves the screen."""
@@ -173,7 +174,7 @@ def test_a_triangle_of_almost_no_area_is_laid_along_its_longest_edge(backend, he
     np.testing.assert_allclose(found[2], wanted, rtol=0, atol=16 * UNIT + height_rounding)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(made=shuffled(screens=[whole(4, 4)], steps=(1 << 12,)))
 def test_slivers_around_the_least_area_hold_their_light(backend, made):
     """Cells 1 / 256 as high as wide: areas from 0 to 1e-2 square pixels.

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import Phase, assume, given, settings, strategies as st
+from hypothesis import Phase, assume, given, strategies as st
 
 from optics.base.runtime import load_backend
 from optics.light.measuring.cut_cells import LEAST_AREA
 from optics.scene.sources import corner_flux
 from oracles.exact_cells import exact_slopes
+from tests.cases import examples
 from tests.optics.cases import THREADS, on_threads
 from tests.optics.light.measuring.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
@@ -27,7 +28,7 @@ def passing_all(made):
 
 
 @pytest.mark.slow
-@settings(max_examples=8, phases=[Phase.generate])  # to shrink an example would take minutes
+@examples(8, phases=[Phase.generate])  # to shrink an example would take minutes
 @given(made=shuffled(screens=SCREENS[:2], steps=(512,)), seed=st.integers(0, 99))
 def test_slopes_are_exact_on_shuffled_cells(backend, made, seed):
     """Where all areas exceed 1e-3: a slope is a sum of terms f / A times positions of up to 12 pixels, each

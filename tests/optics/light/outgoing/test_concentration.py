@@ -7,13 +7,14 @@ from math import pi, radians, tan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial import cKDTree
 
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import examples
 from tests.optics.cases import rough, tracer_to, write_problem
 
 FOCUS = 400.0  # mm, of the rear -R / (n - 1), K = -n^2, which images parallel light to a point
@@ -101,7 +102,7 @@ def test_the_far_field_is_followed_ten_metres(concentrated):
     assert found.times == pytest.approx(BEAM / (pi / 4), rel=1e-3)
 
 
-@settings(max_examples=2 + (settings.default.max_examples > 8), deadline=None)  # three in `make slow`
+@examples(3)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.4))
 def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     """Rays of another grid through a rough lens: disks around every 40th ray on planes at random."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from matplotlib import pyplot as plt
 
 from optics.light.tracing.refraction import (
@@ -12,9 +12,10 @@ from optics.light.tracing.refraction import (
     transmittances,
 )
 from optics.reporting.figures import fresnel_figure
+from tests.cases import examples
 
 EPS = np.finfo(float).eps
-FEW = settings(deadline=None, derandomize=True, max_examples=60)
+FEW = examples(60)
 INDICES = st.floats(1.05, 4.0)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.integrate import dblquad
 
 from optics.light.tracing.refraction import refract
 from optics.light.tracing.sequential import SequentialFates
 from oracles.light_formulas import fresnel, meridional, refracted_vector
+from tests.cases import examples
 from tests.optics.cases import PLANE, landing_points, mesh, rough, small_lens, small_space, traced
 from tests.optics.light.tracing.cases import INDEX
 from thbcad.lens import FreeformSurface, Lens
@@ -168,7 +169,7 @@ def test_fates_sum_to_the_source_flux(backend, front, rear, source, rear_half_wi
     assert budget.on_target == pytest.approx(landing.flux.numpy()[inside].sum(), abs=1e-12)
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(
     front=st.sampled_from([np.inf, 45.0, -45.0, 200.0]),
     constant=st.floats(-3, 1),

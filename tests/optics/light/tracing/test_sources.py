@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts, point_rays, single_rays
 from oracles.light_formulas import fresnel, meridional
+from tests.cases import examples
 from tests.optics.cases import (
     coefficients,
     hollow_lens,
@@ -58,7 +59,7 @@ def traced(backend, lens, rays, target_z=TARGET_Z, target=(2000.0, 2000.0)):
 # Fates
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(
     height=st.floats(0, 1.5),
     on_front=st.none() | st.floats(0, 1.0),

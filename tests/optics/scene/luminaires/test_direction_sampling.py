@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.integrate import quad
 from scipy.stats import chisquare
 
 from optics.scene.luminaires import DirectionSampler, Luminaire
 from optics.scene.luminaires.intensity_record import angles_of
+from tests.cases import examples
 from tests.optics.scene.luminaires.cases import GAMMA, C, asymmetric, lambertian
 
 GRID = (np.arange(200) + 0.5) / 200
@@ -60,7 +61,7 @@ def test_a_lambertian_lamp_sends_its_light_as_lambert_says():
     np.testing.assert_allclose(direction[:2].mean(axis=1), 0, atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.lists(st.floats(0, 1), min_size=12, max_size=12).filter(lambda row: max(row) > 1e-3), st.data())
 def test_directions_come_from_where_there_is_light(values, data):
     candela = np.array([*np.reshape(values, (3, 4)), values[:4]])

@@ -5,12 +5,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from photompy import IESFile
 from pyldt import LdtReader
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires import Luminaire, Opening, read_luminaire, write_ies, write_ldt
+from tests.cases import examples
 from tests.optics.scene.luminaires.cases import GAMMA, C, asymmetric, ies_text, ldt_lines
 
 WRITERS = {".ies": write_ies, ".ldt": write_ldt}
@@ -109,7 +110,7 @@ def luminaires(draw):
     return Luminaire(planes, np.array(gammas) / 10, candela, Opening((a, b)))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(lamp=luminaires(), suffix=st.sampled_from([*WRITERS]), scale=st.sampled_from([1e-9, 1e-3, 1.0, 1e4]))
 def test_what_is_written_is_read_again_to_the_digits_written(tmp_path_factory, lamp, suffix, scale):
     path = tmp_path_factory.mktemp("files") / f"lamp{suffix}"
@@ -339,7 +340,7 @@ def test_commas_between_numbers_are_the_standards(tmp_path):
         assert other.opening == plain.opening
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(data=st.data(), text=st.sampled_from([ies_text(), "\n".join(ldt_lines())]))
 def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path_factory, data, text):
     """Some bytes are replaced anywhere."""

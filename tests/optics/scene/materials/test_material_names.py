@@ -7,10 +7,11 @@ from importlib import util
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.materials import MATERIALS, find_material, refractive_index, tabulated
+from tests.cases import examples
 
 PAGES = {
     "PMMA": ("organic", "poly_methyl_methacrylate", "Beadie"),
@@ -89,7 +90,7 @@ def test_a_name_that_means_nothing_is_one_sentence(name, message):
     assert message in str(error.value)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(
     st.lists(
         st.sampled_from(["specs", "schott", "main", "PMMA", "N-BK7", "SiO2", ":", "/", " ", "", "*"]),

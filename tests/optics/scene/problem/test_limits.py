@@ -13,7 +13,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import (
@@ -24,7 +24,7 @@ from optics.scene.problem import (
     load_problem,
     require_limits,
 )
-from tests.cases import ROOT
+from tests.cases import ROOT, examples
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
@@ -239,7 +239,7 @@ def test_limits_that_no_lens_keeps_give_way(tmp_path):
     assert none.endswith("--set limits.mass=3.253")
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.fixed_dictionaries({}, optional={key: st.floats(0.7, 1.4) for key in SEVERAL}))
 def test_no_remedy_forbids_another_and_all_can_be_copied(tmp_path, shares):
     problem, _, found = designed(tmp_path, height=0.0)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem
+from tests.cases import examples
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.scene.problem.cases import EXTENDED, load_text
 
@@ -54,14 +55,14 @@ KEYS = st.one_of(
 )
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@examples(400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(changes=st.dictionaries(KEYS, VALUES, max_size=4), dropped=st.sets(KEYS, max_size=1))
 def test_random_values_give_a_problem_or_a_user_error(tmp_path, changes, dropped):
     text = toml_text({k: v for k, v in (SMALL | changes).items() if k not in dropped})
     assert "\n" not in message_of(tmp_path, text)
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, 700), length=st.integers(0, 40), new=st.binary(max_size=12))
 def test_damaged_bytes_give_a_problem_or_a_user_error(tmp_path, at, length, new):
     text = toml_text(SMALL).encode()

@@ -8,10 +8,11 @@ from dataclasses import fields, is_dataclass, replace
 from typing import get_args, get_type_hints
 
 import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Export, Freeform, Optimizer, Refinement, Run, Verify, problem_to_toml
+from tests.cases import examples
 from tests.optics.cases import SMALL
 from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_text, load_values
 
@@ -37,7 +38,7 @@ def test_the_written_file_holds_every_key(tmp_path, values):
     assert (problem.lens.front.freeform is None) == (values is MINIMAL)
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@examples(100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     title=st.text(),
     image=st.text(
@@ -109,7 +110,7 @@ def record_within(kind):
     return st.builds(kind, **{f.name: value_within(f.metadata, hints[f.name]) for f in fields(kind)})
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     front=st.none() | record_within(Freeform),
     rear=record_within(Freeform),
@@ -128,7 +129,7 @@ def test_every_record_within_its_limits_survives_the_trip(tmp_path, front, rear,
     assert load_text(tmp_path, problem_to_toml(problem)) == problem
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@examples(100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True), values=st.sampled_from([MINIMAL, SMALL, EXTENDED]))
 def test_a_text_cut_before_its_last_required_key_is_refused(tmp_path, share, values):
     """The last key without a default is target.half_width."""

@@ -8,13 +8,14 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import LONGEST, UserError
 from optics.interface.commands import main
 from optics.scene.problem import load_problem, problem_to_toml
 from optics.scene.receivers.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
 from optics.scene.system import OpticalSystem, target_irradiance
+from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.light.measuring.cases import CALLS, EXAMPLE, MANY, expressions, refusal
 
@@ -157,7 +158,7 @@ def outcome(text):
 @given(
     text=st.one_of(st.text(max_size=60), st.lists(st.sampled_from(TOKENS + CALLED), max_size=60).map("".join))
 )
-@settings(MANY, max_examples=600)
+@examples(600)
 def test_any_text_gives_light_or_a_user_error(text):
     light, message = outcome(text)
     assert light.shape == (2, 3)

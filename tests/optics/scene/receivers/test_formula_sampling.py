@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.receivers.formula import BAND_POINTS, SUBPOINTS, formula_light
 from optics.scene.receivers.regions import uniform_region
 from optics.scene.system import OpticalSystem, target_irradiance
+from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.light.measuring.cases import EVEN, EXAMPLE, PLAIN, expressions, means
 
-FEW = settings(deadline=None, derandomize=True, max_examples=100)
+FEW = examples(100)
 
 
 # ---- where it is ----

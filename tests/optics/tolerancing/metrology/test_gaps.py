@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
@@ -21,6 +21,7 @@ from optics.tolerancing.metrology import (
     light_as_built,
 )
 from optics.tolerancing.metrology.measured_area import measured_light
+from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.metrology.cases import ripple
 from thbcad.sags import Conic
@@ -39,13 +40,13 @@ def random_points(count, seed):
     return np.random.default_rng(seed).uniform(-1, 1, (2, count)) * np.reshape(HALF_WIDTH, (2, 1))
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(st.integers(100, 20_000), st.integers(0, 1 << 30))
 def test_points_at_random_all_over_leave_no_gap(count: int, seed: int) -> None:
     assert measured_light(random_points(count, seed), everywhere(), HALF_WIDTH) == 1
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(st.integers(8, 120), st.integers(8, 120))
 def test_points_on_a_grid_all_over_leave_no_gap(columns: int, rows: int) -> None:
     """From rim to rim, or a step inside it, and with other steps in x and y."""
@@ -56,7 +57,7 @@ def test_points_on_a_grid_all_over_leave_no_gap(columns: int, rows: int) -> None
             assert measured_light(points, everywhere(), HALF_WIDTH) == 1
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(st.floats(0.3, 0.9), st.integers(2000, 20_000), st.integers(0, 1 << 30), st.booleans())
 def test_a_part_that_was_not_measured_is_seen(part: float, count: int, seed: int, grid: bool) -> None:
     side = round(count**0.5)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.photometry import uniformity
@@ -23,6 +23,7 @@ from optics.tolerancing.perturbations import (
 )
 from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_of, limits_of, parts_taken
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
+from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.perturbations.cases import small_system
 
@@ -207,7 +208,7 @@ def test_the_design_takes_nothing_of_its_limits_and_the_limits_are_one() -> None
     assert [*at.values()] == pytest.approx([1, 1, 1])
 
 
-@settings(deadline=None, max_examples=200)
+@examples(200)
 @given(st.floats(0.5, 4.0), st.floats(-1.9, 1.9), st.floats(0.0, 0.9))
 def test_the_allowed_amount_keeps_the_limits_and_uses_them(power: float, decade: float, still: float) -> None:
     """Whatever the power of the amount, and where nothing happens up to a part of it."""

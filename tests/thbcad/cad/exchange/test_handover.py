@@ -8,11 +8,11 @@ import build123d as bd
 import cadquery as cq
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 
-from tests.cases import ROOT
+from tests.cases import ROOT, examples
 from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.front_and_rear import optical_form
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
@@ -63,7 +63,7 @@ def block(lens, size):
 
 
 @pytest.mark.slow
-@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow])
+@examples(15, suppress_health_check=[HealthCheck.too_slow])
 @given(lens=lenses())
 def test_faces_keep_every_bit(lens):
     faces = named_faces(lens)

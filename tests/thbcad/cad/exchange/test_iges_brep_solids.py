@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 
+from tests.cases import examples
 from tests.thbcad.cases import assert_same_surface, lenses
 from thbcad import FreeformSurface, Lens
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
@@ -29,7 +30,7 @@ def written(lens, name, folder):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+@examples(15, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(lens=lenses())
 def test_every_number_reads_back(tmp_path, name, lens):
     read = FORMATS[name][1](written(lens, name, tmp_path))

@@ -5,7 +5,7 @@ import re
 import build123d
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
@@ -14,6 +14,7 @@ from OCP.GProp import GProp_GProps
 from OCP.IGESControl import IGESControl_Writer
 from OCP.Interface import Interface_Static
 
+from tests.cases import examples
 from tests.thbcad.cad.exchange.cases import CUBIC, SURFACES, WAVE, assert_same
 from tests.thbcad.cases import nurbs_surfaces
 from thbcad.cad.exchange.loose_faces import FORMATS, read_faces, write_faces
@@ -44,7 +45,7 @@ def test_every_number_of_many_surfaces_reads_back_in_order(kind, tmp_path):
     assert [type(s) for s in read] == [type(s) for s in SURFACES.values()]
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(nurbs_surfaces(), st.sampled_from([1.0, 1e-3, 1e3]))
 def test_every_number_of_random_surfaces_reads_back(kind, tmp_path, surface, size):
     """Random nets, 10 apart so that no two vertices meet, with weights of ratio up to 100 and any clamped

@@ -5,13 +5,14 @@ import re
 import build123d
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import example, given, strategies as st
 from OCP.BRep import BRep_Tool
 from OCP.BRepGProp import BRepGProp
 from OCP.Geom import Geom_BSplineCurve
 from OCP.GProp import GProp_GProps
 
 from oracles.spline_definitions import flux_volume
+from tests.cases import examples
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
 from thbcad import write_step
 from thbcad.cad.exchange.step import read_step
@@ -163,7 +164,7 @@ def test_reals_are_the_shortest_texts_that_read_back(text):
         )
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(x=st.floats(allow_nan=False, allow_infinity=False))
 @example(1e-7)
 @example(-5e-324)

@@ -10,14 +10,14 @@ from pathlib import Path
 import build123d as bd
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import example, given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
 from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
-from tests.cases import DATA
+from tests.cases import DATA, examples
 from tests.thbcad.drawings.cases import PLAIN, WAVY, WIDER
 from thbcad import read_lens_solid, to_build123d
 from thbcad.cad.exchange import part_step
@@ -231,7 +231,7 @@ def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
     assert found.rear.half_width == pytest.approx([116**0.5] * 2, rel=1e-6)
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @example(
     (0.0, 0.0, 1.0), 2.0, 1.0
 )  # the farthest point lies just before the end of the rim, which is its start

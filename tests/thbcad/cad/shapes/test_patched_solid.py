@@ -5,7 +5,7 @@ import re
 import build123d
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer
@@ -17,6 +17,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
+from tests.cases import examples
 from tests.thbcad.cases import surfaces
 from thbcad.cad.exchange import explore, part_step, step_shape
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
@@ -264,7 +265,7 @@ def test_a_lens_without_sags_is_the_lens_of_six_faces():
 
 @pytest.mark.slow
 @given(thick_lenses())
-@settings(max_examples=25)
+@examples(25)
 def test_random_lenses_are_closed(lens):
     part = patched_part(lens)
     assert_closed(part.solid)
@@ -272,7 +273,7 @@ def test_random_lenses_are_closed(lens):
 
 
 @given(thick_lenses())
-@settings(max_examples=25)
+@examples(25)
 def test_patches_tile_both_surfaces_and_lie_on_them(lens):
     for patches, surface, vertex in zip(lens_patches(lens), (lens.front, lens.rear), (0.0, lens.thickness)):
         area = sum(np.ptp(p.coefficients[..., 0]) * np.ptp(p.coefficients[..., 1]) for p in patches)
@@ -284,7 +285,7 @@ def test_patches_tile_both_surfaces_and_lie_on_them(lens):
 
 
 @given(thick_lenses())
-@settings(max_examples=25)
+@examples(25)
 def test_patches_have_the_parameters_of_the_one_face(lens):
     """x and y of a patch at (u, v) are those of the face that the six-face lens has there."""
     for patches, whole in zip(lens_patches(lens), placed_surfaces(lens)):

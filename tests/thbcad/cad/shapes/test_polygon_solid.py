@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline
 
+from tests.cases import examples
 from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
@@ -137,7 +138,7 @@ def test_a_rim_of_a_high_degree_is_fitted():
     assert abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= 2e-9
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(strategies.seeds(), st.integers(4, 9))
 def test_the_integral_over_a_polygon_is_that_over_its_parts(rng, count):
     """A convex polygon and both sides of a chord of it, over a rough spline."""
@@ -180,7 +181,7 @@ def simple(corners):
     return not folded and not any(meet(*sides[i], *sides[j]) for i, j in apart)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=3, max_size=7))
 def test_polygons_are_refused_where_sides_meet(corners):
     """On a grid, where whole numbers decide."""
