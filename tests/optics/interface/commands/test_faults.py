@@ -26,14 +26,14 @@ EXPECTED = {"SIGINT": 130, "SIGTERM": 143, "ENOSPC": 2, "SIGKILL": None}
 FEWEST_OPERATIONS = 60
 
 
-STEPS = {  # of a design that compute: module and function
-    "optics.interface.api.design_run": "shape_lens",
-    "optics.interface.api.design_record": "_measured",
-    "optics.interface.api.design_files": "_checks",
-    "optics.interface.commands.design_command": "system_of",
-    "optics.reporting.view": "lens_sight",
-    "thbcad.lens": "manufacturability",
-}
+STEPS = (  # of a design that compute: module and function
+    ("optics.interface.api.design_run", "shape_lens"),
+    ("optics.interface.api.design_record", "_measured"),
+    ("optics.interface.api.design_files", "_checks"),
+    ("optics.interface.api.design_files", "manufacturability"),
+    ("optics.interface.api.design_figures", "lens_sight"),
+    ("optics.interface.commands.design_command", "system_of"),
+)
 
 
 class Answers:
@@ -72,7 +72,7 @@ def kept(tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("optics.interface.api.helpers", recorded)
-        for module, function in STEPS.items():
+        for module, function in STEPS:
             record(patch, module, function, kept.values)
         assert main(["design", str(kept.problem), "--out", str(root / "out"), "--json"]) == 0
     kept.answers.process = None
@@ -105,7 +105,7 @@ def replayed(kept, monkeypatch):
         return lens, final
 
     monkeypatch.setattr("optics.interface.api.helpers", answers)
-    for module, function in STEPS.items():
+    for module, function in STEPS:
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
     monkeypatch.setattr("optics.reporting.figures.scene_paths", lambda *_: [])
