@@ -153,6 +153,11 @@ def test_the_problem_of_the_readme_is_that_of_the_pearl(tmp_path):
     assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
 
 
+def test_the_pages_are_short():
+    words = sum(len(page.read_text("utf-8").split()) for page in (ROOT / "docs").rglob("*.md"))
+    assert words <= 65_000
+
+
 def test_every_room_stands_on_the_page_of_the_architecture():
     """Those of optics in its plan too."""
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")

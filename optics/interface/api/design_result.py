@@ -20,27 +20,17 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page
 from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.machining import ToolFindings, ToolOrder, tool_findings
-from optics.tolerancing.metrology import (
-    AsBuilt,
-    FileFrame,
-    Side,
-    Way,
-    default_side,
-    light_as_built,
-    read_measured,
-    surface_of,
-)
 from thbcad.lens import Lens
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # these and what methods import are loaded by few designs
     from optics.reporting.figures import OverviewFigure
+    from optics.tolerancing.machining import ToolFindings, ToolOrder
+    from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
@@ -146,6 +136,8 @@ class Design(DesignRecord):
         ------
         UserError : other words, or light that does not go with the lens.
         """
+        from optics.interface.relighting import other_source, relit
+
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
             measurement = relit(self.problem, self.lens, light, self.system.backend)
@@ -153,6 +145,8 @@ class Design(DesignRecord):
 
     def tool(self, order: ToolOrder) -> ToolFindings:
         """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
+        from optics.tolerancing.machining import tool_findings
+
         with DEVICE:
             return tool_findings(self.system, self.lens, order, self.system.backend)
 
@@ -173,6 +167,8 @@ class Design(DesignRecord):
         ------
         UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
+        from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
+
         side = surface or default_side(self.lens)
         measured = read_measured(file, surface_of(self.lens, side), frame)
         with DEVICE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from optics.base.runtime import Moment, UserError
 from optics.designing.optimisation import Interrupted, Listener, State, shape_lens, stages
@@ -15,7 +16,7 @@ from optics.light.engines import Engine
 from optics.scene.problem import Problem
 from optics.scene.system import advice, solvable_system
 
-Show = Callable[["Moment"], None]
+Show = Callable[[Moment], None]
 
 
 def design(
@@ -71,8 +72,9 @@ def designed(
     clock.progress.planned(Size.of(system), stages(traced, moved))
     clock.lap("setup")
     levels = LevelKeeper(system, traced, chosen)
-    seen = {"seen": levels} if system.problem.run.keep == "levels" else {}
-    listener = Listener(clock.progress, keep, notes, **seen)
+    listener = Listener(clock.progress, keep, notes)
+    if system.problem.run.keep == "levels":
+        listener = replace(listener, seen=levels)
     try:
         _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
     except Interrupted as stop:

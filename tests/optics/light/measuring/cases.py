@@ -1,166 +1,148 @@
-"""Formulas, their meaning, and random expressions."""
+"""Cells with given corners on a screen, laid by the fast code, and what rounding may do to them."""
 
 from __future__ import annotations
 
-import operator
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
 from hypothesis import strategies as st
 
-from optics.base.runtime import UserError
-from optics.scene.receivers import MAX_LENGTH, SUBPOINTS, formula_light
-from tests.cases import examples
+from optics.light.measuring import MappedCells
+from optics.light.measuring.cut_cells import LEAST_AREA
+from optics.scene.receivers import Screen
+from optics.scene.sources import corner_flux
+from oracles.exact_cells import exact_image, signed_area, triangles
 
-EXAMPLE = "exp(-(x^2 + y^2) / 0.1) * (1 + 0.5 * cos(8 * pi * x))"
-MANY = examples(300)
-
-
-def means(function, pixels, subpoints=SUBPOINTS):
-    """Return the pixel means of function(x, y), relative to the brightest: the slow twin."""
-    columns, rows = pixels
-    x, y = ((2 * np.arange(n * subpoints) + 1) / (n * subpoints) - 1 for n in pixels)
-    with np.errstate(all="ignore"):
-        values = np.broadcast_to(function(x[None, :], -y[:, None]), (len(y), len(x)))
-    light = (values / values.max()).reshape(rows, subpoints, columns, subpoints).mean(axis=(1, 3))
-    return light / light.max()
+UNIT = 2.0**-53  # the relative rounding of one operation
 
 
-def refusal(text, pixels=(4, 4)):
-    with pytest.raises(UserError) as caught:
-        formula_light(text, pixels)
-    return str(caught.value)
+def whole(columns, rows, margin=0, angular=False):
+    """Return a screen of pixels of 1 x 1: a corner's position in pixels is exact."""
+    return Screen((columns / 2, rows / 2), (columns, rows), margin, angular)
 
 
-PLAIN = {
-    EXAMPLE: lambda x, y: np.exp(-(x**2 + y**2) / 0.1) * (1 + 0.5 * np.cos(8 * np.pi * x)),
-    "2": lambda x, y: np.float64(2),
-    "1 + x": lambda x, y: 1 + x,
-    "1.5 + y": lambda x, y: 1.5 + y,
-    "r": lambda x, y: np.hypot(x, y),
-    "4 - r ^ 2 * 2": lambda x, y: 4 - 2 * (x**2 + y**2),
-    "-x^2 + 1": lambda x, y: 1 - x**2,
-    "2^x^2": lambda x, y: 2 ** (x**2),
-    "2**-x": lambda x, y: 2.0**-x,
-    "8 - 2 - 3 + x": lambda x, y: 3 + x,
-    "8 / 4 / 2 + x * 2 / 4": lambda x, y: 1 + x / 2,
-    "1e-3 + .5*(x > 0.25)": lambda x, y: 1e-3 + 0.5 * (x > 0.25),
-    "-0.5 < x <= 0.25": lambda x, y: (x > -0.5) & (x <= 0.25),
-    "(x == y) + (x != y) + (x >= 0) + (y < 0)": lambda x, y: 1.0 + (x >= 0) + (y < 0),
-    "(abs(x) < 0.5) * (abs(y) < 0.25)": lambda x, y: (np.abs(x) < 0.5) * (np.abs(y) < 0.25),
-    "sqrt(1 + x)": lambda x, y: np.sqrt(1 + x),
-    "log(3 + x)": lambda x, y: np.log(3 + x),
-    "2 + sin(x) * tan(y) * tanh(3*x)": lambda x, y: 2 + np.sin(x) * np.tan(y) * np.tanh(3 * x),
-    "4 + atan2(y, x)": lambda x, y: 4 + np.arctan2(y, x),
-    "hypot(x, 2*y)": lambda x, y: np.hypot(x, 2 * y),
-    "1 + min(x, y, 0.5)": lambda x, y: 1 + np.minimum(np.minimum(x, y), 0.5),
-    "max(0, x, y)": lambda x, y: np.maximum(np.maximum(x, y), 0),
-    "where(x > 0, sqrt(x), 0)": lambda x, y: np.where(x > 0, np.sqrt(x), 0),
-    "where(x, 2, 3)": lambda x, y: np.where(x != 0, 2, 3),
-    "1 +\n\t  x": lambda x, y: 1 + x,
-    "1 / (1 + exp(5000 * (r - 0.5)))": lambda x, y: 1 / (1 + np.exp(5000 * (np.hypot(x, y) - 0.5))),
-}
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Cells with corners x, y on a screen, (nx + 1, ny + 1), flux (nx, ny), and the share of the corners'
+    flux that arrives, NaN where a corner is not sound."""
+
+    screen: Screen
+    x: np.ndarray
+    y: np.ndarray
+    emitted: np.ndarray
+    passing: np.ndarray
+
+    def laid(self, backend):
+        """Return the flux in every pixel, (rows, columns)."""
+        cells, inputs = self._inputs(backend)
+        image = cells(*inputs).numpy().reshape(self.screen.padded, order="F")
+        return image * self.screen.pixel_area
+
+    def slopes(self, backend, weights):
+        """Return the derivatives by x, y and flux of the sum of weights times `laid`, and that sum."""
+        cells, (x, y, flux, sound) = self._inputs(backend)
+        for values in (x, y, flux):
+            backend.dr.enable_grad(values)
+        image = cells(x, y, flux, sound) * self.screen.pixel_area
+        total = backend.dr.sum(image * backend.array(np.asarray(weights).T))
+        backend.dr.backward(total)
+        return [v.grad.numpy().reshape(self.x.shape) for v in (x, y, flux)], float(total.numpy()[0])
+
+    def change(self, backend, dx, dy, dflux):
+        """Return the derivative of `laid` as corners move by dx, dy and their flux by dflux."""
+        cells, (x, y, flux, sound) = self._inputs(backend)
+        for values, change in ((x, dx), (y, dy), (flux, dflux)):
+            backend.dr.enable_grad(values)
+            backend.dr.set_grad(values, backend.array(change))
+        image = backend.dr.forward_to(cells(x, y, flux, sound))
+        return image.numpy().reshape(self.screen.padded, order="F") * self.screen.pixel_area
+
+    def _inputs(self, backend):
+        corners, sound = corner_flux(self.emitted), ~np.isnan(self.passing)
+        flux = np.where(sound, self.passing, 0) * corners
+        rays = (backend.array(values) for values in (self.x, self.y, flux))
+        return MappedCells(backend, self.screen, self.emitted, corners), (
+            *rays,
+            backend.array(sound.astype(float)) > 0.5,
+        )
+
+    def exact(self):
+        """Return the flux in every pixel as Fractions."""
+        return exact_image(self.screen, self.x, self.y, self.emitted, self.passing)
+
+    def moved(self, dx, dy):
+        return replace(self, x=self.x + dx, y=self.y + dy)
+
+    def least_area(self):
+        """Return the least area of a triangle, square pixels; 0 where there is none."""
+        return min((abs(float(signed_area(corners))) for corners, _ in self._triangles()), default=0.0)
+
+    def rounding(self):
+        """Return what rounding may do to a pixel, W.
+
+        A triangle of flux f, area A and extent L has the density f / A, and lays f / A times clip(a - i) db
+        on the pixels.  A position of R pixels is off by a few roundings of R, over heights of at most L in
+        sum; so is the area by a few of L^2 <= R L, and the running sum over R pixels.  Three edges with ten
+        such terms each: 32 roundings of f R L / A, and no fewer than of f, for what is laid along an edge.
+        """
+        reach = max(np.nanmax(np.abs(self.x)), np.nanmax(np.abs(self.y))) + max(self.screen.padded)
+        total = 0.0
+        for corners, flux in self._triangles():
+            extent = max(float(max(axis) - min(axis)) for axis in zip(*corners))
+            area = abs(float(signed_area(corners)))
+            total += float(flux) * max(1.0, reach * extent / area if area >= LEAST_AREA else 1.0)
+        return 32 * UNIT * total
+
+    def _triangles(self):
+        return list(triangles(self.screen, self.x, self.y, self.emitted, self.passing))
 
 
-INFIX = {
-    "+": (1, operator.add),
-    "-": (1, operator.sub),
-    "*": (2, operator.mul),
-    "/": (2, operator.truediv),
-    "^": (4, operator.pow),
-    "**": (4, operator.pow),
-    "<": (0, operator.lt),
-    "<=": (0, operator.le),
-    ">": (0, operator.gt),
-    ">=": (0, operator.ge),
-    "==": (0, operator.eq),
-    "!=": (0, operator.ne),
-}
-CALLS = {
-    "sqrt": (np.sqrt, 1),
-    "exp": (np.exp, 1),
-    "log": (np.log, 1),
-    "sin": (np.sin, 1),
-    "cos": (np.cos, 1),
-    "tan": (np.tan, 1),
-    "tanh": (np.tanh, 1),
-    "abs": (np.abs, 1),
-    "min": (np.minimum, 2),
-    "max": (np.maximum, 2),
-    "hypot": (np.hypot, 2),
-    "atan2": (np.arctan2, 2),
-    "where": (np.where, 3),
-}
-LEAVES = {
-    "x": lambda x, y: x,
-    "y": lambda x, y: y,
-    "r": lambda x, y: np.hypot(x, y),
-    "pi": lambda x, y: np.float64(np.pi),
-}
-EVEN = {
-    "x^2": lambda x, y: x * x,
-    "abs(x)": lambda x, y: abs(x),
-    "cos(9*x)": lambda x, y: np.cos(9 * x),
-    "y^2": lambda x, y: y * y,
-    "r": lambda x, y: np.hypot(x, y),
-    "abs(y)": lambda x, y: abs(y),
-}
+def sheet(screen, x, y, emitted=None, passing=None):
+    """Return a Sheet; left out, every cell emits 1 W, all of which arrives."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    emitted = np.ones([n - 1 for n in x.shape]) if emitted is None else np.asarray(emitted, dtype=float)
+    return Sheet(screen, x, y, emitted, np.ones(x.shape) if passing is None else passing)
 
 
-def literals():
-    texts = st.sampled_from(["0", "1", "2", "3.5", "0.125", ".25", "1e-3", "7.", "40"])
-    return texts.map(lambda text: (text, 5, lambda x, y: np.float64(text)))
-
-
-def leaves(named):
-    return st.one_of(
-        literals(),
-        st.sampled_from(list(named)).map(lambda name: (name, 4 if "^" in name else 5, named[name])),
+def smooth(screen, counts, size=1.0, jitter=0.2, seed=0, centre=(0.0, 0.0)):
+    """Return cells of `size` pixels that do not fold, jittered by a fraction of their size; flux and share
+    at random."""
+    rng = np.random.default_rng(seed)
+    i, j = np.meshgrid(*(np.arange(n + 1) - n / 2 for n in counts), indexing="ij")
+    px, py = screen.pitch
+    x, y = (i + rng.uniform(-jitter, jitter, i.shape)), (j + rng.uniform(-jitter, jitter, i.shape))
+    return Sheet(
+        screen,
+        centre[0] + x * size * px,
+        centre[1] + y * size * py,
+        rng.uniform(0.5, 1.5, counts),
+        rng.uniform(0.5, 1.0, i.shape),
     )
 
 
-def extended(parts):
-    """Return expressions made of smaller ones, each as (text, how strongly it binds, function of x and y)."""
-    calls = st.sampled_from(list(CALLS)).flatmap(
-        lambda name: st.tuples(st.just(name), st.tuples(*[parts] * CALLS[name][1]))
-    )
-    return st.one_of(
-        st.tuples(st.sampled_from(list(INFIX)), parts, parts).map(infix),
-        calls.map(called),
-        parts.map(lambda part: ("-" + bound(part, 3), 3, lambda x, y: -(part[2](x, y)))),
-    )
+SCREENS = [whole(8, 6), whole(5, 7, 2), whole(1, 1), whole(1, 6, 1), whole(9, 1)]
 
 
-def infix(parts):
-    """Return two expressions joined, with parentheses only where the precedence asks for them."""
-    sign, left, right = parts
-    strength, function = INFIX[sign]
-    if strength == 4:  # a power is read from the right, and takes a minus in its exponent
-        text = f"{bound(left, 5)} {sign}{bound(right, 3)}"
-    else:
-        text = f"{bound(left, strength + (strength == 0))}{sign} {bound(right, strength + 1)}"
-    return text, strength, lambda x, y: number(function(left[2](x, y), right[2](x, y)))
+@st.composite
+def shuffled(draw, screens=SCREENS, steps=(1, 2, 64), sound=True):
+    """Draw cells whose corners lie anywhere, on fractions of pixels: folded, flat, and beyond all sides.
 
+    sound : all corners are.
+    """
+    screen, step = draw(st.sampled_from(screens)), draw(st.sampled_from(steps))
+    shape = draw(st.tuples(st.integers(2, 4), st.integers(2, 4)))
+    count = shape[0] * shape[1]
 
-def called(parts):
-    name, arguments = parts
-    return (
-        f"{name}({', '.join(a[0] for a in arguments)})",
-        5,
-        lambda x, y: CALLS[name][0](*(a[2](x, y) for a in arguments)),
-    )
+    def positions(pixels):
+        reach = (pixels // 2 + screen.margin + 3) * step
+        numbers = draw(st.lists(st.integers(-reach, reach), min_size=count, max_size=count))
+        return np.array(numbers).reshape(shape) / step
 
+    def eighths(wanted, least=0):
+        numbers = draw(st.lists(st.integers(least, 8), min_size=wanted, max_size=wanted))
+        return np.array(numbers) / 8
 
-def bound(part, strength):
-    return part[0] if part[1] >= strength else f"({part[0]})"
-
-
-def number(value):
-    """Return 1.0 and 0.0 for true and false."""
-    return value * np.float64(1)
-
-
-def expressions(named=LEAVES):
-    return st.recursive(leaves(named), extended, max_leaves=12).filter(
-        lambda part: len(part[0]) < MAX_LENGTH - 10
-    )
+    x, y = (positions(n) for n in screen.pixels)
+    emitted = eighths((shape[0] - 1) * (shape[1] - 1)).reshape(shape[0] - 1, shape[1] - 1)
+    passing = eighths(count, 0 if sound else -1).reshape(shape)
+    return Sheet(screen, x, y, emitted, np.where(passing < 0, np.nan, passing))

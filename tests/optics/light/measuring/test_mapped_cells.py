@@ -14,7 +14,7 @@ from optics.light.measuring.cut_cells import LEAST_AREA
 from optics.scene.receivers import Screen
 from tests.cases import examples
 from tests.optics.cases import THREADS, on_threads
-from tests.optics.light.measuring.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
+from tests.optics.light.measuring.cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
 SCREEN = whole(8, 6)
 SQUARE = [[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]  # x and y of one cell's corners

@@ -14,7 +14,7 @@ from optics.scene.sources import corner_flux
 from oracles.exact_cells import exact_slopes
 from tests.cases import examples
 from tests.optics.cases import THREADS, on_threads
-from tests.optics.light.measuring.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
+from tests.optics.light.measuring.cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
 SCREEN = whole(8, 6, 1)
 

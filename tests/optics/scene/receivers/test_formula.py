@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, strategies as st
 
 from optics.scene.receivers.formula import MAX_LENGTH, SUBPOINTS, formula_light, formula_pixels
-from tests.optics.light.measuring.cases import MANY, PLAIN, expressions, means, refusal
+from tests.optics.scene.receivers.cases import MANY, PLAIN, expressions, means, refusal
 
 
 @pytest.mark.parametrize("text", PLAIN)

@@ -17,7 +17,7 @@ from optics.scene.receivers.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formu
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
-from tests.optics.light.measuring.cases import CALLS, EXAMPLE, MANY, expressions, refusal
+from tests.optics.scene.receivers.cases import CALLS, EXAMPLE, MANY, expressions, refusal
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
 

@@ -13,7 +13,7 @@ from optics.scene.receivers.regions import uniform_region
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
-from tests.optics.light.measuring.cases import EVEN, EXAMPLE, PLAIN, expressions, means
+from tests.optics.scene.receivers.cases import EVEN, EXAMPLE, PLAIN, expressions, means
 
 FEW = examples(100)
 
