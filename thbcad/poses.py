@@ -15,15 +15,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, read_only, rebuilt
+from thbcad.checks import Floats, Value, read_only
 
 ORIGIN = (0.0, 0.0, 0.0)
 ORTHOGONAL = 1e-9  # of R^T R - 1, at most: a matrix that was written with ten digits is a rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Value):
     """The rigid motion x -> R x + s.
 
     rotation : R, (3, 3).  shift : s, (3,) mm.
@@ -48,8 +49,8 @@ class Pose:
     rotation: Floats
     shift: Floats
 
-    def __post_init__(self) -> None:
-        rotation, shift = read_only(self.rotation), read_only(self.shift)
+    def __init__(self, rotation: ArrayLike, shift: ArrayLike) -> None:
+        rotation, shift = read_only(rotation), read_only(shift)
         if rotation.shape != (3, 3) or shift.shape != (3,):
             raise ValueError(
                 f"a pose has a rotation (3, 3) and a shift (3,), got {rotation.shape} and {shift.shape}"
@@ -63,8 +64,13 @@ class Pose:
             raise ValueError(
                 "a rotation has the determinant 1, but this matrix has -1: it mirrors; change a sign"
             )
-        object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(self, "shift", shift)
+        vars(self).update(rotation=rotation, shift=shift)
+
+    def __repr__(self) -> str:
+        shift = ", ".join(f"{s:g}" for s in self.shift)
+        cosine = np.clip((np.trace(self.rotation) - 1) / 2, -1, 1)
+        rotated = f", rotated by {np.degrees(np.arccos(cosine)):g} degrees" if self.rotates else ""
+        return f"Pose(shift ({shift}) mm{rotated})"
 
     @classmethod
     def at(
@@ -145,8 +151,6 @@ class Pose:
         from scipy.spatial.transform import Rotation
 
         return np.array(Rotation.from_matrix(self.rotation).as_rotvec())
-
-    __reduce__ = rebuilt
 
 
 IDENTITY = Pose.at()
