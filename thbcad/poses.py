@@ -9,7 +9,6 @@ and directions by R alone.  Poses are a group: `a @ b` does b first, and `a @ a.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -75,9 +74,9 @@ class Pose(Value):
     @classmethod
     def at(
         cls,
-        position: Sequence[float] = ORIGIN,
-        rotation_vector: Sequence[float] = ORIGIN,
-        about: Sequence[float] = ORIGIN,
+        position: ArrayLike = ORIGIN,
+        rotation_vector: ArrayLike = ORIGIN,
+        about: ArrayLike = ORIGIN,
     ) -> Pose:
         """Return a rotation about a point, and then a shift.
 
@@ -93,13 +92,13 @@ class Pose(Value):
         return cls(rotation, centre - rotation @ centre + np.asarray(position, dtype=float))
 
     @classmethod
-    def tilted(cls, position: Sequence[float], tilt: Sequence[float]) -> Pose:
+    def tilted(cls, position: ArrayLike, tilt: ArrayLike) -> Pose:
         """Return a shift of a body that is then turned about its own axes X, Y and Z, one after the other.
 
         position : mm.  tilt : degrees, right-handed: `Rotation.from_euler("XYZ", tilt, degrees=True)`.
         """
         rotation = np.eye(3)
-        if any(tilt):
+        if np.any(tilt):
             from scipy.spatial.transform import Rotation
 
             rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix()

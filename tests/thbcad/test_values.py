@@ -99,7 +99,7 @@ def test_spaces_are_equal_where_their_cells_are():
 
 def test_records_of_other_types_are_not_equal():
     assert KnotVector(2, [0, 0, 0, 1, 1, 1]) != PeriodicKnotVector(2, [0, 0, 1])
-    assert KV != KV.knots.tolist()
+    assert KV.knots.tolist() != KV
     assert (THBSurface(THBSpace(KV, KV), np.ones(9)) == 1) is False
 
 

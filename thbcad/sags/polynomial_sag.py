@@ -51,8 +51,8 @@ class PolynomialSag(Value):
     Examples
     --------
     >>> sag = PolynomialSag.zernike((5.0, 5.0), radius=5.0, terms={(2, 0): 0.1})  # defocus
-    >>> (sag([5.0], [0.0]) / (0.1 * np.sqrt(3))).round(14).tolist()  # 2 rho^2 - 1 at the rim
-    [1.0]
+    >>> round(float(sag(5.0, 0.0) / (0.1 * np.sqrt(3))), 14)  # 2 rho^2 - 1 at the rim
+    1.0
     """
 
     half_width: tuple[float, float]
@@ -69,7 +69,7 @@ class PolynomialSag(Value):
         return f"PolynomialSag({2 * a:g} x {2 * b:g} mm, degree {m - 1, n - 1})"
 
     @classmethod
-    def legendre(cls, half_width: tuple[float, float], coefficients: ArrayLike) -> PolynomialSag:
+    def legendre(cls, half_width: ArrayLike, coefficients: ArrayLike) -> PolynomialSag:
         """Return the sag sum_mn a_mn P_m(x / h_x) P_n(y / h_y) with Legendre polynomials P_m, a in mm."""
         a = floats(coefficients)
         if a.ndim != 2 or a.size == 0:
@@ -79,7 +79,7 @@ class PolynomialSag(Value):
 
     @classmethod
     def zernike(
-        cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]
+        cls, half_width: ArrayLike, radius: float, terms: Mapping[tuple[int, int], float]
     ) -> PolynomialSag:
         """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may extend beyond the
         disk.
@@ -88,14 +88,14 @@ class PolynomialSag(Value):
         radius : float, mm, the radius of the disk on which the terms are orthogonal
         """
         require_number("radius", radius, above=0, finite=True)
-        half_width, sizes = half_widths(half_width), floats(list(terms.values()))
+        h, sizes = half_widths(half_width), floats(list(terms.values()))
         nodes = chebyshev.chebpts1(1 + max((n for n, _ in terms), default=0))
-        s, t = (h / radius * nodes for h in half_width)
+        s, t = (width / radius * nodes for width in h)
         values = sum(
             (a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in zip(terms, sizes)),
             np.zeros((len(nodes),) * 2),
         )
-        return cls(half_width, _coefficients(values))
+        return cls(h, _coefficients(values))
 
     def __str__(self) -> str:
         return f"the polynomial sag of degrees {self.degrees}"

@@ -26,8 +26,8 @@ class BSplineSurface(Value):
     --------
     >>> kv = KnotVector.uniform(degree=2, spans=2)
     >>> plane = BSplineSurface(kv, kv, kv.greville()[:, None] + kv.greville())  # z = u + v
-    >>> plane([0.25], [0.5]).tolist(), round(float(plane.integral()), 12)
-    ([0.75], 1.0)
+    >>> float(plane(0.25, 0.5)), plane([0.25, 0.5], 0.5).tolist(), round(float(plane.integral()), 12)
+    (0.75, [0.75, 1.0], 1.0)
     """
 
     kv_u: KnotVector

@@ -142,7 +142,7 @@ class NURBSSurface(Value):
     Examples
     --------
     >>> cone = revolved(line([1.0, 0.0], [0.0, 3.0]))  # of (r, z)
-    >>> x, y, z = cone([0.25], [0.4])[0]
+    >>> x, y, z = cone(0.25, 0.4)
     >>> round(float(np.hypot(x, y)), 15), float(z)
     (0.75, 0.75)
     """

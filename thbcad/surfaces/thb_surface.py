@@ -33,7 +33,7 @@ class THBSurface(Value):
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> surface = quasi_interpolate(THBSpace(kv, kv), lambda u, v: u**3 * v)
     >>> finer = surface.refine({0: [(1, 1)]})  # the same surface
-    >>> np.allclose([surface([0.3], [0.4]), finer([0.3], [0.4])], 0.3**3 * 0.4, rtol=1e-13)
+    >>> np.allclose([surface(0.3, 0.4), finer(0.3, 0.4)], 0.3**3 * 0.4, rtol=1e-13)
     True
     """
 
