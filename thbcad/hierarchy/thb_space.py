@@ -222,7 +222,7 @@ class THBSpace(Value):
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length.
+        ValueError : points outside the domain or NaN, rows that do not broadcast.
         """
         return self._quadtree.locate(*self._rows(u, v))
 
@@ -322,7 +322,7 @@ class THBSpace(Value):
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
         by_u, by_v, cell = self.local_values(u, v, derivative)
@@ -337,7 +337,7 @@ class THBSpace(Value):
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
         u, v = self._rows(u, v)

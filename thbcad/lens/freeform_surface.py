@@ -113,8 +113,8 @@ class FreeformSurface:
 
     def _onto_rim(self, x: ArrayLike, y: ArrayLike) -> list[Floats]:
         """Return positions, those that rounding put beside the rim on it."""
-        clipped = [(floats(a), np.clip(floats(a), -h, h)) for a, h in zip((x, y), self.half_width)]
-        return [np.where(abs(a - c) <= RIM * h, c, a) for (a, c), h in zip(clipped, self.half_width)]
+        rows = zip((floats(x), floats(y)), self.half_width)
+        return [np.where(abs(a) <= h * (1 + RIM), np.clip(a, -h, h), a) for a, h in rows]
 
     def to_parameters(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return the spline parameters (u, v) of positions (x, y).

@@ -113,14 +113,14 @@ class Conic:
     def _derived(
         self, x: Coordinate, y: Coordinate, r2: Coordinate, w: Coordinate, orders: tuple[int, int]
     ) -> Coordinate:
-        c, root = 1.0 / self.radius, np.sqrt(w)
+        c = 1.0 / self.radius
         result: Coordinate
         if orders == (0, 0):
-            result = c * r2 / (1 + root)
+            result = c * r2 / (1 + np.sqrt(w))
         elif orders == (1, 0):
-            result = c * x / root + 0 * y
+            result = c * x / np.sqrt(w) + 0 * y
         elif orders == (0, 1):
-            result = c * y / root + 0 * x
+            result = c * y / np.sqrt(w) + 0 * x
         else:
             m, n = orders
             result = c * factorial(m) * factorial(n) * self._taylor(x, y, w, m, n)
