@@ -116,7 +116,7 @@ def floats(array: ArrayLike) -> Floats:
     ValueError : as `require_real`; integers that float64 cannot hold.
     """
     if isinstance(array, float) or (type(array) is np.ndarray and array.dtype == np.float64):
-        return np.asarray(array)  # most are: 0.2 us in place of 3
+        return np.asarray(array)  # neither masked nor complex
     require_real(array)
     try:
         return np.asarray(array, dtype=np.float64)

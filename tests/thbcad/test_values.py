@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from thbcad import (
+    Approximation,
     BSplineSurface,
     Conic,
     FreeformSurface,
@@ -37,6 +38,7 @@ MAKE = {
     "THBSpace": lambda x: THBSpace(KV, KnotVector(1, [x, x, 1, 1])).refine({0: [(1, 0)]}),
     "THBSurface": lambda x: THBSurface(THBSpace(KV, KV), [x] * 9),
     "BSplineSurface": lambda x: BSplineSurface(KV, KV, x * NET),
+    "Approximation": lambda x: Approximation(BSplineSurface(KV, KV, NET), x),
     "NURBSCurve": lambda x: NURBSCurve(KV, [[x], [1], [2]], 2.0),
     "NURBSSurface": lambda x: NURBSSurface(KV, KV, NET[..., None] + x, NET + 1),
     "Conic": lambda x: Conic(30.0, x),

@@ -48,7 +48,7 @@ class BoundedFunction(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Approximation:
     """A spline and a proven bound of its greatest distance in z from the function, mm.
 
