@@ -34,6 +34,11 @@ class Check:
     subject: Subject = "file"
     remark: str = ""
 
+    @classmethod
+    def none_of(cls, name: str, found: int) -> Check:
+        """Return the Check of things of which there must be none.  found : how many there are."""
+        return cls(name, int(found), 0, "")
+
     @property
     def result(self) -> Result:
         """Whether the limit is kept; undecided within SURE standard errors of it, or without a value."""

@@ -8,8 +8,17 @@ import numpy as np
 
 from optics.base.runtime import Check, UserError
 from optics.exchange.assemblies.proof import part_checks
-from optics.exchange.export import MESHES, READERS, SOLIDS, Labels, read_mesh, require_readers
+from optics.exchange.export import (
+    MESHES,
+    READERS,
+    SOLIDS,
+    Labels,
+    read_mesh,
+    require_readers,
+    triangle_checks,
+)
 from optics.exchange.results import require_writable
+from optics.exchange.verification import state_checks
 from thbcad.cad.exchange import (
     SolidState,
     brep_shape,
@@ -92,9 +101,7 @@ def export_mounted(
             return [path], [
                 *checks,
                 Check("chord error as measured", mesh.chord, chord, "mm"),
-                Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
-                Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
-                Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
+                *triangle_checks(read, mesh, by),
                 Check(f"size against the mesh in memory, {by}", float(np.abs(apart).max()), chord, "mm"),
                 Check(f"volume against OCCT's of the solid, {by}", off, chord * read.area, "mm^3"),
             ]
@@ -115,21 +122,14 @@ def _solid(lens: Lens, part: Part, name: str, path: Path, labels: Labels) -> lis
     placed = placed_lens(state.shape, lens)
     volume = solid_volume(part.solid, VOLUME)
     return [
-        Check(f"solids besides the one expected, {by}", abs(state.solids - 1), 0, ""),
-        Check(
-            f"faces besides the {len(part.faces)} expected, {by}", abs(state.faces - len(part.faces)), 0, ""
-        ),
-        Check(f"free edges, {by}", state.free_edges, 0, ""),
-        Check(f"solid not valid, {by}", int(not state.valid), 0, ""),
+        *state_checks(state, by, len(part.faces)),
         Check(
             f"volume against the part in memory, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""
         ),
         *(
-            Check(
+            Check.none_of(
                 f"{word} numbers that differ from the lens in memory, {by}",
                 surface_numbers(placed.geometry(word)).differing(surface_numbers(surface)),
-                0,
-                "",
             )
             for word, surface in placed.surfaces.items()
         ),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from optics.exchange.verification.step_file import (
         ExportedStep as ExportedStep,
         StepFile as StepFile,
+        state_checks as state_checks,
         text_volume_check as text_volume_check,
         volume_check as volume_check,
     )

@@ -50,7 +50,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     return [
         *text_checks(solid, lens),
         *measure_checks(solid, file.solid)[0],
-        Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
+        Check.none_of("rays with another fate by OCCT's intersections with the file", difference.mismatched),
         Check(
             "landing points by OCCT's intersections with the file",
             difference.landing,
@@ -76,9 +76,9 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
     }
     return [
         *whole_checks(solid)[0],
-        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        Check.none_of("text of the file: faces besides the six expected", abs(len(solid.faces) - 6)),
         *(
-            Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
+            Check.none_of(f"text of the file: {name} that differ from the lens in memory", value)
             for name, value in counts.items()
         ),
         text_volume_check(solid, lens),

@@ -74,7 +74,7 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
 
     difference = compared(system, lens, backend, RAYS, by_optiland)
     return [
-        Check("rays with another fate by optiland's trace of the file", difference.mismatched, 0, ""),
+        Check.none_of("rays with another fate by optiland's trace of the file", difference.mismatched),
         Check(
             "landing points by optiland's trace of the file",
             difference.landing,

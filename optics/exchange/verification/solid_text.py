@@ -40,30 +40,26 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
     again = sum(names.values()) - len(names)
     middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
     return [
-        Check(
+        Check.none_of(
             "text of the file: schema that is none of AP203, AP214, AP242",
-            int(not any(word.startswith(SCHEMAS) for word in schema)),
-            0,
-            "",
+            not any(word.startswith(SCHEMAS) for word in schema),
         ),
-        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
-        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
-        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+        Check.none_of("text of the file: unit of length that is not mm", solid.unit != MILLIMETRE),
+        Check.none_of("text of the file: edges that do not border two faces", solid.unpaired),
+        Check.none_of("text of the file: edges that do not begin where the one before ends", solid.gaps),
         Check(
             "text of the file: edges from their vertices and from their curves in the faces' parameters",
             distance,
             tolerance,
             "mm",
         ),
-        Check("text of the file: faces on the wrong side of their loops", turned, 0, ""),
-        Check(
-            "text of the file: splines closed or crossing by their flags alone", solid.contradictions, 0, ""
+        Check.none_of("text of the file: faces on the wrong side of their loops", turned),
+        Check.none_of(
+            "text of the file: splines closed or crossing by their flags alone", solid.contradictions
         ),
-        Check(
+        Check.none_of(
             "text of the file: faces with a name that belongs to another",
             again + int(len(middle) == 2 and not middle["front"] < middle["rear"]),
-            0,
-            "",
         ),
     ], [f"distance from curves in the faces' parameters: {what}" for what in uncompared]
 

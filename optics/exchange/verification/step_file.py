@@ -95,6 +95,21 @@ class ExportedStep:
     rear: OpticalForm
 
 
+def state_checks(state: SolidState, by: str, faces: int | None = None) -> list[Check]:
+    """Return the Checks that a shape is one whole solid.
+
+    by : what read the shape.  faces : how many it must have; without a number its shell must be closed.
+    """
+    counts = {"solids besides the one expected": abs(state.solids - 1)}
+    if faces is not None:
+        counts[f"faces besides the {faces} expected"] = abs(state.faces - faces)
+    counts["free edges"] = state.free_edges
+    if faces is None:
+        counts["shell not closed"] = not state.closed
+    counts["solid not valid"] = not state.valid
+    return [Check.none_of(f"{name}, {by}", count) for name, count in counts.items()]
+
+
 VOLUME = 1e-10  # relative
 
 
