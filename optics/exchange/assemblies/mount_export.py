@@ -28,13 +28,7 @@ from thbcad.cad.exchange import (
     part_mesh,
     solid_volume,
 )
-from thbcad.cad.parts import (
-    exact_part,
-    mounted_part,
-    placed_lens,
-    placed_step,
-    surface_numbers,
-)
+from thbcad.cad.parts import exact_part, mounted_part, placed_lens, placed_step, surface_numbers
 from thbcad.cad.shapes import Part
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Tessellation
@@ -79,13 +73,9 @@ def export_mounted(
     try:
         proof = require_mount(mount, lens)
         pairs = (("clearance", mount.clearance, proof.clearance), ("wall", mount.wall, proof.wall))
+        short = "least {} of the mount, proven to be {:.6g} mm, short of {:g} mm by"
         checks = [
-            Check(
-                f"least {name} of the mount, proven to be {got:.6g} mm, short of {wanted:g} mm by",
-                max(wanted - got, 0.0),
-                LEAST,
-                "mm",
-            )
+            Check(short.format(name, got, wanted), max(wanted - got, 0.0), LEAST, "mm")
             for name, wanted, got in pairs
         ]
         body = mounted_part(lens, mount)
@@ -120,12 +110,10 @@ def _solid(lens: Lens, part: Part, name: str, path: Path, labels: Labels) -> lis
     state = SolidState((iges_shape if name == "iges" else brep_shape)(path))
     by = f"{name.upper()} read back by OCCT"
     placed = placed_lens(state.shape, lens)
-    volume = solid_volume(part.solid, VOLUME)
+    off = abs(state.volume / solid_volume(part.solid, VOLUME) - 1)
     return [
         *state_checks(state, by, len(part.faces)),
-        Check(
-            f"volume against the part in memory, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""
-        ),
+        Check(f"volume against the part in memory, relative, {by}", off, VOLUME, ""),
         *(
             Check.none_of(
                 f"{word} numbers that differ from the lens in memory, {by}",

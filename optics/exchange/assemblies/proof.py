@@ -56,10 +56,8 @@ def part_checks(
     try:
         placed = placed_lens(shape, lens)
     except ValueError as error:
-        return [
-            *checks,
-            Check.none_of(f"front and rear of the lens in the part, by OCCT: {error}", 1),
-        ], left_out
+        checks.append(Check.none_of(f"front and rear of the lens in the part, by OCCT: {error}", 1))
+        return checks, left_out
     apart = float(np.abs(placed.matrix - text.motion).max())
     checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
     # how far the areas of front and rear are from those of the lens, relative
@@ -69,14 +67,8 @@ def part_checks(
         full = 4 * surface.half_width[0] * surface.half_width[1]
         off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
     trimmed = max(off.values()) > AREA
-    checks.append(
-        Check(
-            "tolerance that faces, edges and vertices need to meet",
-            state.tolerance,
-            OTHER_EDGES if trimmed else TOLERANCE,
-            "mm",
-        )
-    )
+    most = OTHER_EDGES if trimmed else TOLERANCE
+    checks.append(Check("tolerance that faces, edges and vertices need to meet", state.tolerance, most, "mm"))
     checks += _face_checks(placed, lens, OTHER_EDGES if trimmed else TRIM)
     if system is None:
         checks += [

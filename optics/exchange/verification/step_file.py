@@ -43,7 +43,7 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it is no STEP file.
         """
-        from thbcad.cad.exchange import SolidState, step_shape
+        from thbcad.cad.exchange import SolidState, step_shape  # OCCT
 
         return SolidState(step_shape(self.path))
 
@@ -55,7 +55,7 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
         """
-        from thbcad.cad.exchange import read_step
+        from thbcad.cad.exchange import read_step  # OCCT
 
         return read_step(self.path)
 
@@ -75,7 +75,7 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
-        from optics.exchange.verification.occt_tracer import optical_faces  # which loads OCCT
+        from optics.exchange.verification.occt_tracer import optical_faces  # OCCT
 
         optical_faces(self.text)
         return self.text, self.solid
