@@ -84,4 +84,4 @@ if TYPE_CHECKING:
     )
     from thbcad.surfaces import THBSurface as THBSurface
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

@@ -22,4 +22,4 @@ if TYPE_CHECKING:
         write_step as write_step,
     )
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)
