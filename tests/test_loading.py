@@ -152,7 +152,7 @@ TENSOR_PRODUCT = (
     "sags.graphs",
     "io.step_brep",
     "cad.shapes.topology",
-    "cad.exchange.loose_faces",
+    "cad.exchange.loose_splines",
 )
 
 
