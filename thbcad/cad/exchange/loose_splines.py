@@ -213,11 +213,11 @@ def _require_weights(name: str, weights: Floats, file: Format) -> None:
 
 
 def _write(
-    what: str, given: T | Sequence[T], shape_of: Callable[[T, str, Format], TopoDS_Shape], path: str | Path
+    what: str, given: object, shape_of: Callable[[Any, str, Format], TopoDS_Shape], path: str | Path
 ) -> None:
     """Write splines as shapes of their own; `what` they are, in the plural."""
     file = FORMATS[require_suffix(path, *FORMATS)]
-    splines: Any = given if isinstance(given, list | tuple) else [given]
+    splines = given if isinstance(given, list | tuple) else [given]
     if not splines:
         raise ValueError(f"{what} must hold at least one {what[:-1]}")
     compound = TopoDS_Compound()
