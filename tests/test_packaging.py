@@ -32,7 +32,6 @@ ARGUMENTS = {
     "completion": ["bash"],
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
-    "new": [],
     "relight": ["result", "--source", "sun"],
     "tolerance": ["result"],
     "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
@@ -40,7 +39,7 @@ ARGUMENTS = {
     "trace": ["result"],
     "verify": ["result"],
 }
-FREE = ("export",)  # what these lack depends on what they are asked for
+FREE = ("export", "new")  # what these lack depends on what they are asked for
 LIBRARY = {
     "OCP": ("from thbcad import write_step; write_step()", "cad"),
     "PIL": ("from optics.scene.receivers import read_picture", "optics"),
@@ -208,7 +207,7 @@ def test_an_export_names_only_what_its_file_lacks(name, sentence, tmp_path):
 @pytest.mark.parametrize("package", EXTRAS["optics"])
 def test_each_package_of_the_extra_is_named(package, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, package, None)
-    assert main(["new"]) == 2
+    assert main(["check", "problem.toml"]) == 2
     assert capsys.readouterr() == ("", SENTENCE.format(f"{package} is"))
 
 
@@ -354,7 +353,7 @@ def test_the_wheel_works_in_a_fresh_environment(built, tmp_path, capsys):
     assert call(command, "--help").stdout.startswith("usage: thbcad")
     assert call(command, "--version").stdout == f"thbcad {thbcad.__version__}\n"
     assert call(python, "-I", "-c", "import thbcad, optics").returncode == 0
-    for arguments in (["design", "problem.toml"], ["new"]):
+    for arguments in (["design", "problem.toml"], ["check", "problem.toml"]):
         done = call(command, *arguments)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == SENTENCE.format(", ".join(EXTRAS["optics"]) + " are")

@@ -27,7 +27,7 @@ from optics.interface.commands.stop_signals import stop_signals
 from thbcad.doors import MissingPackage, missing_packages, pip_command
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
-FREE = ("export",)  # commands that need no more than their file does, and say what that lacks
+FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
 DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
 
