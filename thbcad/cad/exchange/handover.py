@@ -9,12 +9,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, overload
 
-from thbcad.cad.exchange.loose_splines import edge_of, face_of
+from thbcad.cad.exchange.loose_splines import CURVES, edge_of, face_of
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.doors import pip_command
 from thbcad.lens import Lens
-from thbcad.splines import BSplineSurface, NURBSCurve, NURBSSurface
+from thbcad.splines import BSplineSurface, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:  # they take seconds to load
@@ -22,35 +22,37 @@ if TYPE_CHECKING:  # they take seconds to load
     import cadquery
 
     from thbcad.cad.exchange.loose_splines import Surface
+    from thbcad.splines import NURBSCurve
 
-GEOMETRY = (Lens, Part, THBSurface, BSplineSurface, NURBSSurface, NURBSCurve)
+GEOMETRY = (Lens, Part, THBSurface, BSplineSurface, NURBSSurface, *CURVES)
 GLASS = (0.65, 0.82, 0.98, 0.35)  # red, green, blue, opacity: pale blue, see-through
 
 
 @overload
-def to_build123d(geometry: Lens | Part, name: str | None = None) -> build123d.Solid: ...
+def to_build123d(geometry: Lens | Part, name: str = "") -> build123d.Solid: ...
 @overload
-def to_build123d(geometry: Surface, name: str | None = None) -> build123d.Face: ...
+def to_build123d(geometry: Surface, name: str = "") -> build123d.Face: ...
 @overload
-def to_build123d(geometry: NURBSCurve, name: str | None = None) -> build123d.Edge: ...
-def to_build123d(geometry: Any, name: str | None = None) -> Any:
+def to_build123d(geometry: NURBSCurve, name: str = "") -> build123d.Edge: ...
+def to_build123d(geometry: Any, name: str = "") -> Any:
     """Return a lens as a build123d solid, a surface as a face or a curve as an edge, in mm, with a label.
 
     geometry : Lens, or its Part where the faces are wanted by name too (`named_faces`): the front vertex is
         at the origin, z along the optical axis, the colour a pale blue, see-through.  Or a surface or a curve
         with points (x, y, z).  `build123d.Pos` and `Rot` move what is returned.
-    name : the label; None is "lens", "surface" or "curve".
+    name : the label; "" is "lens", "surface" or "curve".
 
     Raises
     ------
     ImportError : build123d is not installed, or beside another OCP.
     ValueError : something else; points without three components.
+    RuntimeError : OCCT refuses the surface or the curve.
     """
     bd = library("build123d")
     require_type("geometry", geometry, *GEOMETRY)
     if isinstance(geometry, Lens | Part):
         return bd.Solid(_part(geometry).solid, label=name or "lens", color=bd.Color(*GLASS))
-    if isinstance(geometry, NURBSCurve):
+    if isinstance(geometry, CURVES):
         return bd.Edge(edge_of(geometry), label=name or "curve")
     return bd.Face(face_of(geometry), label=name or "surface")
 
@@ -72,7 +74,7 @@ def to_cadquery(geometry: Any) -> Any:
     require_type("geometry", geometry, *GEOMETRY)
     if isinstance(geometry, Lens | Part):
         return cq.Solid(_part(geometry).solid)
-    if isinstance(geometry, NURBSCurve):
+    if isinstance(geometry, CURVES):
         return cq.Edge(edge_of(geometry))
     return cq.Face(face_of(geometry))
 

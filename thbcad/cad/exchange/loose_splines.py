@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     Surface = THBSurface | BSplineSurface | NURBSSurface
 
 T = TypeVar("T")
+CURVES = (NURBSCurve,)
 EXACT = (
     GeomAbs_Plane,
     GeomAbs_Cylinder,
@@ -177,7 +178,7 @@ def face_of(surface: Surface, name: str = "surface", file: Format = BREP) -> Top
 
 def edge_of(curve: NURBSCurve, name: str = "curve", file: Format = BREP) -> TopoDS_Edge:
     """Return a curve as an edge; raise as `write_curves` in a format, where its name tells which it is."""
-    require_type(name, curve, NURBSCurve)
+    require_type(name, curve, *CURVES)
     _require_points(name, curve.points, 1)
     _require_weights(name, curve.weights, file)
     span = np.diff(curve.kv.breaks).min()

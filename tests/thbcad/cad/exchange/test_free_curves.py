@@ -1,4 +1,4 @@
-"""Curves as edges of no face in STEP, IGES and BREP: round trips, the text, other programs, limits."""
+"""Curves as edges of no face in STEP, IGES and BREP: round trips, other programs, limits."""
 
 import re
 
@@ -12,7 +12,6 @@ from tests.cases import examples
 from tests.thbcad.cad.exchange.cases import CUBIC, CURVES, TWISTED, WAVE, assert_same
 from tests.thbcad.cases import random_knot_vector, seeds
 from thbcad.cad.exchange.loose_splines import read_curves, write_curves, write_faces
-from thbcad.io import having, points_of, read_part21
 from thbcad.splines import KnotVector, NURBSCurve, circular_arc
 
 
@@ -29,20 +28,6 @@ def test_every_number_of_random_curves_reads_back(kind, tmp_path, rng, degree, s
     curve = NURBSCurve(kv, size * rng.uniform(-1, 1, (kv.dim, 3)), rng.uniform(0.1, 10, kv.dim))
     write_curves(curve, tmp_path / f"random{kind}")
     assert_same(read_curves(tmp_path / f"random{kind}"), [curve])
-
-
-def test_the_text_of_a_step_file_holds_every_number(tmp_path):
-    """As the reader of text finds them, which shares no code with the writer."""
-    write_curves(list(CURVES.values()), tmp_path / "all.step")
-    entities = read_part21(tmp_path / "all.step")
-    found = having(entities, "B_SPLINE_CURVE_WITH_KNOTS")
-    for entity, curve in zip(found, CURVES.values(), strict=True):
-        parts = entity.parts
-        row = [*parts.get("B_SPLINE_CURVE", []), *parts["B_SPLINE_CURVE_WITH_KNOTS"]]
-        degree, poles, _, _, _, counts, knots, _ = row if "B_SPLINE_CURVE" in parts else row[1:]
-        (weights,) = parts.get("RATIONAL_B_SPLINE_CURVE", [[1.0] * len(poles)])
-        kv = KnotVector(degree, np.repeat(knots, counts))
-        assert_same([NURBSCurve(kv, points_of(entities, poles, entity), weights)], [curve])
 
 
 @pytest.mark.parametrize(("gap", "closes"), [(9e-9, True), (1.1e-8, False)])
