@@ -14,7 +14,6 @@ from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
 from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
-from optics.scene.receivers import receiver_at
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
 
@@ -88,6 +87,8 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
+        from optics.scene.receivers import receiver_at  # loads numpy, which a problem itself does without
+
         source, lens, target = self.source, self.lens, self.target
         receiver = receiver_at(self.target_z)
         far, unit = receiver.far_field, receiver.unit
