@@ -25,6 +25,7 @@ from optics.interface.commands.arguments import parsed
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.stop_signals import stop_signals
 from thbcad.doors import MissingPackage, missing_packages, pip_command
+from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
 FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
@@ -73,8 +74,6 @@ def _run(options: Namespace) -> int:
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with _silence() if options.quiet else nullcontext():
         outcome: Outcome = getattr(command, options.command)(options)
-    from thbcad.io import json_text
-
     lines = "\n".join(outcome.lines).split("\n")
     with _printing():
         print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)

@@ -27,8 +27,6 @@ LEAST_MERGED = 4  # pixels each way that merging leaves
 class Problem:
     """What is asked for: source, lens and target, and how to design it.
 
-        Problem(source=Source(kind="collimated", half_width=(9.5, 9.5)), lens=..., target=...)
-
     It is checked when it is made, by the rules of a problem file.  Whole numbers become floats and lists
     become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
     from the current folder.
@@ -37,6 +35,17 @@ class Problem:
     ------
     UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
         together; it names the key.
+
+    Examples
+    --------
+    >>> sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
+    >>> problem = Problem(
+    ...     source=Source(kind="collimated", half_width=(9.5, 9.5)),
+    ...     lens={"index": 1.5, "thickness": 6, **sides},
+    ...     target=Target(kind="tophat", distance=60, half_width=(20, 20), pixels=(32, 32)),
+    ... )
+    >>> problem.with_(**{"target.distance": 400}).target_z  # mm
+    406.0
     """
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")

@@ -140,7 +140,7 @@ class LambertianArea(AreaSource):
     """A Lambertian emitter: the same radiance in all directions of a cone of `half_angle` degrees."""
 
     half_angle: float
-    glowing = True
+    emitter = True
 
     @property
     def spread(self) -> Divergence:

@@ -74,7 +74,7 @@ class LightTarget:
         return self.light > 1 - WHOLE
 
     @cached_property
-    def even_region(self) -> LitRegion | None:
+    def uniform_region(self) -> LitRegion | None:
         """The region on which the same light is asked for everywhere.
 
         None of a picture, and of a formula whose light varies: that is judged as a picture.
