@@ -118,6 +118,21 @@ def test_imports_go_down_and_through_doors():
     assert list(chain.from_iterable(map(violations, FILES))) == []
 
 
+def test_an_import_within_a_function_says_why():
+    """Of our own rooms: what it would load for nothing, in a comment behind it or in the line before."""
+    silent = [
+        f"{name(path)}:{node.lineno}"
+        for path in PACKAGE_FILES
+        for function in nodes(path)
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+        if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in ("thbcad", "optics")
+        for before, line in [text(path).splitlines()[node.lineno - 2 : node.lineno]]
+        if "  # " not in line and not before.strip().startswith("# ")
+    ]
+    assert silent == []
+
+
 def test_every_package_is_a_room():
     """A folder below a room would be a room without a floor."""
     folders = {module_of(p) for p in PACKAGE_FILES if p.name == "__init__.py"}

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from math import log10, trunc
 from numbers import Real
 from operator import index
+from pathlib import Path
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -91,6 +92,15 @@ def require_type(name: str, value: object, *types: type) -> None:
         raise ValueError(
             f"{name} must be a {' or '.join(each.__name__ for each in types)}, got {type(value).__name__}"
         )
+
+
+def require_suffix(path: str | Path, *suffixes: str) -> str:
+    """Return the suffix of a file in lower case; raise ValueError for one that is not among `suffixes`."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        *others, last = suffixes
+        raise ValueError(f"{path} must end in {', '.join(others)} or {last}")
+    return suffix
 
 
 def require_unmasked(array: object) -> None:

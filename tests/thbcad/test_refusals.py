@@ -81,7 +81,8 @@ def test_nouns_need_knot_vectors_and_spaces(bad):
             "surface must be a THBSurface or BSplineSurface or NURBSSurface, got FreeformSurface",
         ),
         (lambda: write_lens(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
-        (lambda: write_step(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
+        (lambda: write_step(SHEET, "x.igs"), "x.igs must end in .step or .stp"),
+        (lambda: write_step(SHEET, "x.step"), "lens must be a Lens, got BSplineSurface"),
         (lambda: Lens(SHEET, FREEFORM, 1.0, 1.5), "front must be a FreeformSurface, got BSplineSurface"),
         (lambda: FreeformSurface((8, 8), 60.0), "conic must be a Conic, got float"),
         (
