@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, Value, read_only
+from thbcad.checks import Floats, read_only
+from thbcad.values import Value
 
 ORIGIN = (0.0, 0.0, 0.0)
 ORTHOGONAL = 1e-9  # of R^T R - 1, at most: a matrix that was written with ten digits is a rotation

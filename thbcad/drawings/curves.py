@@ -17,9 +17,10 @@ from enum import StrEnum
 import numpy as np
 
 from thbcad.certified import cell_bounds
-from thbcad.checks import Floats, Value, read_only
+from thbcad.checks import Floats, read_only
 from thbcad.lens import SIDES, Lens, placed_surfaces, ruled_edge, subdivided
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
+from thbcad.values import Value
 
 MOST_CHORDS = 200_000
 

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, Value, floats, read_only, require_number, require_type
+from thbcad.checks import Floats, Integers, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
 from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
+from thbcad.values import Value
 
 MOST_REWEIGHTINGS = 20  # three to six are usual
 SETTLED = 0.01  # change of a weight that no longer moves the fit

@@ -26,7 +26,6 @@ from scipy.sparse import csr_array, eye_array
 from thbcad.checks import (
     Floats,
     Integers,
-    Value,
     coordinates,
     read_only,
     require_integer,
@@ -43,6 +42,7 @@ from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
 from thbcad.splines import KnotVector, csr_rows
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)

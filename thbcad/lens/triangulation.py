@@ -23,12 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.certified import Orders, cell_bounds
-from thbcad.checks import Floats, Integers, Value, read_only, require_number, require_type
+from thbcad.checks import Floats, Integers, read_only, require_number, require_type
 from thbcad.lens.lens import Lens
 from thbcad.lens.rims import SIDES, placed_surfaces, rim_indices
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
+from thbcad.values import Value
 
 MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm

@@ -23,7 +23,6 @@ from scipy.special import eval_jacobi
 from thbcad.checks import (
     EPS,
     Floats,
-    Value,
     coordinates,
     floats,
     half_widths,
@@ -35,6 +34,7 @@ from thbcad.checks import (
     require_orders,
 )
 from thbcad.sags.proven_approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)

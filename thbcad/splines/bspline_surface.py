@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats, Value, coordinates, inside, read_only, require_orders, require_type
+from thbcad.checks import Floats, coordinates, inside, read_only, require_orders, require_type
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 from thbcad.checks import (
     Floats,
     Integers,
-    Value,
     floats,
     inside,
     read_only,
@@ -30,6 +29,7 @@ from thbcad.checks import (
 )
 from thbcad.splines.polar_forms import bezier_rows, blossom_rows, greville_abscissae
 from thbcad.splines.sparse_operators import band_matrix, banded_least_squares
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)

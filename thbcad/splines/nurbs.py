@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike
 
 from thbcad.checks import (
     Floats,
-    Value,
     floats,
     inside,
     read_only,
@@ -30,6 +29,7 @@ from thbcad.checks import (
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
+from thbcad.values import Value
 
 GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
 

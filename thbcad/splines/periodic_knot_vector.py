@@ -19,7 +19,6 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import (
     Floats,
-    Value,
     floats,
     read_only,
     require_degree,
@@ -32,6 +31,7 @@ from thbcad.checks import (
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.polar_forms import blossom_rows, greville_abscissae
 from thbcad.splines.sparse_operators import csr_rows
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, Value, coordinates, floats, read_only, require_type
+from thbcad.checks import Floats, coordinates, floats, read_only, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
 from thbcad.surfaces.surface_picture import surface_card
+from thbcad.values import Value
 
 STRIP = 1 << 18  # points that are evaluated at once
 
