@@ -6,7 +6,7 @@ with their nearest neighbours that are not, until no more are suspected: a clump
 Suspects are outliers if at most 24 of them hang together, and if they lie beyond what the twelve nearest
 good samples show by themselves, whatever the surface: with their least-squares plane a + b . (x - x_k)
 
-    |z_k - a| > max_i |z_i - a - b . (x_i - x_k)|.
+    |z_k - a| > 2 max_i |z_i - a - b . (x_i - x_k)|.
 
 All other suspects are detail that the surface lacks.
 """
@@ -22,6 +22,7 @@ from thbcad.checks import Floats, Integers
 from thbcad.fitting.residual_statistics import AROUND, BESIDE, nearest, tukey_weights
 
 TOGETHER = 24  # clumps of five among 3 % outliers at random meet up to 17 at a time; more show a shape
+BEYOND = 2.0  # times the others' distance: 1.4 at the corner of a step; of noise 4 or 5 standard deviations
 
 
 def biweights(residuals: Floats, values: Floats, points: Floats, near: Integers, least: float) -> Floats:
@@ -60,13 +61,13 @@ def _few_together(chosen: Integers, points: Floats) -> NDArray[np.bool_]:
 
 
 def _beyond(values: Floats, points: Floats, chosen: Integers, around: Integers) -> NDArray[np.bool_]:
-    """Return which of the chosen samples lie farther from the plane through those around them than each of
-    these, (chosen,)."""
+    """Return which of the chosen samples lie much farther from the plane through those around them than any
+    of these, (chosen,)."""
     apart = points[around] - points[chosen][:, None]
     apart /= np.abs(apart).max(axis=(1, 2), keepdims=True)
     columns = np.concatenate([np.ones((*around.shape, 1)), apart], axis=2)
     heights = values[around] - values[chosen][:, None]
     planes = np.linalg.pinv(columns) @ heights
     left = np.linalg.norm(heights - columns @ planes, axis=2).max(axis=1)
-    result: NDArray[np.bool_] = np.linalg.norm(planes[:, 0], axis=1) > left
+    result: NDArray[np.bool_] = np.linalg.norm(planes[:, 0], axis=1) > BEYOND * left
     return result
