@@ -77,9 +77,12 @@ def test_v_between_the_smoothings_that_were_solved_is_v_by_definition():
         assert curve.add(exponent)
     units = equations.height**2 * equations.unit
     assert units * curve.value(-2.0) == pytest.approx(dense_v(space, samples, 1e-2), rel=1e-9)
-    # midway in a decade the best fraction with both poles errs by ((10^(1/4) - 1) / (10^(1/4) + 1))^4 = 0.006
+    # midway in a decade the best fraction with both poles errs by 0.6 %, ((10^(1/4) - 1) / (10^(1/4) + 1))^4,
+    # which V has three times: in the misfit, and in the square of n - tr H
     for exponent in (-1.7, -1.5, -1.3, -0.7, -0.5):
-        assert units * curve.value(exponent) == pytest.approx(dense_v(space, samples, 10**exponent), rel=6e-3)
+        assert units * curve.value(exponent) == pytest.approx(
+            dense_v(space, samples, 10**exponent), rel=18e-3
+        )
 
 
 def test_few_fits_find_the_smoothing_and_are_told():
