@@ -22,6 +22,7 @@ from thbcad.checks import Floats, Integers
 from thbcad.fitting.residual_statistics import AROUND, BESIDE, nearest, tukey_weights
 
 TOGETHER = 24  # clumps of five among 3 % outliers at random meet up to 17 at a time; more show a shape
+FEWEST = 5  # good samples: one more than those whose plane leaves them something
 BEYOND = 2.0  # times the others' distance: 1.4 at the corner of a step; of noise 4 or 5 standard deviations
 
 
@@ -37,12 +38,12 @@ def biweights(residuals: Floats, values: Floats, points: Floats, near: Integers,
         more = (weights == 0) & ~suspected
         suspected |= more
         good, beside = np.flatnonzero(~suspected), np.flatnonzero(more[near].any(axis=1))
-        if not len(beside) or len(good) <= AROUND:
+        if not len(beside) or len(good) <= near.shape[1]:
             break
-        near[beside] = nearest(points, beside, good, AROUND)
+        near[beside] = nearest(points, beside, good, near.shape[1])
     chosen = np.flatnonzero(suspected)
     weights[chosen] = 1.0
-    if len(chosen) and len(good) > AROUND:
+    if len(chosen) and len(good) >= FEWEST:
         around = nearest(points, chosen, good, AROUND)
         weights[chosen[_few_together(chosen, points) & _beyond(values, points, chosen, around)]] = 0.0
     return weights

@@ -98,6 +98,15 @@ def test_outliers_are_numbered_as_the_samples_were_given():
     assert len(fit(tensor(3, 6), given, 1e-2, smoothing=1e-9, max_level=0).outliers) == 0
 
 
+def test_one_of_ten_samples_is_an_outlier():
+    u, v = np.random.default_rng(0).random((2, 10))
+    values = u + v
+    values[4] += 1
+    flat = tensor(1, 1)
+    plane = THBSurface(flat, np.array([0.0, 1.0, 1.0, 2.0]))
+    assert np.flatnonzero(robust_weights(plane, Samples(u, v, values)) == 0).tolist() == [4]
+
+
 def plateau(side):
     values = np.zeros((41, 41))
     values[10 : 10 + side, 10 : 10 + side] = 1
