@@ -129,8 +129,7 @@ def least_squares(
     problem = _Problem.of(space, samples, smoothing != 0, progress or (lambda done, most: None))
     if robust:
         return _robust(problem, smoothing)
-    equal = np.ones(len(samples))
-    return problem.fit(equal, problem.smoothing(equal, smoothing))
+    return problem.fit(problem.equations(np.ones(len(samples))), smoothing)
 
 
 def require_smoothing(smoothing: object) -> None:
@@ -200,14 +199,12 @@ class _Problem:
         weights = self.samples.weights * factors
         return NormalEquations.of(self.space, self.collocation, self.energy, self.samples.values, weights)
 
-    def smoothing(self, factors: Floats, wanted: Smoothing) -> float:
+    def smoothing(self, equations: NormalEquations, wanted: Smoothing) -> float:
         """Return the smoothing as a number."""
-        if not isinstance(wanted, str):
-            return wanted
-        return chosen_smoothing(self.equations(factors), wanted, self.progress)
+        return chosen_smoothing(equations, wanted, self.progress) if isinstance(wanted, str) else wanted
 
-    def fit(self, factors: Floats, smoothing: float) -> THBSurface:
-        equations = self.equations(factors)
+    def fit(self, equations: NormalEquations, wanted: Smoothing) -> THBSurface:
+        smoothing = self.smoothing(equations, wanted)
         return THBSurface(self.space, equations.height * equations.solution(smoothing))
 
     def residuals(self, surface: THBSurface) -> Floats:
@@ -224,12 +221,12 @@ def _robust(problem: _Problem, wanted: Smoothing) -> THBSurface:
     judge = _Judge.of(problem.samples)
     share = kept_share(judge.values.shape[1])
     weights = judge.weights(problem.samples.values)
-    smoothing = problem.smoothing(weights / share, wanted)
+    smoothing = problem.smoothing(problem.equations(weights / share), wanted)
     for _ in range(MOST_REWEIGHTINGS):
-        surface = problem.fit(weights / share, smoothing)
+        surface = problem.fit(problem.equations(weights / share), smoothing)
         before, weights = weights, judge.weights(problem.residuals(surface))
         if np.abs(weights - before).max() <= SETTLED:
             break
     if isinstance(wanted, str):
-        surface = problem.fit(weights / share, problem.smoothing(weights / share, wanted))
+        surface = problem.fit(problem.equations(weights / share), wanted)
     return surface
