@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,7 @@ MOST_CONTROL_POINTS = 2000  # per direction
 BLOCK = 1 << 18  # values at a time
 
 
+@runtime_checkable
 class BoundedFunction(Protocol):
     """A function f(x, y), mm, with bounds of its derivatives and of its rounding errors; `str` of it names it
     in messages."""
