@@ -13,6 +13,7 @@ from thbcad import (
     Approximation,
     BSplineSurface,
     Conic,
+    Fit,
     FreeformSurface,
     KnotVector,
     Lens,
@@ -46,6 +47,7 @@ MAKE = {
     "FreeformSurface": lambda x: FreeformSurface((2, 3), Conic(30.0, x)),
     "Lens": lambda x: Lens(FreeformSurface((2, 3)), FreeformSurface((2, 3), Conic(30.0, x)), 1.0, 1.5),
     "Samples": lambda x: Samples([0.0, 1.0], [x, 1.0], [[1.0, 2.0], [3.0, 4.0]]),
+    "Fit": lambda x: Fit(MAKE["THBSurface"](x), 1.0, x, "noise", (), np.array([3, 5]), False),
     "Pose": lambda x: Pose.at((x, 0, 1), (0, 0, 1.0)),
 }
 named = pytest.mark.parametrize("name", MAKE)
