@@ -37,7 +37,7 @@ WINGS = {
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
 FLOORS = [
-    ["thbcad.doors", "thbcad.checks"],
+    ["thbcad.doors", "thbcad.checks", "thbcad.values"],
     ["thbcad.pictures", "thbcad.poses", "thbcad.splines", "thbcad.toml"],
     ["thbcad.hierarchy", "thbcad.sags"],
     ["thbcad.surfaces"],
@@ -63,7 +63,8 @@ FLOORS = [
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # `thbcad bench` is a thin door to the benchmarks of a checkout
 UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
-SINGLE_FILES = {"thbcad.doors", "thbcad.checks", "thbcad.poses"}  # rooms of one file, which is its own door
+# rooms of one file, which is its own door
+SINGLE_FILES = {"thbcad.doors", "thbcad.checks", "thbcad.values", "thbcad.poses"}
 MOST_FILES = 13  # of a room, besides its door
 
 

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import Integers, locked, require_integer, require_number, require_type
+from thbcad.checks import Integers, read_only, require_integer, require_number, require_type
 from thbcad.fitting.fit_targets import HELD_OUT, OfFunction, OfSamples
 from thbcad.fitting.least_squares_fit import Samples, require_smoothing
 from thbcad.fitting.normal_equations import Underdetermined
@@ -21,6 +21,7 @@ from thbcad.fitting.smoothing_choice import Smoothing
 from thbcad.hierarchy import MAX_LEVEL, THBSpace
 from thbcad.splines import Function
 from thbcad.surfaces import THBSurface
+from thbcad.values import Value
 
 WORTH = 0.99  # one per cent less: refinement takes that much from the rms of noise by chance
 PATIENCE = 3  # refinements without a smaller error: the cells at fault are then 8 times smaller
@@ -40,7 +41,7 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Value):
     """The best fit, and how the search ended.
 
     error : greatest error of the surface: a bound, or the greatest where it was measured.
@@ -79,6 +80,9 @@ class Fit:
     history: tuple[Step, ...]
     outliers: Integers
     certified: bool
+
+    def __post_init__(self) -> None:
+        vars(self).update(outliers=read_only(self.outliers, np.int64))
 
     def __repr__(self) -> str:
         error = f"error {'<= ' if self.certified else ''}{self.error:.3g}"
@@ -138,7 +142,7 @@ def fit(
             raise ValueError(f"a fit needs at least {HELD_OUT} samples of positive weight, got {len(used)}")
         samples = OfSamples(target[used], smoothing, robust)
         found = _refined(space, samples, tolerance, max_level, show)
-        return replace(found, outliers=locked(used[found.outliers]))
+        return replace(found, outliers=used[found.outliers])
     if robust or isinstance(smoothing, str):
         raise ValueError("a function has no noise: chosen smoothing and robust weights need samples")
     return _refined(space, OfFunction.of(target, smoothing, tolerance), tolerance, max_level, show)
@@ -164,7 +168,7 @@ def _refined(
         history.append(step)
         ranks.append(target.rank(check))
         if step.error <= tolerance or ranks[-1] == min(ranks):
-            best = surface, step.error, step.rms, locked(check.outliers)
+            best = surface, step.error, step.rms, check.outliers
         coarse = space.cells[:, 0] < max_level
         below.append(target.loss(check, coarse))
         above = coarse & (check.errors > tolerance)

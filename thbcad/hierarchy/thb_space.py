@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +26,8 @@ from scipy.sparse import csr_array, eye_array
 from thbcad.checks import (
     Floats,
     Integers,
-    points,
+    coordinates,
     read_only,
-    rebuilt,
     require_integer,
     require_orders,
     require_type,
@@ -42,10 +42,11 @@ from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
 from thbcad.splines import KnotVector, csr_rows
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class THBSpace:
+class THBSpace(Value):
     """The THB space over two knot vectors and a set of refined cells.
 
     ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
@@ -78,7 +79,9 @@ class THBSpace:
             domains = Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v)))
         object.__setattr__(self, "_domains", domains)
 
-    __reduce__ = rebuilt
+    def _content(self) -> tuple[Any, ...]:
+        d = self._domains
+        return self.kv_u, self.kv_v, *(d.refined(level) for level in range(self.levels - 1))
 
     def __repr__(self) -> str:
         degrees = (self.kv_u.degree, self.kv_v.degree)
@@ -219,11 +222,11 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length.
+        ValueError : points outside the domain or NaN, rows that do not broadcast.
         """
-        return self._quadtree.locate(*self._points(u, v))
+        return self._quadtree.locate(*self._rows(u, v))
 
-    def prolongation(self, finer: THBSpace) -> csr_array:
+    def prolongation(self, finer: THBSpace) -> csr_array[np.float64]:
         """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
 
         The coefficient of an active function of the finer space is the coefficient that the
@@ -244,7 +247,7 @@ class THBSpace:
         rows += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
         return finer.nets.onto_active(finer.nets.operators(rows))
 
-    def restriction(self, coarser: THBSpace) -> csr_array:
+    def restriction(self, coarser: THBSpace) -> csr_array[np.float64]:
         """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
 
         P is ``coarser.prolongation(self)``.
@@ -269,7 +272,7 @@ class THBSpace:
                 whole = less
         return csr_array(operator)
 
-    def hierarchical(self) -> csr_array:
+    def hierarchical(self) -> csr_array[np.float64]:
         """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical
         coefficients c.
 
@@ -278,7 +281,7 @@ class THBSpace:
         """
         return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
-    def extraction(self) -> csr_array:
+    def extraction(self) -> csr_array[np.float64]:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
 
         On leaf cell k the spline is an ordinary B-spline of the cell's level; rows
@@ -286,7 +289,7 @@ class THBSpace:
         """
         return self.nets.operator[self.local_basis.blocks.ravel()]
 
-    def incidence(self) -> csr_array:
+    def incidence(self) -> csr_array[np.bool_]:
         """Return which functions act on which leaf cells, csr_array (cells, dim) of True.
 
         Row k holds the functions of cell k, column f (of ``.T``) the cells of function f.
@@ -312,12 +315,14 @@ class THBSpace:
         ends = [extreme.reduceat(levels, acting.indptr[:-1]) for extreme in (np.minimum, np.maximum)]
         return int((ends[1] - ends[0]).max()) + 1
 
-    def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
+    def collocation(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> csr_array[np.float64]:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
         by_u, by_v, cell = self.local_values(u, v, derivative)
@@ -332,10 +337,10 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
-        u, v = self._points(u, v)
+        u, v = self._rows(u, v)
         orders = require_orders(derivative)
         cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, orders), cell
@@ -360,16 +365,14 @@ class THBSpace:
         return spread <= 256 and sizes <= len(self.cells) * local
 
     def _require_nested(self, finer: THBSpace) -> None:
-        if not isinstance(finer, THBSpace) or not all(
-            a.degree == b.degree and np.array_equal(a.knots, b.knots)
-            for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
-        ):
+        if not isinstance(finer, THBSpace) or (self.kv_u, self.kv_v) != (finer.kv_u, finer.kv_v):
             raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
         if not self._domains.within(finer._domains):
             raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
 
-    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-        u, v = points(u, v)
-        self.kv_u.require_inside(u)
-        self.kv_v.require_inside(v)
-        return u, v
+    def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
+        """Return points as two rows, (n,) each."""
+        u, v = coordinates(u=(u, self.kv_u.domain), v=(v, self.kv_v.domain))
+        if u.ndim > 1:
+            raise ValueError(f"u and v must be rows of points, got shape {u.shape}")
+        return np.atleast_1d(u), np.atleast_1d(v)
