@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
-    from thbcad.hierarchy import THBSpace as THBSpace
+    from thbcad.hierarchy import THBSpace as THBSpace, common_refinement as common_refinement
     from thbcad.io import (
         read_lens as read_lens,
         read_surface as read_surface,
