@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, floats, read_only, rebuilt, require_number, require_type
+from thbcad.checks import Floats, Integers, Value, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
 from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing
@@ -18,11 +18,10 @@ from thbcad.surfaces import THBSurface
 MOST_REWEIGHTINGS = 20  # three to six are usual
 SETTLED = 0.01  # change of a weight that no longer moves the fit
 ROUNDING = 1e-12  # of the greatest value: smaller residuals are those of the arithmetic
-EQUAL: Floats = read_only(1.0)  # weights that are left out: all 1
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Value):
     """Values z_k at scattered points (u_k, v_k), with weights w_k >= 0 in least squares.
 
     u, v : (n,) float.  values : (n,) or (n, d) float.  weights : (n,) float, all 1 if left out.
@@ -44,16 +43,13 @@ class Samples:
     u: Floats
     v: Floats
     values: Floats
-    weights: Floats = field(default_factory=lambda: EQUAL)
+    weights: Floats
 
-    def __post_init__(self) -> None:
-        n = np.shape(self.values)[:1]
-        arrays = {
-            "u": self.u,
-            "v": self.v,
-            "values": self.values,
-            "weights": np.ones(n) if self.weights is EQUAL else self.weights,
-        }
+    def __init__(
+        self, u: ArrayLike, v: ArrayLike, values: ArrayLike, weights: ArrayLike | None = None
+    ) -> None:
+        n = np.shape(values)[:1]
+        arrays = {"u": u, "v": v, "values": values, "weights": np.ones(n) if weights is None else weights}
         for name, given in arrays.items():
             array = read_only(given)
             if (
@@ -68,12 +64,14 @@ class Samples:
             bad = ~np.isfinite(array)
             if bad.any():
                 raise ValueError(f"{name}[{int(np.nonzero(bad)[0][0])}] is not finite")
-            object.__setattr__(self, name, array)
+            vars(self)[name] = array
         if (self.weights < 0).any():
             k = int(np.argmax(self.weights < 0))
             raise ValueError(f"weights must not be negative, got weights[{k}] = {self.weights[k]}")
 
-    __reduce__ = rebuilt
+    def __repr__(self) -> str:
+        rest = self.values.shape[1:]
+        return f"Samples({len(self)} points, values {f'in {rest[0]} dimensions' if rest else 'scalar'})"
 
     @classmethod
     def grid(cls, u: ArrayLike, v: ArrayLike, values: ArrayLike) -> Samples:

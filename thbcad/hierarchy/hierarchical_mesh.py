@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from thbcad.checks import (
     Floats,
     Integers,
-    points,
+    Value,
+    coordinates,
     read_only,
-    rebuilt,
     require_integer,
     require_number,
     require_type,
@@ -39,7 +39,7 @@ MOST_POINTS = 100  # of a Gauss rule: numpy's are tested up to there
 
 
 @dataclass(frozen=True, eq=False)
-class HierarchicalMesh:
+class HierarchicalMesh(Value):
     """The mesh over two knot vectors and a set of refined cells.
 
     Meshes never change: `refine` returns finer ones, of the same class.
@@ -62,7 +62,9 @@ class HierarchicalMesh:
             domains = Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v)))
         object.__setattr__(self, "_domains", domains)
 
-    __reduce__ = rebuilt
+    def _content(self) -> tuple[Any, ...]:
+        d = self._domains
+        return self.kv_u, self.kv_v, *(d.refined(level) for level in range(self.levels - 1))
 
     @property
     def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
@@ -191,7 +193,7 @@ class HierarchicalMesh:
         ------
         ValueError : points outside the domain or NaN, rows of unequal length.
         """
-        return self._quadtree.locate(*self._points(u, v))
+        return self._quadtree.locate(*self._rows(u, v))
 
     def quadrature(self, n: int | tuple[int, int] | None = None) -> tuple[Floats, Floats, Floats, Integers]:
         """Return (u, v, weights, cell), (m,) each: Gauss quadrature with n x n points on every leaf cell.
@@ -245,8 +247,7 @@ class HierarchicalMesh:
         if not isinstance(other, type(self)):
             raise ValueError(f"{wanted}, got {type(other).__name__}")
         for side in ("kv_u", "kv_v"):
-            ours, theirs = getattr(self, side), getattr(other, side)
-            if ours.degree != theirs.degree or not np.array_equal(ours.knots, theirs.knots):
+            if getattr(self, side) != getattr(other, side):
                 raise ValueError(f"{wanted}, got one with another {side}")
 
     def _require_within(self, finer: Self) -> None:
@@ -260,11 +261,12 @@ class HierarchicalMesh:
                 f"cell ({i}, {j}) of level {level} is refined in the coarser one only"
             )
 
-    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-        u, v = points(u, v)
-        self.kv_u.require_inside(u)
-        self.kv_v.require_inside(v)
-        return u, v
+    def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
+        """Return points as two rows, (n,) each."""
+        u, v = coordinates(u=(u, self.kv_u.domain), v=(v, self.kv_v.domain))
+        if u.ndim > 1:
+            raise ValueError(f"u and v must be rows of points, got shape {u.shape}")
+        return np.atleast_1d(u), np.atleast_1d(v)
 
 
 Mesh = TypeVar("Mesh", bound=HierarchicalMesh)

@@ -106,7 +106,7 @@ class THBSpace(HierarchicalMesh):
             rows.append(np.stack([g[rank[level.active]] for g, rank in zip(by_axis, level.ranks)], axis=1))
         return np.concatenate(rows)
 
-    def prolongation(self, finer: THBSpace) -> csr_array:
+    def prolongation(self, finer: THBSpace) -> csr_array[np.float64]:
         """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
 
         The coefficient of an active function of the finer space is the coefficient that the
@@ -127,7 +127,7 @@ class THBSpace(HierarchicalMesh):
         rows += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
         return finer.nets.onto_active(finer.nets.operators(rows))
 
-    def restriction(self, coarser: THBSpace) -> csr_array:
+    def restriction(self, coarser: THBSpace) -> csr_array[np.float64]:
         """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
 
         P is ``coarser.prolongation(self)``.
@@ -151,7 +151,7 @@ class THBSpace(HierarchicalMesh):
                 whole = less
         return csr_array(operator)
 
-    def hierarchical(self) -> csr_array:
+    def hierarchical(self) -> csr_array[np.float64]:
         """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical
         coefficients c.
 
@@ -160,7 +160,7 @@ class THBSpace(HierarchicalMesh):
         """
         return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
-    def extraction(self) -> csr_array:
+    def extraction(self) -> csr_array[np.float64]:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
 
         On leaf cell k the spline is an ordinary B-spline of the cell's level; rows
@@ -168,7 +168,7 @@ class THBSpace(HierarchicalMesh):
         """
         return self.nets.operator[self.local_basis.blocks.ravel()]
 
-    def incidence(self) -> csr_array:
+    def incidence(self) -> csr_array[np.bool_]:
         """Return which functions act on which leaf cells, csr_array (cells, dim) of True.
 
         Row k holds the functions of cell k, column f (of ``.T``) the cells of function f.
@@ -194,7 +194,9 @@ class THBSpace(HierarchicalMesh):
         ends = [extreme.reduceat(levels, acting.indptr[:-1]) for extreme in (np.minimum, np.maximum)]
         return int((ends[1] - ends[0]).max()) + 1
 
-    def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
+    def collocation(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> csr_array[np.float64]:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
 
         Raises
@@ -217,7 +219,7 @@ class THBSpace(HierarchicalMesh):
         ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
             non-negative integer.
         """
-        u, v = self._points(u, v)
+        u, v = self._rows(u, v)
         orders = require_orders(derivative)
         cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, orders), cell

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.certified import Orders, cell_bounds
-from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
+from thbcad.checks import Floats, Integers, Value, read_only, require_number, require_type
 from thbcad.lens.lens import Lens
 from thbcad.lens.rims import SIDES, placed_surfaces, rim_indices
 from thbcad.lens.soundness import require_sound
@@ -40,7 +40,7 @@ LENS_FACES = ("front", "rear", *(side.name for side in SIDES))
 
 
 @dataclass(frozen=True, eq=False)
-class Tessellation:
+class Tessellation(Value):
     """A closed mesh; seen from outside, the vertices of every triangle run counter-clockwise.
 
     vertices : (n, 3) float, mm
@@ -62,8 +62,6 @@ class Tessellation:
         object.__setattr__(self, "vertices", read_only(self.vertices))
         for name in ("triangles", "faces"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-
-    __reduce__ = rebuilt
 
 
 def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:

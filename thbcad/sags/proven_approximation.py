@@ -56,8 +56,8 @@ class Approximation:
     --------
     >>> kv = KnotVector.uniform(degree=3, spans=2, start=-4.0, stop=4.0)
     >>> found = approximated(Conic(20.0), kv, kv, tolerance=1e-6)
-    >>> off = found.surface([3.0], [1.0]) - Conic(20.0)(3.0, 1.0)
-    >>> found.bound <= 1e-6, float(abs(off[0])) <= found.bound
+    >>> off = found.surface(3.0, 1.0) - Conic(20.0)(3.0, 1.0)
+    >>> found.bound <= 1e-6, float(abs(off)) <= found.bound
     (True, True)
     """
 

@@ -307,7 +307,7 @@ def test_other_bad_input_is_refused():
     samples = Samples.grid(g, g, np.zeros((9, 9)))
     with pytest.raises(ValueError, match=r"needs values \(n_u, n_v\), got shape \(9, 8\)"):
         Samples.grid(g, g, np.zeros((9, 8)))
-    with pytest.raises(ValueError, match=r"parameter 1\.5 lies outside the domain"):
+    with pytest.raises(ValueError, match=r"u = 1\.5 lies outside the domain"):
         least_squares(space, Samples([0.1, 1.5], [0.1, 0.2], [0.0, 0.0]))
     for smoothing in (-1.0, np.nan, np.inf, None):
         with pytest.raises(ValueError, match="smoothing must be a finite number of at least 0"):

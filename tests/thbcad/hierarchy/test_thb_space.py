@@ -273,10 +273,10 @@ def test_cells_are_refused(cells, message):
 @pytest.mark.parametrize(
     ("u", "v", "message"),
     [
-        ([0.1, 0.2], [0.1], r"two rows of equal length, got shapes \(2,\) and \(1,\)"),
-        ([[0.1]], [[0.1]], "two rows of equal length"),
-        ([1.1], [0.5], r"parameter 1\.1 lies outside the domain"),
-        ([0.5], [np.nan], "parameter nan lies outside the domain"),
+        ([0.1, 0.2], [0.1, 0.2, 0.3], r"must have shapes that broadcast, got \(2,\) and \(3,\)"),
+        ([[0.1]], [[0.1]], r"u and v must be rows of points, got shape \(1, 1\)"),
+        ([1.1], [0.5], r"u = 1\.1 lies outside the domain"),
+        ([0.5], [np.nan], "v = nan lies outside the domain"),
     ],
 )
 def test_points_are_refused(u, v, message):

@@ -58,7 +58,7 @@ def volume(shape, tolerance=1e-6):
 def block(lens, size):
     """Return a cube with its centre on the edge +y, half-way between the rims."""
     hy = lens.front.half_width[1]
-    rims = lens.front(0.0, hy)[0], lens.thickness + lens.rear(0.0, hy)[0]
+    rims = lens.front(0.0, hy), lens.thickness + lens.rear(0.0, hy)
     return bd.Pos(0, hy, sum(rims) / 2) * bd.Box(size, size, size)
 
 
@@ -112,7 +112,7 @@ def test_a_corner_between_named_faces_is_chamfered():
     chamfered = solid.chamfer(0.5, None, corner)
     assert chamfered.is_valid
     assert len(chamfered.faces()) == 7
-    lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t)[0] for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
+    lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t) for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
     # a prism of area 0.5^2 / 2 between planes: exact but for the curvature of the rear, h^2 / R / 8
     assert volume(solid) - volume(chamfered) == pytest.approx(
         0.125 * np.mean(lengths), abs=0.125 * 0.5**2 / 80
