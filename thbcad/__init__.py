@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
-    from thbcad.hierarchy import THBSpace as THBSpace
+    from thbcad.hierarchy import THBSpace as THBSpace, common_refinement as common_refinement
     from thbcad.io import (
         read_curve as read_curve,
         read_lens as read_lens,

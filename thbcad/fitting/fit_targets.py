@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from thbcad.certified import distance_bounds, tensor_form
 from thbcad.checks import Floats, Integers
-from thbcad.fitting.cell_samples import cell_points, gauss_points
 from thbcad.fitting.least_squares_fit import Samples, least_squares, robust_weights
 from thbcad.fitting.residual_statistics import BESIDE, are_noise, neighbours
 from thbcad.fitting.smoothing_choice import Smoothing
@@ -71,14 +70,14 @@ class OfFunction:
         return self.bounds is not None
 
     def fit(self, space: THBSpace) -> THBSurface:
-        u, v, weights = gauss_points(space)
+        u, v, weights, _ = space.quadrature()
         samples = Samples(u, v, evaluate(self.function, u, v), weights)
         return least_squares(space, samples, self.smoothing)
 
     def check(self, surface: THBSurface) -> Check:
         space = surface.space
         fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-        u, v = cell_points(space, *fractions)
+        u, v = space.cell_points(*fractions)
         difference = surface(u.ravel(), v.ravel()) - evaluate(self.function, u.ravel(), v.ravel())
         distance = _distance(difference).reshape(u.shape)
         u0, u1, v0, v1 = space.boxes.T

@@ -1,12 +1,8 @@
 """Truncated hierarchical B-spline spaces over arbitrary nested cell domains.
 
-Vocabulary
-----------
-A *cell* (level, i, j) is a product of non-empty knot spans.  Omega_l is the union of the
-level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined cells of
-level l.  *Leaf cells* are the cells that are not refined.  A function (level, i, j) *acts* where
-it is not zero; it is *active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees
-of freedom are ordered by level, then i, then j.
+Cells are those of `hierarchical_mesh`.  A function (level, i, j) *acts* where it is not zero; it is
+*active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees of freedom are ordered by
+level, then i, then j.
 
 Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines: the truncated basis for
 hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.
@@ -14,39 +10,26 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
-from thbcad.checks import (
-    Floats,
-    Integers,
-    coordinates,
-    read_only,
-    require_integer,
-    require_orders,
-    require_type,
-)
-from thbcad.hierarchy.admissibility import closure
-from thbcad.hierarchy.domains import MAX_LEVEL, Domains
+from thbcad.checks import Floats, Integers, require_orders
+from thbcad.hierarchy.hierarchical_mesh import HierarchicalMesh
 from thbcad.hierarchy.level_nets import Nets
-from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
+from thbcad.hierarchy.levels import Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
 from thbcad.hierarchy.mesh_picture import space_card
-from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
-from thbcad.splines import KnotVector, csr_rows
-from thbcad.values import Value
+from thbcad.splines import csr_rows
 
 
 @dataclass(frozen=True, eq=False)
-class THBSpace(Value):
+class THBSpace(HierarchicalMesh):
     """The THB space over two knot vectors and a set of refined cells.
 
     ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
@@ -66,23 +49,6 @@ class THBSpace(Value):
     [1.0, 1.0]
     """
 
-    kv_u: KnotVector
-    kv_v: KnotVector
-    _given: Domains | None = field(default=None, kw_only=True)
-    _domains: Domains = field(init=False)
-
-    def __post_init__(self) -> None:
-        for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
-            require_type(name, kv, KnotVector)
-        domains = self._given
-        if domains is None:
-            domains = Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v)))
-        object.__setattr__(self, "_domains", domains)
-
-    def _content(self) -> tuple[Any, ...]:
-        d = self._domains
-        return self.kv_u, self.kv_v, *(d.refined(level) for level in range(self.levels - 1))
-
     def __repr__(self) -> str:
         degrees = (self.kv_u.degree, self.kv_v.degree)
         cells = len(self.cells)
@@ -91,29 +57,6 @@ class THBSpace(Value):
     def _repr_html_(self) -> str:
         """Return a picture of the mesh and some numbers for notebooks."""
         return space_card(self)
-
-    @property
-    def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
-        """Knots, spans and functions of every level, in u and in v."""
-        return self._domains.axes
-
-    @property
-    def levels(self) -> int:
-        """Number of levels that hold cells (1 for a tensor-product space)."""
-        return self._domains.levels
-
-    @property
-    def refined(self) -> tuple[Integers, ...]:
-        """Refined cells: one read-only (n, 2) int array of (i, j) for each level but the last."""
-        d = self._domains
-        return tuple(
-            read_only(d.pairs(level, d.refined(level)), np.int64) for level in range(self.levels - 1)
-        )
-
-    @cached_property
-    def cells(self) -> Integers:
-        """Leaf cells, (n, 3) int [level, i, j], in order of level, i, j."""
-        return numbered([level.leaves for level in self.hierarchy])
 
     @cached_property
     def functions(self) -> Integers:
@@ -126,30 +69,9 @@ class THBSpace(Value):
         return sum(int(level.active.sum()) for level in self.hierarchy)
 
     @cached_property
-    def boxes(self) -> Floats:
-        """Leaf cells as parameter intervals, (n, 4) float [u0, u1, v0, v1]: the hierarchical mesh."""
-        rows = []
-        for level in self.hierarchy:
-            rows.append(
-                [
-                    axis.value(level.number, level.leaves[:, d] + k)
-                    for d, axis in enumerate(level.axes)
-                    for k in (0, 1)
-                ]
-            )
-        return read_only(np.concatenate(rows, axis=1).T)
-
-    @cached_property
     def hierarchy(self) -> tuple[Level, ...]:
         """The levels as `Level` records, coarsest first."""
-        d = self._domains
-        levels = []
-        for number in range(d.levels):
-            keys = d.cells(number)
-            refined = np.zeros(len(keys), dtype=bool)
-            refined[np.searchsorted(keys, d.refined(number))] = True
-            levels.append(make_level(number, d.axes, d.pairs(number, keys), refined))
-        return tuple(levels)
+        return tuple(make_level(number, self.axes, *pair) for number, pair in enumerate(self.level_cells))
 
     @cached_property
     def nets(self) -> Nets:
@@ -171,60 +93,18 @@ class THBSpace(Value):
         """
         return Embedding(self._domains.axes, self.hierarchy)
 
-    @cached_property
-    def _quadtree(self) -> Quadtree:
-        return Quadtree(self._domains.axes, self.cells)
+    def greville(self) -> Floats:
+        """Return the points of the control net, (dim, 2) float [u, v], in the order of the coefficients.
 
-    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSpace:
-        """Return the space in which the given leaf cells are cut into four.
-
-        cells : {level: [(i, j), ...]}; repeats are harmless.
-        admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells.  A tensor-product
-            space that is always refined so stays admissible of class m (see `admissibility`).
-
-        Raises
-        ------
-        ValueError : a cell that does not exist or is refined already, a level out of range, cells
-            too short for float64.
+        The spline with these coefficients is the identity: sum_f greville_f T_f(u, v) = (u, v).  By
+        preservation of coefficients the truncated function (level, i, j) has the Greville abscissae of the
+        B-splines i and j of its level; level 0 alone has ``kv_u.greville()`` by ``kv_v.greville()``.
         """
-        domains = self._domains.refine(cells)
-        if admissible is not None:
-            domains = self._domains.refine(closure(self._domains, cells, admissible))
-        return replace(self, _given=domains)
-
-    def uniform(self, level: int) -> THBSpace:
-        """Return the space in which all cells that are coarser than a level are cut down to it.
-
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
-        """
-        require_integer("level", level, 0, MAX_LEVEL)
-        space = self
-        for number in range(level):
-            coarse = space.cells[space.cells[:, 0] == number, 1:]
-            space = space.refine({number: coarse}) if len(coarse) else space
-        return space
-
-    def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
-        """Return the space in which the given refined cells are whole again: the inverse of `refine`.
-
-        cells : {level: [(i, j), ...]}, the cells that were passed to `refine`.
-
-        Raises
-        ------
-        ValueError : a cell that is not refined, or whose children are.
-        """
-        return replace(self, _given=self._domains.coarsen(cells))
-
-    def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
-        """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
-
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows that do not broadcast.
-        """
-        return self._quadtree.locate(*self._rows(u, v))
+        rows = []
+        for level in self.hierarchy:
+            by_axis = (axis.greville(level.number, row) for axis, row in zip(level.axes, level.distinct))
+            rows.append(np.stack([g[rank[level.active]] for g, rank in zip(by_axis, level.ranks)], axis=1))
+        return np.concatenate(rows)
 
     def prolongation(self, finer: THBSpace) -> csr_array[np.float64]:
         """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
@@ -239,7 +119,7 @@ class THBSpace(Value):
         Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
         multilevel spline spaces, Adv. Comput. Math. 40 (2014).
         """
-        self._require_nested(finer)
+        self._require_within(finer)
         rows = [
             fine.find(coarse.functions[coarse.active])
             for coarse, fine in zip(self.hierarchy, finer.hierarchy)
@@ -258,9 +138,8 @@ class THBSpace(Value):
             whole cells of a function that float64 cannot restore its coefficient; or the norms of many levels
             multiply beyond 1e12.
         """
-        if not isinstance(coarser, THBSpace):
-            raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
-        coarser._require_nested(self)
+        self._require_same_knots("the coarser space", coarser)
+        coarser._require_within(self)
         whole = self
         operator = eye_array(self.dim, format="csr")
         for level in range(self.levels - 2, -1, -1):
@@ -363,16 +242,3 @@ class THBSpace(Value):
                 spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1)
             )
         return spread <= 256 and sizes <= len(self.cells) * local
-
-    def _require_nested(self, finer: THBSpace) -> None:
-        if not isinstance(finer, THBSpace) or (self.kv_u, self.kv_v) != (finer.kv_u, finer.kv_v):
-            raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
-        if not self._domains.within(finer._domains):
-            raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
-
-    def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-        """Return points as two rows, (n,) each."""
-        u, v = coordinates(u=(u, self.kv_u.domain), v=(v, self.kv_v.domain))
-        if u.ndim > 1:
-            raise ValueError(f"u and v must be rows of points, got shape {u.shape}")
-        return np.atleast_1d(u), np.atleast_1d(v)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, coordinates, floats, read_only, require_type
-from thbcad.hierarchy import THBSpace
+from thbcad.hierarchy import Cells, THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
@@ -146,7 +145,7 @@ class THBSurface(Value):
         """
         return list(faces(self.space, self._tensor, price))
 
-    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSurface:
+    def refine(self, cells: Cells, admissible: int | None = None) -> THBSurface:
         """Return the same surface over ``space.refine(cells, admissible)``."""
         return self._over(self.space.refine(cells, admissible))
 
