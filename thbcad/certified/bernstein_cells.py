@@ -166,6 +166,7 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
         error = rounding(count, float(np.abs(whole.coefficients).max()))
     else:
         patches = [whole] if isinstance(whole, BSplineSurface) else list(whole)
+    patches = [patch.clamp() for patch in patches]
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(

@@ -48,11 +48,9 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, THBSurface):
         shape = list(surface.coefficients.shape)
         return head | {"kind": "thb", "shape": shape} | sag_to_dict(surface)
+    net = surface.coefficients
     extra: dict[str, Any] = {"kind": "bspline"}
-    if isinstance(surface, BSplineSurface):
-        net = surface.coefficients
-    else:
-        net = surface.points
+    if isinstance(surface, NURBSSurface):
         extra = {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
     return (
         head

@@ -31,8 +31,8 @@ class FreeformSurface:
 
     Raises
     ------
-    ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the
-        rectangle.
+    ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic that ends
+        within the rectangle.
 
     Examples
     --------
@@ -52,6 +52,8 @@ class FreeformSurface:
         require_type("sag", self.sag, THBSurface, type(None))
         if self.sag is not None and self.sag.coefficients.ndim != 1:
             raise ValueError("the sag must have scalar coefficients")
+        if self.sag is not None and not (self.sag.space.kv_u.is_clamped and self.sag.space.kv_v.is_clamped):
+            raise ValueError("the sag must have clamped knots")
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
@@ -142,7 +144,7 @@ class FreeformSurface:
             kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
             return conic_graph(self.conic, kv_x, kv_y)
         sag = self.sag.to_bspline()
-        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
+        kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
         return conic_graph(self.conic, kv_x, kv_y, sag.coefficients)
 
     def _knots(self) -> tuple[KnotVector, KnotVector]:

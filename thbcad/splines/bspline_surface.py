@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats, points, read_only, rebuilt, require_orders, require_type
+from thbcad.checks import Floats, points, rebuilt, require_orders, require_type
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
+from thbcad.splines.spline_verbs import Polynomial, Surface, checked_net
 
 
 @dataclass(frozen=True, eq=False)
-class BSplineSurface:
+class BSplineSurface(Polynomial, Surface):
     """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
 
     Raises
@@ -37,12 +38,7 @@ class BSplineSurface:
     def __post_init__(self) -> None:
         for name in ("kv_u", "kv_v"):
             require_type(name, getattr(self, name), KnotVector)
-        c = read_only(self.coefficients)
-        wanted = (self.kv_u.dim, self.kv_v.dim)
-        if c.shape[:2] != wanted or c.ndim > 3 or c.size == 0:
-            raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
-        if not np.isfinite(c).all():
-            raise ValueError("coefficients must be finite")
+        c = checked_net(self.coefficients, (self.kv_u.dim, self.kv_v.dim))
         object.__setattr__(self, "coefficients", c)
 
     __reduce__ = rebuilt
@@ -86,38 +82,6 @@ class BSplineSurface:
         order_u, order_v = require_orders(derivative)
         a, b = self.kv_u.collocation(u, order_u), self.kv_v.collocation(v, order_v)
         return tensor_apply(a, b, self.coefficients)
-
-    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
-        """Return the same surface with knots inserted in u and in v.
-
-        Raises
-        ------
-        ValueError : as `KnotVector.insert`.
-        """
-        kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
-        return BSplineSurface(
-            kv_u,
-            kv_v,
-            tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients),
-        )
-
-    def elevated(self, degrees: tuple[int, int]) -> BSplineSurface:
-        """Return the same surface with (at least) the given degrees in u and in v.
-
-        Raises
-        ------
-        ValueError : a degree above 10.
-        """
-        vectors: list[KnotVector] = []
-        net = self.coefficients
-        for kv, degree in zip((self.kv_u, self.kv_v), degrees):
-            rows = net.reshape(len(net), -1)
-            while kv.degree < degree:
-                kv, rows = kv.elevate(), kv.elevation() @ rows
-            net = np.moveaxis(rows.reshape(kv.dim, *net.shape[1:]), 0, 1)
-            vectors.append(kv)
-        kv_u, kv_v = vectors
-        return BSplineSurface(kv_u, kv_v, net)
 
     def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""

@@ -44,7 +44,7 @@ def test_tensor_product_round_trips(kv_u, kv_v, data):
         assert type(again) is type(surface)
         assert same_bits(again.kv_v.knots, kv_v.knots)
         if isinstance(surface, NURBSSurface):
-            assert same_bits(again.points, surface.points)
+            assert same_bits(again.coefficients, surface.coefficients)
             assert same_bits(again.weights, surface.weights)
         else:
             assert same_bits(again.coefficients, surface.coefficients)

@@ -117,7 +117,7 @@ def _checked(number: int, surface: object, least: float) -> NURBSSurface:
         raise ValueError(
             f"surfaces[{number}] must be a BSplineSurface or NURBSSurface, got {type(surface).__name__}"
         )
-    net = surface.coefficients if isinstance(surface, BSplineSurface) else surface.points
+    net = surface.coefficients
     if net.shape[2:] != (3,):
         raise ValueError(f"surfaces[{number}] must have points (x, y, z), got a net of shape {net.shape}")
     size = np.linalg.norm(np.ptp(net, axis=(0, 1)))
@@ -125,6 +125,7 @@ def _checked(number: int, surface: object, least: float) -> NURBSSurface:
         raise ValueError(
             f"surfaces[{number}] is {size:.2g} mm large, below the {least:g} mm that STEP and IGES keep"
         )
+    surface = surface.clamp()
     return NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
 
 

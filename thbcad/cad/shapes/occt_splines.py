@@ -33,7 +33,7 @@ def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
 
 def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
     """Return a NURBSSurface as Geom_BSplineSurface; equal weights make a polynomial one."""
-    geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.points))
+    geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients))
     if np.ptp(surface.weights) == 0:
         return geom
     row = TColStd_Array1OfReal(1, surface.kv_v.dim)

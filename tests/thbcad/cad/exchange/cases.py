@@ -18,14 +18,14 @@ WAVE = BSplineSurface(
         -1,
     ),
 )
-CIRCLE = circular_arc(3.0).transformed([[1, 0], [0, 1], [0, 0]])
+CIRCLE = circular_arc(3.0).transform([[1, 0], [0, 1], [0, 0]])
 SURFACES = {
     "wave": WAVE,
     "lens": revolved(meridian(Conic(-30.0, 0.5), 8.0)),
     "part": revolved(meridian(Conic(9.0, 0.0), 8.0), np.pi),
     "sphere": revolved(circular_arc(5.0, np.pi, -np.pi / 2)),
     "torus": revolved(circular_arc(1.0, centre=(3.0, 0.0))),
-    "cylinder": ruled(CIRCLE, CIRCLE.transformed(np.eye(3), [0, 0, 5])),
+    "cylinder": ruled(CIRCLE, CIRCLE.transform(np.eye(3), [0, 0, 5])),
     "cone": revolved(line([3, 0], [0, 4])),
 }
 
@@ -33,7 +33,7 @@ SURFACES = {
 def numbers(surface):
     """Return (points, weights, knots u, knots v)."""
     nurbs = NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
-    return nurbs.points, nurbs.weights, nurbs.kv_u.knots, nurbs.kv_v.knots
+    return nurbs.coefficients, nurbs.weights, nurbs.kv_u.knots, nurbs.kv_v.knots
 
 
 def assert_same(read, written):
