@@ -279,10 +279,7 @@ class Surface(Spline, AnySurface):
         return self.kv_u, self.kv_v
 
     def area(self) -> tuple[float, float]:
-        """Return the area, of numbers that of the graph, and an estimate of its error.
-
-        Gauss quadrature with p + 1 points on every span, at least 32; the estimate is the change from p.
-        """
+        """Return the area, of numbers that of the graph, and an estimate of its error, as `arc_length`."""
         return area(self.grid, self.kv_u, self.kv_v)
 
 
