@@ -95,7 +95,7 @@ def tensor_net(surface: FreeformSurface) -> tuple[tuple[KnotVector, KnotVector],
     if surface.sag is None or not (surface.conic.is_plane or surface.conic.constant == -1):
         raise ValueError("the referee knows splines on planes and paraboloids")
     embedding = surface.sag.space.embedding
-    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), surface.half_width))
+    kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), surface.half_width))
     return (kv_x, kv_y), embedding.coefficients(surface.sag.coefficients)
 
 

@@ -72,17 +72,15 @@ if TYPE_CHECKING:
         meridian as meridian,
     )
     from thbcad.splines import (
+        BSplineCurve as BSplineCurve,
         BSplineSurface as BSplineSurface,
         KnotVector as KnotVector,
         NURBSCurve as NURBSCurve,
         NURBSSurface as NURBSSurface,
-        PeriodicKnotVector as PeriodicKnotVector,
         circular_arc as circular_arc,
         conic_arc as conic_arc,
         interpolate as interpolate,
         line as line,
-        remove_knots as remove_knots,
-        remove_surface_knots as remove_surface_knots,
         revolved as revolved,
         ruled as ruled,
     )

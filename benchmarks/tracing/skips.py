@@ -271,7 +271,7 @@ def _front(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """The same front with a free sag of zeros, whose gradient is dropped."""
     space = lens.rear.sag.space
-    knots = (kv.rescaled(-h, h) for kv, h in zip((space.kv_u, space.kv_v), lens.front.half_width))
+    knots = (kv.rescale(-h, h) for kv, h in zip((space.kv_u, space.kv_v), lens.front.half_width))
     flat = type(space)(*knots)
     free = replace(lens, front=lens.front.with_sag(THBSurface(flat, np.zeros(flat.dim))))
     rays = system.source.rays((512, 512))

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from thbcad import (
+    BSplineCurve,
     BSplineSurface,
     Conic,
     FreeformSurface,
     KnotVector,
     NURBSCurve,
     NURBSSurface,
-    PeriodicKnotVector,
     PolynomialSag,
     Samples,
     THBSpace,
@@ -20,10 +20,9 @@ from thbcad import (
     interpolate,
     line,
     quasi_interpolate,
-    remove_knots,
 )
 
-KV, RING = KnotVector.uniform(3, 4), PeriodicKnotVector.uniform(2, 5)
+KV, RING = KnotVector.uniform(3, 4), KnotVector.periodic(2, np.arange(6.0))
 SPACE = THBSpace(KV, KV)
 FINE = SPACE.refine({0: [(i, j) for i in range(4) for j in range(3)]})
 NET = np.random.default_rng(0).uniform(-1, 1, (7, 7))
@@ -45,18 +44,18 @@ OF_A_NET = {
     "points": lambda z: NURBSCurve(KV, z),
     "grid of samples": lambda z: Samples.grid(KV.greville(), KV.greville(), z),
     "samples": lambda z: Samples(*np.random.default_rng(0).uniform(0, 1, (2, 49)), z.ravel()),
-    "affine image": lambda z: NURBSCurve(KV, NET).transformed(z),
+    "affine image": lambda z: NURBSCurve(KV, NET).transform(z),
 }
 OF_A_ROW = {
     "KnotVector": lambda u: KnotVector(1, np.ma.concatenate([[0, 0], u, [1, 1]])),
     "clamped": lambda u: KnotVector.clamped(1, u, 0, 1),
     "insert": KV.insert,
     "insert in a periodic one": RING.insert,
-    "coefficients of a curve": lambda u: remove_knots(KV, u, 1e-3),
+    "coefficients of a curve": lambda u: BSplineCurve(KV, u),
+    "breaks of a period": lambda u: KnotVector.periodic(2, u),
     "span": KV.span_of,
     "basis": KV.basis,
     "collocation": KV.collocation,
-    "periodic collocation": RING.collocation,
     "scattered": lambda u: SHEET(u, u),
     "grid": lambda u: SHEET.grid(u, u),
     "THB scattered": lambda u: SAG(u, u),
@@ -129,10 +128,9 @@ def test_points_times_weights_must_be_finite():
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", ["clamped", "periodic"])
 def test_derivatives_beyond_float64_are_refused(kind):
-    if kind == "clamped":
-        kv = KnotVector(1, [0, 0, 1e-310, 1, 1])
-    else:
-        kv = PeriodicKnotVector(1, [0, 1e-310, 0.5, 1])
+    kv = KnotVector(1, [0, 0, 1e-310, 1, 1])
+    if kind == "periodic":
+        kv = KnotVector.periodic(1, [0, 1e-310, 0.5, 1])
     assert np.isfinite(kv.collocation([0.0, 5e-311, 0.7]).toarray()).all()
     with pytest.raises(ValueError, match="derivative 1 is beyond float64: knots lie too near to each other"):
         kv.collocation([0.0, 5e-311, 0.7], 1)

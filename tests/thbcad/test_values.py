@@ -11,6 +11,7 @@ import pytest
 
 from thbcad import (
     Approximation,
+    BSplineCurve,
     BSplineSurface,
     Conic,
     Fit,
@@ -19,7 +20,6 @@ from thbcad import (
     Lens,
     NURBSCurve,
     NURBSSurface,
-    PeriodicKnotVector,
     PolynomialSag,
     Pose,
     Samples,
@@ -35,7 +35,7 @@ NET = np.arange(9.0).reshape(3, 3)
 # records that hold one number x among others
 MAKE = {
     "KnotVector": lambda x: KnotVector(1, [x, x, 1, 1]),
-    "PeriodicKnotVector": lambda x: PeriodicKnotVector(2, [x, 0.7, 1]),
+    "BSplineCurve": lambda x: BSplineCurve(KV, [x, 1, 2]),
     "THBSpace": lambda x: THBSpace(KV, KnotVector(1, [x, x, 1, 1])).refine({0: [(1, 0)]}),
     "THBSurface": lambda x: THBSurface(THBSpace(KV, KV), [x] * 9),
     "BSplineSurface": lambda x: BSplineSurface(KV, KV, x * NET),
@@ -102,7 +102,7 @@ def test_spaces_are_equal_where_their_cells_are():
 
 
 def test_records_of_other_types_are_not_equal():
-    assert KnotVector(2, [0, 0, 0, 1, 1, 1]) != PeriodicKnotVector(2, [0, 0, 1])
+    assert BSplineCurve(KV, np.ones((3, 2))) != NURBSCurve(KV, np.ones((3, 2)))
     assert KV.knots.tolist() != KV
     assert (THBSurface(THBSpace(KV, KV), np.ones(9)) == 1) is False
 

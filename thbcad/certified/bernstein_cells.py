@@ -163,6 +163,7 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
         patches = [patch]
     else:
         patches, error = list(whole), 0.0
+    patches = [patch.clamp() for patch in patches]
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(

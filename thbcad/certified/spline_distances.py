@@ -63,8 +63,8 @@ def _difference(surface: BSplineSurface | THBSurface, other: BSplineSurface | TH
         raise ValueError(f"a distance needs splines of one dimension, got nets of shapes {shapes}")
     degrees = [(x.kv_u.degree, x.kv_v.degree) for x in both]
     p, q = np.max(degrees, axis=0).tolist()
-    raised = [x.elevated((p, q)) for x in both]
-    kv_u, kv_v = raised[0].kv_u.merged(raised[1].kv_u), raised[0].kv_v.merged(raised[1].kv_v)
+    raised = [x.elevate(p, q) for x in both]
+    kv_u, kv_v = raised[0].kv_u.merge(raised[1].kv_u), raised[0].kv_v.merge(raised[1].kv_v)
     nets = [
         tensor_apply(x.kv_u.prolongation(kv_u), x.kv_v.prolongation(kv_v), x.coefficients) for x in raised
     ]

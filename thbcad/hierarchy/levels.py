@@ -3,7 +3,9 @@
 At level l every non-empty span of the first knot vector is cut into 2^l equal parts.  Breaks
 and spans are counted in integers; break b of level l stands for the rational position
 b / 2^l in the row of level-0 breaks, so that no rounding accumulates with the level.
-Old knots keep their multiplicity, new ones are simple.
+Old knots keep their multiplicity, new ones are simple.  Spans outside the domain, of knots that are
+not clamped, are cut, too: their breaks have numbers below 0 or above those of the domain, and of
+every level p knots count on either side.
 
 A level holds its cells and the functions that act on them, as sorted integers: cost and
 storage are in proportion to the cells, wherever they lie.
@@ -29,12 +31,14 @@ class DyadicAxis:
         self.knot_vector = knot_vector
         self.degree = knot_vector.degree
         self.spans0 = knot_vector.spans
-        _, multiplicity = np.unique(knot_vector.knots, return_counts=True)
+        row, multiplicity = np.unique(knot_vector.knots, return_counts=True)
+        self._row = row
+        self._origin = origin = int(np.searchsorted(row, knot_vector.start))  # where break 0 is in the row
         self._multiplicity = multiplicity
-        self._surplus = np.r_[0, np.cumsum(multiplicity - 1)]
-        breaks = knot_vector.breaks
+        surplus = np.r_[0, np.cumsum(multiplicity - 1)]
+        self._surplus = surplus - surplus[origin + 1] + self.degree  # the last knot at break 0 is knot p
         self.roughness = 1 + float(
-            np.abs(breaks).max() / np.diff(breaks).min()
+            np.abs(row).max() / np.diff(row).min()
         )  # the largest number in units of the shortest span
 
     def spans(self, level: int) -> int:
@@ -43,32 +47,37 @@ class DyadicAxis:
 
     def value(self, level: int, breaks: Integers) -> Floats:
         """Return the positions of breaks of a level, float."""
-        row = self.knot_vector.breaks
-        whole = np.minimum(breaks >> level, self.spans0 - 1)
+        row, last = self._row, len(self._row) - 1 - self._origin
+        whole = np.minimum(breaks >> level, last - 1)
         fraction = (breaks - (whole << level)) / float(1 << level)
-        inside = row[whole] + (row[whole + 1] - row[whole]) * fraction
-        result: Floats = np.where(breaks == self.spans(level), row[-1], inside)
+        low, high = row[whole + self._origin], row[whole + self._origin + 1]
+        result: Floats = np.where(breaks == last << level, row[-1], low + (high - low) * fraction)
         return result
 
     def multiplicity(self, level: int, breaks: Integers) -> Integers:
         """Return how often each break occurs in the knot vector of a level."""
         old = (breaks & ((1 << level) - 1)) == 0
-        return np.where(old, self._multiplicity[breaks >> level], 1)
+        return np.where(old, self._multiplicity[(breaks >> level) + self._origin], 1)
 
     def first_knot(self, level: int, breaks: Integers) -> Integers:
         """Return the index of the first knot at each break of a level."""
         whole = -((-breaks) >> level)
-        result: Integers = breaks + self._surplus[whole]
+        result: Integers = breaks + self._surplus[whole + self._origin]
         return result
 
     def knot_break(self, level: int, knots: Integers) -> Integers:
         """Return the break of a level at which each knot of the level sits, given the knots' indices."""
-        starts = (np.arange(self.spans0 + 1) << level) + self._surplus[:-1]
+        breaks = self._breaks(level)
+        starts = breaks + self._surplus[:-1]
         whole = np.searchsorted(starts, knots, side="right") - 1
-        result: Integers = (whole << level) + np.maximum(
+        result: Integers = breaks[whole] + np.maximum(
             knots - starts[whole] - self._multiplicity[whole] + 1, 0
         )
         return result
+
+    def _breaks(self, level: int) -> Integers:
+        """Return the level-0 breaks in breaks of a level, those outside the domain too."""
+        return (np.arange(len(self._row)) - self._origin) << level
 
     def knots(self, level: int, index: Integers) -> Floats:
         """Return knots of a level by their indices."""
@@ -84,8 +93,9 @@ class DyadicAxis:
         return self.first_knot(level, spans) + self.multiplicity(level, spans) - 1 - self.degree
 
     def support(self, level: int, functions: Integers) -> tuple[Integers, Integers]:
-        """Return the breaks between which functions of a level are positive."""
-        return self.knot_break(level, functions), self.knot_break(level, functions + self.degree + 1)
+        """Return the breaks of the domain between which functions of a level are positive."""
+        head, tail = (self.knot_break(level, functions + k) for k in (0, self.degree + 1))
+        return np.maximum(head, 0), np.minimum(tail, self.spans(level))
 
     def knots_around(self, level: int, spans: Integers) -> Floats:
         """Return the p knots of a level on either side of the inner of each span, (2p, n)."""
@@ -99,7 +109,7 @@ class DyadicAxis:
         Row j holds the polar form at the knots t_(j+1) ... t_(j+p) of the finer level (thesis 3.30-3.35).
         """
         p = self.degree
-        spans = self.knot_break(level, functions) >> 1
+        spans = np.maximum(self.knot_break(level, functions), 0) >> 1
         arguments = self.knots(level, functions[:, None] + np.arange(1, p + 1))
         weights = blossom(self.knots_around(level - 1, spans), arguments)
         wanted = self.acting(level - 1, spans)[:, None] + np.arange(p + 1)
@@ -123,10 +133,17 @@ class DyadicAxis:
         low, middle, high = (self.value(level + 1, 2 * np.unique(spans) + k) for k in range(3))
         return bool(((low < middle) & (middle < high)).all())
 
-    def knots_with(self, level: int, keys: Integers) -> tuple[KnotVector, Integers]:
-        """Return the level-0 knots together with simple knots at the breaks `keys` of a level."""
-        old = np.repeat(np.arange(self.spans0 + 1) << level, self._multiplicity)
-        all_keys = np.sort(np.r_[old, keys])
+    def knots_with(self, level: int, keys: Integers, outer: int = 0) -> tuple[KnotVector, Integers]:
+        """Return the level-0 knots of the domain together with simple knots at the breaks `keys` of a level,
+        and all of them as breaks.
+
+        outer : the level of the knots outside the domain
+        """
+        last = self.first_knot(outer, np.array(self.spans(outer)))
+        ends = np.r_[np.arange(self.degree + 1), last + np.arange(self.degree + 1)]
+        old = np.repeat(self._breaks(level), self._multiplicity)
+        inner = old[(old > 0) & (old < self.spans(level))]
+        all_keys = np.sort(np.r_[self.knot_break(outer, ends) << (level - outer), inner, keys])
         return KnotVector(self.degree, self.value(level, all_keys)), all_keys
 
     def span_at(self, level: int, u: Floats) -> Integers:

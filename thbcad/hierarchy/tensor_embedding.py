@@ -46,7 +46,7 @@ class Embedding:
         # per level and direction: (KnotVector, integer keys on the top level's scale)
         self._chain: list[list[tuple[KnotVector, Integers]]] = []
         for number, level in enumerate(hierarchy):
-            self._chain.append([axis.knots_with(top, k) for axis, k in zip(axes, keys)])
+            self._chain.append([axis.knots_with(top, k, number) for axis, k in zip(axes, keys)])
             for d in (0, 1):
                 index = np.unique(level.cells[level.refined, d])
                 keys[d] = np.concatenate([keys[d], ((2 * index + 1) << (top - number)) >> 1])
@@ -74,7 +74,7 @@ class Embedding:
         index = []
         for d, axis in enumerate(self._axes):
             head = axis.knot_break(level.number, functions[:, d])
-            rank = functions[:, d] - axis.first_knot(level.number, head)
+            rank = functions[:, d] - np.maximum(axis.first_knot(level.number, head), 0)
             keys = self._chain[level.number][d][1]
             index.append(np.searchsorted(keys, head << (top - level.number)) + rank)
         return locked(index[0] * self.shape(level.number)[1] + index[1])

@@ -160,6 +160,37 @@ class THBSpace(HierarchicalMesh):
         """
         return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
+    def wrapping(self) -> csr_array[np.float64]:
+        """Return W, csr_array (dim, n) of ones, with C = W @ c of surfaces closed in u, in v or in both.
+
+        Where knots are periodic, functions i and i + n_l of a level share a coefficient, n_l of them in a
+        period: values and p - 1 derivatives go on across the seam, as of `KnotVector.wrapping`.
+
+        Raises
+        ------
+        ValueError : no periodic knots; a function that is active on one side of a seam only.  Of the p cells
+            of a level on either side, all must be refined or none.
+        """
+        knots = self.kv_u, self.kv_v
+        if not any(kv.is_periodic for kv in knots):
+            raise ValueError("a closed surface needs periodic knots in u or in v, see KnotVector.periodic")
+        folded, copies = self.functions.copy(), np.ones(self.dim, dtype=np.int64)
+        for d, kv in enumerate(knots, 1):
+            if kv.is_periodic:
+                new = kv.spans * ((1 << folded[:, 0]) - 1)
+                period = kv.wrapping().shape[1] + new
+                folded[:, d] %= period
+                copies *= -((folded[:, d] - kv.dim - new) // period)
+        classes, column, count = np.unique(folded, axis=0, return_inverse=True, return_counts=True)
+        lone = count[column] < copies
+        if lone.any():
+            level, i, j = self.functions[lone][0]
+            raise ValueError(
+                f"function ({i}, {j}) of level {level} is active on one side of the seam only: refine all "
+                f"{max(kv.degree for kv in knots)} nearest cells of either side, or none"
+            )
+        return csr_rows(np.ones(self.dim), column, len(classes))
+
     def extraction(self) -> csr_array[np.float64]:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
 

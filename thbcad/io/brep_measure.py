@@ -284,8 +284,8 @@ def _covers(edge: BrepEdge, kv: KnotVector, poles: Floats) -> bool:
         points = points[::-1]
     if curve.degree != kv.degree or not _same(poles[[0, -1]], points[[0, -1]]):
         return False
-    curve = curve.rescaled(kv.start, kv.stop)
-    both = curve.merged(kv)
+    curve = curve.rescale(kv.start, kv.stop)
+    both = curve.merge(kv)
     return _same(curve.prolongation(both) @ points, kv.prolongation(both) @ poles)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.io.json_values import a_list, a_row, cells, read_json, require_keys, require_schema, write_json
-from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
+from thbcad.splines import BSplineCurve, BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 SCHEMA = "thbcad-surface"
@@ -23,10 +23,11 @@ KEYS = {
     "bspline": (*HEAD_KEYS, "degree", "knots", "coefficients"),
     "nurbs": (*HEAD_KEYS, "degree", "knots", "coefficients", "weights"),
 }
-CURVE_KEYS = {"nurbs": KEYS["nurbs"]}
+CURVE_KEYS = {kind: KEYS[kind] for kind in ("bspline", "nurbs")}
 MOST_CELLS = 1_000_000  # on level 0, so that a small file cannot ask for all memory
 
 Surface = THBSurface | BSplineSurface | NURBSSurface
+Curve = BSplineCurve | NURBSCurve
 
 
 def write_surface(surface: Surface, path: str | Path) -> None:
@@ -45,13 +46,13 @@ def read_surface(path: str | Path) -> Surface:
     return surface_from_dict(read_json(path, "surface"))
 
 
-def write_curve(curve: NURBSCurve, path: str | Path) -> None:
+def write_curve(curve: Curve, path: str | Path) -> None:
     """Write a curve to a native JSON file, atomically."""
-    require_type("curve", curve, NURBSCurve)
+    require_type("curve", curve, BSplineCurve, NURBSCurve)
     write_json(curve_to_dict(curve), path)
 
 
-def read_curve(path: str | Path) -> NURBSCurve:
+def read_curve(path: str | Path) -> Curve:
     """Read a native JSON file of a curve.
 
     Raises
@@ -67,11 +68,9 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, THBSurface):
         shape = list(surface.coefficients.shape)
         return head | {"kind": "thb", "shape": shape} | sag_to_dict(surface)
+    net = surface.coefficients
     extra: dict[str, Any] = {"kind": "bspline"}
-    if isinstance(surface, BSplineSurface):
-        net = surface.coefficients
-    else:
-        net = surface.points
+    if isinstance(surface, NURBSSurface):
         extra = {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
     return (
         head
@@ -103,28 +102,31 @@ def surface_from_dict(data: object) -> Surface:
         raise ValueError(f"the surface file lacks the key {error}") from None
 
 
-def curve_to_dict(curve: NURBSCurve) -> dict[str, Any]:
+def curve_to_dict(curve: Curve) -> dict[str, Any]:
     """Return a curve as plain lists, numbers and strings, as `surface_to_dict`."""
+    weights = {"weights": curve.weights.tolist()} if isinstance(curve, NURBSCurve) else {}
     return {
         "schema": CURVE_SCHEMA,
         "version": VERSION,
-        "kind": "nurbs",
+        "kind": "nurbs" if weights else "bspline",
         "degree": curve.kv.degree,
         "knots": curve.kv.knots.tolist(),
-        "shape": list(curve.points.shape),
-        "coefficients": curve.points.ravel().tolist(),
-        "weights": curve.weights.tolist(),
-    }
+        "shape": list(curve.coefficients.shape),
+        "coefficients": curve.coefficients.ravel().tolist(),
+    } | weights
 
 
-def curve_from_dict(data: object) -> NURBSCurve:
+def curve_from_dict(data: object) -> Curve:
     """Return the curve of `curve_to_dict`; raise as `surface_from_dict`."""
     table = require_schema(data, CURVE_SCHEMA, VERSION, "curve")
     try:
-        require_keys(table, CURVE_KEYS[_kind(table, CURVE_KEYS, "curve")], "curve")
+        kind = _kind(table, CURVE_KEYS, "curve")
+        require_keys(table, CURVE_KEYS[kind], "curve")
         kv = KnotVector(table["degree"], a_row(table["knots"], "knots"))
-        points = _shaped(table, "coefficients", a_list(table, "shape"))
-        return NURBSCurve(kv, points, a_row(table["weights"], "weights"))
+        net = _shaped(table, "coefficients", a_list(table, "shape"))
+        if kind == "bspline":
+            return BSplineCurve(kv, net)
+        return NURBSCurve(kv, net, a_row(table["weights"], "weights"))
     except KeyError as error:
         raise ValueError(f"the curve file lacks the key {error}") from None
 

@@ -75,9 +75,12 @@ def knots_of(entity: Entity, degree: Value, times: Value, values: Value) -> Knot
     if len(whole) != 1 + len(counts) or len(counts) != len(knots):
         raise entity.wrong(" must have as many multiplicities, from 1 to 11, as knots")
     try:
-        return KnotVector(whole[0], np.repeat(knots, whole[1:]))
+        kv = KnotVector(whole[0], np.repeat(knots, whole[1:]))
     except ValueError as error:
         raise entity.wrong(f": {error}") from None
+    if not kv.is_clamped:
+        raise entity.wrong(f": the first and the last {kv.degree + 1} knots must be equal (clamped)")
+    return kv
 
 
 def net_of(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list[Value]]:

@@ -32,8 +32,8 @@ class FreeformSurface:
 
     Raises
     ------
-    ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the
-        rectangle.
+    ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic that ends
+        within the rectangle.
 
     Examples
     --------
@@ -53,6 +53,8 @@ class FreeformSurface:
         require_type("sag", sag, THBSurface, type(None))
         if sag is not None and sag.coefficients.ndim != 1:
             raise ValueError("the sag must have scalar coefficients")
+        if sag is not None and not (sag.space.kv_u.is_clamped and sag.space.kv_v.is_clamped):
+            raise ValueError("the sag must have clamped knots")
         conic.require(h)
         vars(self).update(half_width=h, conic=conic, sag=sag)
 
@@ -140,7 +142,7 @@ class FreeformSurface:
             kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
             return conic_graph(self.conic, kv_x, kv_y)
         sag = self.sag.to_bspline()
-        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
+        kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
         return conic_graph(self.conic, kv_x, kv_y, sag.coefficients)
 
     def _knots(self) -> tuple[KnotVector, KnotVector]:

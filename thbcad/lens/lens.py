@@ -91,7 +91,7 @@ class Lens:
     def _elevated(self) -> tuple[BSplineSurface, BSplineSurface]:
         own = self._own
         p, q = (max(getattr(graph, kv).degree for graph in own) for kv in ("kv_u", "kv_v"))
-        front, rear = (graph.elevated((p, q)) for graph in own)
+        front, rear = (graph.elevate(p, q) for graph in own)
         return front, rear
 
     @property

@@ -16,16 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
-from thbcad.checks import EPS, Floats, require_number, require_type
+from thbcad.checks import EPS, require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
-from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
+from thbcad.splines import UNIT, BSplineSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
-LEAST_SPANS = 32  # per direction, of the quadrature of an area
-STRIP = 512  # rows of quadrature points at a time
 NM_PER_MM = 1e6
 MM3_PER_CM3 = 1e3
 
@@ -173,47 +171,16 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
     )
 
 
-def area(graph: BSplineSurface) -> tuple[float, float]:
-    """Return the area of a graph z(x, y) and an estimate of its error, in the square of the unit of x, y and
-    z.
-
-    The integral of sqrt(1 + z_x^2 + z_y^2) by Gauss quadrature with p + 1 points on every span, at least 32
-    spans per direction; the estimate is the change from p points.
-    """
-    p = max(graph.kv_u.degree, graph.kv_v.degree)
-    fewer, value = (_area(graph, n) for n in (p, p + 1))
-    return value, abs(value - fewer)
-
-
-def _area(graph: BSplineSurface, points: int) -> float:
-    (x, wx), (y, wy) = (_quadrature(kv, points) for kv in (graph.kv_u, graph.kv_v))
-    total = 0.0
-    for first in range(0, len(x), STRIP):
-        strip = slice(first, first + STRIP)
-        z_x, z_y = (graph.grid(x[strip], y, orders) for orders in ((1, 0), (0, 1)))
-        total += float(wx[strip] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
-    return total
-
-
-def _quadrature(kv: KnotVector, points: int) -> tuple[Floats, Floats]:
-    """Return Gauss points and weights on every span, the spans cut into equal parts where they are few."""
-    parts = -(-LEAST_SPANS // kv.spans)
-    steps = np.arange(parts) / parts
-    starts = (kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * steps).ravel()
-    x, weights = gauss_rule(np.append(starts, kv.stop), points)
-    return np.clip(x, kv.start, kv.stop), weights
-
-
 def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceMetrics:
     radii = least_radii(graph, BENDING)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
     departure = None
     if surface.sag is not None:
         sag = surface.sag.to_bspline()
-        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width))
+        kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width))
         departures = BSplineSurface(kv_x, kv_y, sag.coefficients)
         departure = HeightRange(*value_range(departures, tolerance=HEIGHT))
-    square, error = area(graph)
+    square, error = graph.area()
     return SurfaceMetrics(
         slope=_slope_angle(graph),
         concave=concave,

@@ -110,7 +110,7 @@ def ruled_edge(surfaces: Surfaces, side: Side) -> BSplineSurface:
     surfaces : as `placed_surfaces`.  The first parameter is that of the rims, on the knots of both.
     """
     front, rear = (rim(surface, side) for surface in surfaces)
-    kv = front[0].merged(rear[0])
+    kv = front[0].merge(rear[0])
     return BSplineSurface(
         kv, UNIT, np.stack([own.prolongation(kv) @ poles for own, poles in (front, rear)], axis=1)
     )

@@ -59,7 +59,7 @@ def conic_graph(
         most = min(max(FEW, 3 * kv_x.dim, 3 * kv_y.dim), MOST_CONTROL_POINTS)
         graph = approximated(conic, kv_x, kv_y, tolerance, most).surface
     except ValueError:
-        own = own.elevated((max(kv_x.degree, HIGHER), max(kv_y.degree, HIGHER)))
+        own = own.elevate(max(kv_x.degree, HIGHER), max(kv_y.degree, HIGHER))
         graph = _of_higher_degree(conic, own, tolerance)
     if sag is None:
         return graph
@@ -111,7 +111,7 @@ def graph_of_poles(surface: BSplineSurface) -> tuple[Floats, Floats, BSplineSurf
 
 def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
     """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
-    mapped = kv.rescaled(target.start, target.stop).knots
+    mapped = kv.rescale(target.start, target.stop).knots
     near = target.breaks[
         np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)
     ]
@@ -130,7 +130,7 @@ def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> 
 def _common(front: KnotVector, rear: KnotVector) -> tuple[KnotVector, tuple[csr_array, csr_array]]:
     """Return the knots of both over the rear's interval, and the operators from front and rear to them."""
     front = _aligned(front, rear)
-    both = rear.merged(front)
+    both = rear.merge(front)
     return both, (front.prolongation(both), rear.prolongation(both))
 
 

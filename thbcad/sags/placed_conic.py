@@ -26,7 +26,7 @@ FRAME = (0.0, 0.0, 1.0, 1.0, 0.0, 0.0)  # normal and first direction of planes
 
 def patch_numbers(surface: NURBSSurface) -> Floats:
     """Return poles, weights and knots of a patch in one row."""
-    rows = surface.points, surface.weights, surface.kv_u.knots, surface.kv_v.knots
+    rows = surface.coefficients, surface.weights, surface.kv_u.knots, surface.kv_v.knots
     return np.concatenate([row.ravel() for row in rows])
 
 

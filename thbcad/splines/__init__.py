@@ -5,12 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from thbcad.splines.bspline_curve import BSplineCurve as BSplineCurve
     from thbcad.splines.bspline_surface import BSplineSurface as BSplineSurface
     from thbcad.splines.interpolation import interpolate as interpolate
-    from thbcad.splines.knot_removal import (
-        remove_knots as remove_knots,
-        remove_surface_knots as remove_surface_knots,
-    )
     from thbcad.splines.knot_vector import UNIT as UNIT, KnotVector as KnotVector
     from thbcad.splines.nurbs import NURBSCurve as NURBSCurve, NURBSSurface as NURBSSurface
     from thbcad.splines.nurbs_shapes import (
@@ -20,7 +17,6 @@ if TYPE_CHECKING:
         revolved as revolved,
         ruled as ruled,
     )
-    from thbcad.splines.periodic_knot_vector import PeriodicKnotVector as PeriodicKnotVector
     from thbcad.splines.polar_forms import (
         bezier_rows as bezier_rows,
         blossom as blossom,
@@ -39,6 +35,7 @@ if TYPE_CHECKING:
         csr_rows as csr_rows,
         tensor_apply as tensor_apply,
     )
+    from thbcad.splines.spline_verbs import AnySurface as AnySurface
     from thbcad.splines.user_functions import Function as Function, evaluate as evaluate
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats, coordinates, inside, read_only, require_orders, require_type
+from thbcad.checks import Floats, coordinates, inside, require_orders, require_type
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
-from thbcad.values import Value
+from thbcad.splines.spline_verbs import Polynomial, Surface, checked_net
 
 
 @dataclass(frozen=True, eq=False)
-class BSplineSurface(Value):
+class BSplineSurface(Polynomial, Surface):
     """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
 
     Raises
@@ -38,13 +38,7 @@ class BSplineSurface(Value):
     def __init__(self, kv_u: KnotVector, kv_v: KnotVector, coefficients: ArrayLike) -> None:
         for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
             require_type(name, kv, KnotVector)
-        c = read_only(coefficients)
-        wanted = (kv_u.dim, kv_v.dim)
-        if c.shape[:2] != wanted or c.ndim > 3 or c.size == 0:
-            raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
-        if not np.isfinite(c).all():
-            raise ValueError("coefficients must be finite")
-        vars(self).update(kv_u=kv_u, kv_v=kv_v, coefficients=c)
+        vars(self).update(kv_u=kv_u, kv_v=kv_v, coefficients=checked_net(coefficients, (kv_u.dim, kv_v.dim)))
 
     def __repr__(self) -> str:
         rows, columns, *rest = self.coefficients.shape
@@ -89,38 +83,6 @@ class BSplineSurface(Value):
         a = self.kv_u.collocation(inside("u", u, self.kv_u.domain), order_u)
         b = self.kv_v.collocation(inside("v", v, self.kv_v.domain), order_v)
         return tensor_apply(a, b, self.coefficients)
-
-    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
-        """Return the same surface with knots inserted in u and in v.
-
-        Raises
-        ------
-        ValueError : as `KnotVector.insert`.
-        """
-        kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
-        return BSplineSurface(
-            kv_u,
-            kv_v,
-            tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients),
-        )
-
-    def elevated(self, degrees: tuple[int, int]) -> BSplineSurface:
-        """Return the same surface with (at least) the given degrees in u and in v.
-
-        Raises
-        ------
-        ValueError : a degree above 10.
-        """
-        vectors: list[KnotVector] = []
-        net = self.coefficients
-        for kv, degree in zip((self.kv_u, self.kv_v), degrees):
-            rows = net.reshape(len(net), -1)
-            while kv.degree < degree:
-                kv, rows = kv.elevate(), kv.elevation() @ rows
-            net = np.moveaxis(rows.reshape(kv.dim, *net.shape[1:]), 0, 1)
-            vectors.append(kv)
-        kv_u, kv_v = vectors
-        return BSplineSurface(kv_u, kv_v, net)
 
     def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""

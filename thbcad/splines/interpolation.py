@@ -18,7 +18,8 @@ from thbcad.splines.user_functions import Function, evaluate
 def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike) -> BSplineSurface:
     """Return the spline that takes given values at the Greville points.
 
-    Solves A_u C A_v^T = Z with the collocation matrices at the Greville abscissae.
+    Solves A_u C A_v^T = Z with the collocation matrices at the Greville abscissae.  Other knots are
+    clamped first.
 
     Parameters
     ----------
@@ -31,6 +32,7 @@ def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike
     """
     for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
         require_type(name, kv, KnotVector)
+    kv_u, kv_v = (kv if kv.is_clamped else kv.clamp()[0] for kv in (kv_u, kv_v))
     u, v = kv_u.greville(), kv_v.greville()
     if callable(target):
         flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))

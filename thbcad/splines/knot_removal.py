@@ -12,38 +12,17 @@ Source: T. Lyche and K. Moerken, Knot removal for parametric B-spline curves and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, read_only, require_number, require_type
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.checks import Floats
 from thbcad.splines.knot_vector import KnotVector
-from thbcad.splines.sparse_operators import banded_least_squares, tensor_apply
+from thbcad.splines.sparse_operators import banded_least_squares
 
 # nets are (n, m, d): n coefficients along the knots, m across them, d components
 Net = Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Removal:
-    """A curve on fewer knots: |s(u) - s~(u)| <= bound for all u, but for rounding.
-
-    kv : the knots that stay; coefficients : (kv.dim,) or (kv.dim, d); bound : Euclidean norm over d.
-    """
-
-    kv: KnotVector
-    coefficients: Floats
-    bound: float
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceRemoval:
-    """A surface on fewer knots: |S(u, v) - S~(u, v)| <= bound for all (u, v), but for rounding."""
-
-    surface: BSplineSurface
-    bound: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,52 +34,28 @@ class _Fit:
     bound: float
 
 
-def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> Removal:
-    """Return a curve on as few of its knots as the search finds, with bound = max_i |c - P d|_i <= tolerance.
+def thinned(
+    knot_vectors: Sequence[KnotVector], net: Floats, tolerance: float
+) -> tuple[list[KnotVector], Floats]:
+    """Return the knots and the net D of a spline on as few of its knots as the search finds, with
+    max |C - P_u D P_v^T| <= tolerance.
 
-    No single knot more can go: least squares without it has a greater bound than the tolerance.
+    Of a surface, removal in u uses up to half of the tolerance, removal in v what is left.  Of a curve, no
+    single knot more can go: least squares without it has a greater bound than the tolerance.
 
-    kv : clamped knots; coefficients : (dim,) or (dim, d); tolerance : in units of the coefficients.
-
-    Raises
-    ------
-    ValueError : coefficients of another shape or not finite; tolerance that is negative or NaN.
+    net : (n_u[, n_v][, d]), one direction for each knot vector
     """
-    require_type("kv", kv, KnotVector)
-    require_number("tolerance", tolerance, least=0)
-    c = floats(coefficients)
-    if c.shape[:1] != (kv.dim,) or c.ndim > 2:
-        raise ValueError(f"coefficients must have shape ({kv.dim},) or ({kv.dim}, d), got {c.shape}")
-    if not np.isfinite(c).all():
-        raise ValueError("coefficients must be finite")
-    scale = _power_of_two(c)
-    fit = _thinned(kv, c.reshape(kv.dim, 1, -1) / scale, tolerance / scale)
-    return Removal(fit.kv, read_only(scale * fit.net.reshape(fit.kv.dim, *c.shape[1:])), scale * fit.bound)
-
-
-def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRemoval:
-    """Return a surface on as few of its knots as the search finds, with bound = max_ij |C - P_u D P_v^T|_ij
-    <= tolerance.
-
-    Removal in u uses up to half of the tolerance, removal in v what is left.
-
-    Raises
-    ------
-    ValueError : tolerance that is negative or NaN.
-    """
-    require_type("surface", surface, BSplineSurface)
-    require_number("tolerance", tolerance, least=0)
-    kv_u, kv_v = surface.kv_u, surface.kv_v
-    scale = _power_of_two(surface.coefficients)
-    net = surface.coefficients.reshape(kv_u.dim, kv_v.dim, -1) / scale
-    tolerance = tolerance / scale
-    by_u = _thinned(kv_u, net, tolerance / 2)
-    by_v = _thinned(kv_v, _turned(by_u.net), tolerance - by_u.bound)
-    fitted = _turned(by_v.net)
-    near = tensor_apply(by_u.kv.prolongation(kv_u), by_v.kv.prolongation(kv_v), fitted)
-    shape = by_u.kv.dim, by_v.kv.dim, *surface.coefficients.shape[2:]
-    bound = min(_distance(net, near), by_u.bound + by_v.bound)
-    return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, scale * fitted.reshape(shape)), scale * bound)
+    count = len(knot_vectors)
+    scale = _power_of_two(net)
+    table = net.reshape(len(net), -1, int(np.prod(net.shape[count:]))) / scale
+    left = tolerance / scale
+    vectors: list[KnotVector] = []
+    for kv in knot_vectors:
+        fit = _thinned(kv, table, left / (count - len(vectors)))
+        vectors.append(fit.kv)
+        left -= fit.bound
+        table = np.ascontiguousarray(fit.net.transpose(1, 0, 2))
+    return vectors, scale * table.reshape(*(kv.dim for kv in vectors), *net.shape[count:])
 
 
 def removal_errors(kv: KnotVector, coefficients: Floats) -> Floats:
@@ -193,10 +148,6 @@ def _fit(kv: KnotVector, net: Net, kept: KnotVector, breaks: Floats) -> _Fit:
     p = coarser.prolongation(kv)
     d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
     return _Fit(coarser, d.reshape(-1, *net.shape[1:]), _distance(net, (p @ d).reshape(net.shape)))
-
-
-def _turned(net: Net) -> Net:
-    return np.ascontiguousarray(net.transpose(1, 0, 2))
 
 
 def _distance(net: Net, other: Net) -> float:

@@ -1,6 +1,7 @@
-"""Univariate B-splines: clamped knot vectors and their exact operators.
+"""Univariate B-splines: knot vectors, clamped or not, and their exact operators.
 
-Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35.
+Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35;
+periodic splines: L. Schumaker, Spline Functions: Basic Theory, section 8.1.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from thbcad.checks import (
+    EPS,
     Floats,
     Integers,
     floats,
@@ -28,20 +30,23 @@ from thbcad.checks import (
     uniform_breaks,
 )
 from thbcad.splines.polar_forms import bezier_rows, blossom_rows, greville_abscissae
-from thbcad.splines.sparse_operators import band_matrix, banded_least_squares
+from thbcad.splines.sparse_operators import band_matrix, banded_least_squares, csr_rows
 from thbcad.values import Value
+
+PERIODIC = 64 * EPS  # of the greatest knot: a period is a few roundings, and bisection adds some
 
 
 @dataclass(frozen=True, eq=False)
 class KnotVector(Value):
-    """A clamped knot vector t_0 <= ... <= t_(m) of degree p with ``dim = m - p`` functions.
+    """A knot vector t_0 <= ... <= t_m of degree p with ``dim = m - p`` functions on [t_p, t_(m-p)].
 
-    The first and the last p + 1 knots are equal; an interior knot occurs at most p times.
+    Clamped knots begin and end with p + 1 equal ones; others go on outside the domain.  A knot between the
+    first and the last occurs at most p times.
 
     Raises
     ------
-    ValueError : degree outside 1..10; knots that are not finite, not sorted, not clamped or
-        repeated too often.
+    ValueError : degree outside 1..10; knots that are not finite, not sorted or repeated too often; a function
+        that vanishes on the domain.
 
     Examples
     --------
@@ -64,14 +69,14 @@ class KnotVector(Value):
                 f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}"
             )
         require_sorted(t)
-        if t[p] != t[0] or t[-p - 1] != t[-1] or t[0] == t[-1]:
-            raise ValueError(
-                f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other"
-            )
         same = t[1 : -p - 1] == t[p + 1 : -1]
         if same.any():
             raise ValueError(
                 f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior"
+            )
+        if t[p] == t[p + 1] or t[-p - 2] == t[-p - 1]:
+            raise ValueError(
+                f"the domain [t_p, t_(m-p)] = [{t[p]}, {t[-p - 1]}] must end with spans that are not empty"
             )
         vars(self).update(degree=p, knots=t)
 
@@ -95,6 +100,27 @@ class KnotVector(Value):
         p = int(degree)
         return cls(p, np.r_[[start] * (p + 1), floats(inner), [stop] * (p + 1)])
 
+    @classmethod
+    def periodic(cls, degree: int, breaks: ArrayLike) -> KnotVector:
+        """Return the knots t_(i+n) = t_i + T of a closed spline, whose coefficients `wrapping` makes.
+
+        breaks : (n + 1,), from the seam to the seam, T later; inner ones may be repeated.  The functions run
+        across the seam, and `clamp` leads to those that end there.
+
+        Raises
+        ------
+        ValueError : fewer than two breaks, a seam that is repeated; as the class.
+        """
+        require_degree(degree)
+        b = floats(breaks)
+        if b.ndim != 1 or len(b) < 2:
+            raise ValueError(f"breaks must be one row of at least 2 numbers, got shape {b.shape}")
+        turn, k = np.divmod(np.arange(-degree, len(b) + degree), len(b) - 1)
+        # measured from the near end of the period, so that the seam is met exactly
+        after = b[-1] + (turn - 1) * (b[-1] - b[0]) + (b[k] - b[0])
+        before = b[0] + (turn + 1) * (b[-1] - b[0]) - (b[-1] - b[k])
+        return cls(degree, np.where(turn == 0, b[k], np.where(turn > 0, after, before)))
+
     def __repr__(self) -> str:
         return (
             f"KnotVector(degree {self.degree}, {self.spans} spans on [{self.start:g}, {self.stop:g}], "
@@ -109,12 +135,30 @@ class KnotVector(Value):
     @property
     def start(self) -> float:
         """Left end of the domain."""
-        return float(self.knots[0])
+        return float(self.knots[self.degree])
 
     @property
     def stop(self) -> float:
         """Right end of the domain."""
-        return float(self.knots[-1])
+        return float(self.knots[-self.degree - 1])
+
+    @property
+    def is_clamped(self) -> bool:
+        """Whether the first and the last p + 1 knots are equal: splines begin and end with their
+        coefficients."""
+        return bool(self.knots[0] == self.start and self.knots[-1] == self.stop)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether t_(i+n) = t_i + T, but for rounding, where T is the length of the domain."""
+        t, n = self.knots, self._period
+        off = np.abs(t[n:] - t[:-n] - (self.stop - self.start)).max()
+        return not self.is_clamped and bool(off <= PERIODIC * max(abs(t[0]), abs(t[-1])))
+
+    @property
+    def _period(self) -> int:
+        """The n of periodic knots, those of the domain less one copy of the seam."""
+        return self.dim - self.degree + int((self.knots == self.start).sum()) - 1
 
     @cached_property
     def domain(self) -> tuple[float, float]:
@@ -123,8 +167,8 @@ class KnotVector(Value):
 
     @cached_property
     def breaks(self) -> Floats:
-        """Distinct knots, (spans + 1,)."""
-        return read_only(np.unique(self.knots))
+        """Distinct knots of the domain, (spans + 1,)."""
+        return read_only(np.unique(self.knots[self.degree : len(self.knots) - self.degree]))
 
     @property
     def spans(self) -> int:
@@ -182,7 +226,12 @@ class KnotVector(Value):
         return band_matrix(first, values, self.dim)
 
     def integrals(self) -> Floats:
-        """Return the integrals of the B-splines, (t_(i+p+1) - t_i) / (p + 1), (dim,)."""
+        """Return the integrals of the B-splines over the domain, (dim,): (t_(i+p+1) - t_i) / (p + 1) where
+        clamped."""
+        if not self.is_clamped:
+            kv, operator = self.clamp()
+            values: Floats = operator.T @ kv.integrals()
+            return values
         return (self.knots[self.degree + 1 :] - self.knots[: self.dim]) / (self.degree + 1)
 
     def insert(self, knots: ArrayLike) -> KnotVector:
@@ -201,11 +250,14 @@ class KnotVector(Value):
         return KnotVector(self.degree, np.sort(np.r_[self.knots, new], kind="stable"))
 
     def bisect(self) -> KnotVector:
-        """Return the knot vector with one knot more in the middle of every non-empty span."""
-        b = self.breaks
-        return self.insert(b[:-1] + np.diff(b) / 2)
+        """Return the knot vector with one knot more in the middle of every non-empty span.
 
-    def merged(self, other: KnotVector) -> KnotVector:
+        Spans outside the domain are cut, too, and the p knots next to it stay: periodic knots stay periodic.
+        """
+        b = np.unique(self.knots)
+        return self._ending_here(self.degree, np.r_[self.knots, b[:-1] + np.diff(b) / 2])
+
+    def merge(self, other: KnotVector) -> KnotVector:
         """Return the knot vector with the knots of both, each as often as in the one that has it more often.
 
         Raises
@@ -220,9 +272,9 @@ class KnotVector(Value):
             np.searchsorted(t, values, "right") - np.searchsorted(t, values, "left")
             for t in (self.knots, other.knots)
         ]
-        return KnotVector(self.degree, np.repeat(values, np.maximum(*counts)))
+        return self._ending_here(self.degree, np.repeat(values, np.maximum(*counts)))
 
-    def rescaled(self, start: float, stop: float) -> KnotVector:
+    def rescale(self, start: float, stop: float) -> KnotVector:
         """Return the knot vector mapped linearly onto [start, stop].
 
         Raises
@@ -237,20 +289,30 @@ class KnotVector(Value):
         fraction = (self.knots - self.start) / (self.stop - self.start)
         return KnotVector(self.degree, np.where(fraction == 1, stop, start + (stop - start) * fraction))
 
+    def reverse(self) -> KnotVector:
+        """Return the knots start + stop - t_(m-i) of splines that run backwards; the ends keep their bits."""
+        t = self.start + self.stop - self.knots[::-1]
+        ends = self.knots[::-1] == self.stop, self.knots[::-1] == self.start
+        return KnotVector(self.degree, np.select(ends, (self.start, self.stop), t))
+
     def prolongation(self, finer: KnotVector) -> csr_array[np.float64]:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 
         Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector
-        (thesis 3.30-3.35, where R = P.T).
+        (thesis 3.30-3.35, where R = P.T).  Knots outside the domain may be any.
 
         Raises
         ------
-        ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree.
+        ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree or
+            domain.
         """
         require_type("finer", finer, KnotVector)
         if finer.degree != self.degree:
             raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
-        require_subset(self.knots, finer.knots)
+        if (finer.start, finer.stop) != (self.start, self.stop):
+            raise ValueError(f"the finer knot vector must have the same domain, got {self} and {finer}")
+        p = self.degree
+        require_subset(self.knots[p:-p], finer.knots[p:-p])
         return self._polar(finer)
 
     def restriction(self, coarser: KnotVector) -> csr_array[np.float64]:
@@ -287,6 +349,25 @@ class KnotVector(Value):
         piece = KnotVector.clamped(self.degree, inner, start, stop)
         return piece, self._polar(piece)
 
+    def clamp(self) -> tuple[KnotVector, csr_array[np.float64]]:
+        """Return the clamped knot vector of the same splines on the domain and the operator to it, csr_array
+        (dim, dim)."""
+        return self.segment(self.start, self.stop)
+
+    def wrapping(self) -> csr_array[np.float64]:
+        """Return W, csr_array (dim, n) of ones, with C = W @ c, C_i = c_(i mod n), of closed splines.
+
+        They go on across the seam with p - 1 derivatives, or p - m where its multiplicity is m, as after
+        `elevate`.
+
+        Raises
+        ------
+        ValueError : knots that are not periodic.
+        """
+        if not self.is_periodic:
+            raise ValueError(f"periodic knots have t_(i+n) = t_i + T, see KnotVector.periodic; got {self}")
+        return csr_rows(np.ones(self.dim), np.arange(self.dim) % self._period, self._period)
+
     def bezier(self) -> csr_array[np.float64]:
         """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span
         in turn.
@@ -299,10 +380,10 @@ class KnotVector(Value):
         return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
     def _polar(self, piece: KnotVector) -> csr_array[np.float64]:
-        """Return the operator to the coefficients on `piece`, clamped knots that hold those of this vector
-        there: polar forms at its knots."""
+        """Return the operator to the coefficients on `piece`, whose domain lies in ours and has its knots:
+        polar forms at its own."""
         p = self.degree
-        span = self.span_of(piece.knots[: piece.dim])
+        span = self.span_of(np.maximum(piece.knots[: piece.dim], piece.start))
         return band_matrix(span - p, blossom_rows(self.knots, p, span, piece.inner_knots()), self.dim)
 
     def elevate(self) -> KnotVector:
@@ -312,7 +393,30 @@ class KnotVector(Value):
         ------
         ValueError : degree 10 already.
         """
-        return KnotVector(self.degree + 1, np.sort(np.concatenate([self.knots, self.breaks])))
+        return self._ending_here(self.degree + 1, np.r_[self.knots, np.unique(self.knots)])
+
+    def _ending_here(self, degree: int, knots: Floats) -> KnotVector:
+        """Return the knot vector of a degree p with the same domain from knots of which more than p may lie
+        beside it."""
+        t = np.sort(knots, kind="stable")
+        first = np.searchsorted(t, self.start, "right") - 1 - degree
+        last = np.searchsorted(t, self.stop, "left") + degree
+        return KnotVector(degree, t[first : last + 1])
+
+    def derivative(self) -> tuple[KnotVector, csr_array]:
+        """Return the knot vector of degree p - 1 of derivatives and the operator to them, csr_array (dim - 1,
+        dim): c'_i = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)).
+
+        Raises
+        ------
+        ValueError : degree 1, or a knot of multiplicity p: derivatives jump.
+        """
+        p, t = self.degree, self.knots
+        if p == 1:
+            raise ValueError("splines of degree 1 have derivatives with jumps, which are no splines here")
+        kv = KnotVector(p - 1, t[1:-1])
+        slopes = p / (t[p + 1 : -1] - t[1 : -p - 1])
+        return kv, band_matrix(np.arange(kv.dim), np.stack([-slopes, slopes], axis=1), self.dim)
 
     def elevation(self) -> csr_array[np.float64]:
         """Return the degree elevation, csr_array (elevate().dim, dim).
@@ -326,7 +430,7 @@ class KnotVector(Value):
         """
         p = self.degree
         finer = self.elevate()
-        span = self.span_of(finer.knots[: finer.dim])
+        span = self.span_of(np.maximum(finer.knots[: finer.dim], self.start))
         arguments = finer.inner_knots()
         rows = sum(
             (blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1)),

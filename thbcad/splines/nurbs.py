@@ -8,11 +8,12 @@ Source: L. Piegl and W. Tiller, The NURBS Book, chapter 4.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
 from math import comb
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,16 +23,20 @@ from thbcad.checks import (
     floats,
     inside,
     read_only,
+    require_number,
     require_order,
     require_orders,
     require_type,
 )
+from thbcad.splines.bspline_curve import BSplineCurve
 from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.knot_removal import thinned
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
-from thbcad.values import Value
+from thbcad.splines.spline_verbs import Curve, Spline, Surface
 
 GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
+SQRT2 = float(np.sqrt(2))
 
 
 def quotient(jet: Floats) -> Floats:
@@ -53,14 +58,97 @@ def quotient(jet: Floats) -> Floats:
     return result
 
 
+Twin = TypeVar("Twin", BSplineCurve, BSplineSurface)
+
+
+class Rational(Spline, Generic[Twin]):
+    """Verbs of rational splines, by those of polynomial ones."""
+
+    weights: Floats
+    rational: ClassVar[bool] = True
+    _polynomial: ClassVar[Any]
+
+    @classmethod
+    def from_bspline(cls, spline: Twin) -> Self:
+        """Return a polynomial spline of points as a rational one with all weights one."""
+        require_type("spline", spline, cls._polynomial)
+        return cls._made(spline.knot_vectors, spline.coefficients)
+
+    @classmethod
+    def from_homogeneous(cls, spline: Twin) -> Self:
+        """Return the projection of the polynomial spline with the coefficients (w_i P_i, w_i)."""
+        require_type("spline", spline, cls._polynomial)
+        net = spline.coefficients
+        return cls._made(spline.knot_vectors, net[..., :-1] / net[..., -1:], net[..., -1])
+
+    @classmethod
+    def _made(cls, knot_vectors: Sequence[KnotVector], *values: Floats) -> Self:
+        make: Any = cls
+        spline: Self = make(*knot_vectors, *values)
+        return spline
+
+    @cached_property
+    def homogeneous(self) -> Twin:
+        """The polynomial spline with the coefficients (w_i P_i, w_i), one component more than the points."""
+        weights = self.weights[..., None]
+        net = np.concatenate([weights * self.coefficients, weights], axis=-1)
+        spline: Twin = self._polynomial(*self.knot_vectors, net)
+        return spline
+
+    @property
+    def net(self) -> Floats:
+        """The homogeneous coefficients (w_i P_i, w_i)."""
+        return self.homogeneous.coefficients
+
+    def _with(self, knot_vectors: Sequence[KnotVector], net: Floats) -> Self:
+        return self.from_homogeneous(self._polynomial(*knot_vectors, net))
+
+    def to_bspline(self) -> Twin:
+        """Return the same spline as a polynomial one.
+
+        Raises
+        ------
+        ValueError : weights that differ.
+        """
+        if np.ptp(self.weights) != 0:
+            raise ValueError(
+                f"a rational spline is polynomial where all weights are equal, got {self.weights.min():g} to "
+                f"{self.weights.max():g}"
+            )
+        spline: Twin = self._polynomial(*self.knot_vectors, self.coefficients)
+        return spline
+
+    def remove_knots(self, tolerance: float) -> Self:
+        """Return a spline on as few of the knots as the search finds, nowhere farther away than a tolerance.
+
+        With points within 1 of the origin and weights of at least w, a net that errs by e moves points by at
+        most e sqrt(2) / (w - e), certified but for rounding.
+
+        Raises
+        ------
+        ValueError : tolerance that is negative or NaN.
+        """
+        require_number("tolerance", tolerance, least=0)
+        centre = self.coefficients.reshape(-1, self.coefficients.shape[-1]).mean(axis=0)
+        reach = float(np.linalg.norm(self.coefficients - centre, axis=-1).max()) or 1.0
+        unit = np.eye(len(centre))
+        local = self.transform(unit / reach, -centre / reach)
+        error = float(self.weights.min()) / (1 + SQRT2 * reach / tolerance) if tolerance else 0.0
+        while True:
+            knot_vectors, net = thinned(self.knot_vectors, local.net, error)
+            if (net[..., -1] > 0).all():
+                return self._with(knot_vectors, net).transform(reach * unit, centre)
+            error /= 2
+
+
 @dataclass(frozen=True, eq=False)
-class NURBSCurve(Value):
-    """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with points P_i (dim, d) and weights (dim,), or one
-    weight for all.
+class NURBSCurve(Rational[BSplineCurve], Curve):
+    """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with coefficients P_i (dim, d) and weights (dim,), or
+    one weight for all.
 
     Raises
     ------
-    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+    ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 .. 1e150.
 
     Examples
     --------
@@ -71,28 +159,20 @@ class NURBSCurve(Value):
     [2.0, 2.0, 2.0]
     """
 
+    _polynomial = BSplineCurve
+
     kv: KnotVector
-    points: Floats
+    coefficients: Floats
     weights: Floats
 
-    def __init__(self, kv: KnotVector, points: ArrayLike, weights: ArrayLike = 1.0) -> None:
+    def __init__(self, kv: KnotVector, coefficients: ArrayLike, weights: ArrayLike = 1.0) -> None:
         require_type("kv", kv, KnotVector)
-        points, weights = _checked(points, weights, (kv.dim,))
-        vars(self).update(kv=kv, points=points, weights=weights)
-
-    @classmethod
-    def from_homogeneous(cls, kv: KnotVector, coefficients: Floats) -> NURBSCurve:
-        """Return the curve with the coefficients (w_i P_i, w_i), (dim, d + 1)."""
-        return cls(kv, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
+        points, weights = _checked(coefficients, weights, (kv.dim,))
+        vars(self).update(kv=kv, coefficients=points, weights=weights)
 
     def __repr__(self) -> str:
-        n, d = self.points.shape
+        n, d = self.coefficients.shape
         return f"NURBSCurve(degree {self.kv.degree}, {n} points in {d} dimensions)"
-
-    @cached_property
-    def homogeneous(self) -> Floats:
-        """The coefficients (w_i P_i, w_i), (dim, d + 1)."""
-        return _homogeneous(self.points, self.weights)
 
     def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
         """Return the points, or their derivatives of any order, at parameters u of any shape, (..., d).
@@ -104,40 +184,18 @@ class NURBSCurve(Value):
         require_order(derivative)
         u = inside("u", u, self.kv.domain)
         row = u.ravel()
-        jet = np.stack([self.kv.collocation(row, k) @ self.homogeneous for k in range(derivative + 1)])
-        return quotient(jet[:, None]).reshape(*u.shape, self.points.shape[1])
-
-    def insert(self, knots: ArrayLike) -> NURBSCurve:
-        """Return the same curve with knots inserted."""
-        kv = self.kv.insert(knots)
-        return NURBSCurve.from_homogeneous(kv, self.kv.prolongation(kv) @ self.homogeneous)
-
-    def segment(self, start: float, stop: float) -> NURBSCurve:
-        """Return the piece of the curve over [start, stop]."""
-        kv, operator = self.kv.segment(start, stop)
-        return NURBSCurve.from_homogeneous(kv, operator @ self.homogeneous)
-
-    def elevate(self) -> NURBSCurve:
-        """Return the same curve with the degree raised by one."""
-        return NURBSCurve.from_homogeneous(self.kv.elevate(), self.kv.elevation() @ self.homogeneous)
-
-    def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSCurve:
-        """Return the affine image A C(u) + b.
-
-        matrix : (e, d) float, so that (3, 2) puts a plane curve into space.  offset : (e,) float or one
-            number.
-        """
-        return NURBSCurve(self.kv, _image(self.points, matrix, offset), self.weights)
+        jet = np.stack([self.kv.collocation(row, k) @ self.net for k in range(derivative + 1)])
+        return quotient(jet[:, None]).reshape(*u.shape, self.coefficients.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
-class NURBSSurface(Value):
-    """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), points (n_u, n_v, d), weights
-    (n_u, n_v) or one for all.
+class NURBSSurface(Rational[BSplineSurface], Surface):
+    """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), coefficients P_ij (n_u, n_v,
+    d), weights (n_u, n_v) or one for all.
 
     Raises
     ------
-    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+    ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 .. 1e150.
 
     Examples
     --------
@@ -147,40 +205,26 @@ class NURBSSurface(Value):
     (0.75, 0.75)
     """
 
+    _polynomial = BSplineSurface
+
     kv_u: KnotVector
     kv_v: KnotVector
-    points: Floats
+    coefficients: Floats
     weights: Floats
 
     def __init__(
-        self, kv_u: KnotVector, kv_v: KnotVector, points: ArrayLike, weights: ArrayLike = 1.0
+        self, kv_u: KnotVector, kv_v: KnotVector, coefficients: ArrayLike, weights: ArrayLike = 1.0
     ) -> None:
         for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
             require_type(name, kv, KnotVector)
-        points, weights = _checked(points, weights, (kv_u.dim, kv_v.dim))
-        vars(self).update(kv_u=kv_u, kv_v=kv_v, points=points, weights=weights)
-
-    @classmethod
-    def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:
-        """Return a polynomial surface with coefficients (n_u, n_v, d) as NURBS with all weights one."""
-        require_type("surface", surface, BSplineSurface)
-        return cls(surface.kv_u, surface.kv_v, surface.coefficients)
-
-    @classmethod
-    def from_homogeneous(cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: Floats) -> NURBSSurface:
-        """Return the surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
-        return cls(kv_u, kv_v, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
+        points, weights = _checked(coefficients, weights, (kv_u.dim, kv_v.dim))
+        vars(self).update(kv_u=kv_u, kv_v=kv_v, coefficients=points, weights=weights)
 
     def __repr__(self) -> str:
-        u, v, d = self.points.shape
+        u, v, d = self.coefficients.shape
         return (
             f"NURBSSurface(degree {self.kv_u.degree, self.kv_v.degree}, {u} x {v} points in {d} dimensions)"
         )
-
-    @cached_property
-    def homogeneous(self) -> BSplineSurface:
-        """The polynomial surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
-        return BSplineSurface(self.kv_u, self.kv_v, _homogeneous(self.points, self.weights))
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the points, or their derivatives of any order, at parameters u and v that broadcast,
@@ -196,39 +240,20 @@ class NURBSSurface(Value):
         """Return the same on the grid u x v, (len(u), len(v), d)."""
         return _evaluated(self.homogeneous.grid, u, v, derivative)
 
-    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> NURBSSurface:
-        """Return the same surface with knots inserted in u and in v."""
-        finer = self.homogeneous.insert(knots_u, knots_v)
-        return NURBSSurface.from_homogeneous(finer.kv_u, finer.kv_v, finer.coefficients)
-
-    def segment(self, u: tuple[float, float], v: tuple[float, float]) -> NURBSSurface:
-        """Return the piece of the surface over the rectangle u[0] .. u[1], v[0] .. v[1]."""
-        (kv_u, by_u), (kv_v, by_v) = self.kv_u.segment(*u), self.kv_v.segment(*v)
-        return NURBSSurface.from_homogeneous(
-            kv_u, kv_v, tensor_apply(by_u, by_v, self.homogeneous.coefficients)
-        )
-
     def to_bezier(self) -> list[NURBSSurface]:
         """Return the same surface as rational Bezier patches, one for each cell, cells in v first."""
-        net = tensor_apply(self.kv_u.bezier(), self.kv_v.bezier(), self.homogeneous.coefficients)
+        net = tensor_apply(self.kv_u.bezier(), self.kv_v.bezier(), self.net)
         rows, columns = (_spans(kv) for kv in (self.kv_u, self.kv_v))
-        return [
-            NURBSSurface.from_homogeneous(kv_u, kv_v, net[i, j])
-            for (kv_u, i), (kv_v, j) in product(rows, columns)
-        ]
-
-    def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSSurface:
-        """Return the affine image A S(u, v) + b; matrix (e, d), offset (e,) or one number."""
-        return NURBSSurface(self.kv_u, self.kv_v, _image(self.points, matrix, offset), self.weights)
+        return [self._with([kv_u, kv_v], net[i, j]) for (kv_u, i), (kv_v, j) in product(rows, columns)]
 
 
 def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
     points, weights = read_only(points), floats(weights)
     if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
-        raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
+        raise ValueError(f"coefficients must have shape {(*shape, 'd')}, got {points.shape}")
     if not np.isfinite(points).all():
-        raise ValueError("points must be finite")
+        raise ValueError("coefficients must be finite")
     if weights.shape not in ((), shape):
         raise ValueError(f"weights must be one number or have shape {shape}, got {weights.shape}")
     bad = ~((weights >= 1 / GREATEST_WEIGHT) & (weights <= GREATEST_WEIGHT))
@@ -246,22 +271,6 @@ def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> t
             f"points times weights must be finite, got {points[k].tolist()} times {weights[k]:g}"
         )
     return points, weights
-
-
-def _homogeneous(points: Floats, weights: Floats) -> Floats:
-    return read_only(np.concatenate([weights[..., None] * points, weights[..., None]], axis=-1))
-
-
-def _image(points: Floats, matrix: ArrayLike, offset: ArrayLike) -> Floats:
-    matrix, offset = (floats(x) for x in (matrix, offset))
-    if matrix.ndim != 2 or matrix.shape[1] != points.shape[-1]:
-        raise ValueError(
-            f"matrix must have {points.shape[-1]} columns, one for each component of the points, got shape "
-            f"{matrix.shape}"
-        )
-    if offset.shape not in ((), matrix.shape[:1]):
-        raise ValueError(f"offset must be one number or have shape {matrix.shape[:1]}, got {offset.shape}")
-    return points @ matrix.T + offset
 
 
 def _evaluated(

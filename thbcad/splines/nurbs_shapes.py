@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import floats, require_number, require_type
+from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import UNIT, KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface
 
@@ -91,14 +92,14 @@ def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
     Source: The NURBS Book, 8.5.
     """
     require_type("curve", curve, NURBSCurve)
-    if curve.points.shape[1] not in (2, 3):
+    if curve.coefficients.shape[1] not in (2, 3):
         raise ValueError(
-            f"curve must have points (r, z) or (x, y, z), got {curve.points.shape[1]} components"
+            f"curve must have points (r, z) or (x, y, z), got {curve.coefficients.shape[1]} components"
         )
     arc = circular_arc(1.0, angle)
-    x, z = curve.points[:, :1], curve.points[:, -1:]
-    y = curve.points[:, 1:2] if curve.points.shape[1] == 3 else 0 * x
-    a, b = arc.points.T
+    x, z = curve.coefficients[:, :1], curve.coefficients[:, -1:]
+    y = curve.coefficients[:, 1:2] if curve.coefficients.shape[1] == 3 else 0 * x
+    a, b = arc.coefficients.T
     points = np.stack([x * a - y * b, x * b + y * a, np.broadcast_to(z, (len(z), len(a)))], axis=-1)
     return NURBSSurface(curve.kv, arc.kv, points, np.outer(curve.weights, arc.weights))
 
@@ -120,15 +121,12 @@ def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
     ends = [(c.kv.start, c.kv.stop) for c in (curve, other)]
     if ends[0] != ends[1]:
         raise ValueError(f"the curves must have the same interval of parameters, got {ends[0]} and {ends[1]}")
-    if curve.points.shape[1] != other.points.shape[1]:
+    if curve.coefficients.shape[1] != other.coefficients.shape[1]:
         raise ValueError(
-            f"the curves must have points of the same dimension, got {curve.points.shape[1]} and "
-            f"{other.points.shape[1]}"
+            f"the curves must have points of the same dimension, got {curve.coefficients.shape[1]} and "
+            f"{other.coefficients.shape[1]}"
         )
-    while curve.kv.degree < other.kv.degree:
-        curve = curve.elevate()
-    while other.kv.degree < curve.kv.degree:
-        other = other.elevate()
-    kv = curve.kv.merged(other.kv)
-    rows = np.stack([c.kv.prolongation(kv) @ c.homogeneous for c in (curve, other)], axis=1)
-    return NURBSSurface.from_homogeneous(kv, UNIT, rows)
+    curve, other = curve.elevate(other.kv.degree), other.elevate(curve.kv.degree)
+    kv = curve.kv.merge(other.kv)
+    rows = np.stack([c.kv.prolongation(kv) @ c.net for c in (curve, other)], axis=1)
+    return NURBSSurface.from_homogeneous(BSplineSurface(kv, UNIT, rows))

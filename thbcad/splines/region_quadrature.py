@@ -1,4 +1,5 @@
-"""Gauss quadrature: on the spans of splines, and by Green's theorem over regions in a surface's parameters.
+"""Gauss quadrature: on the spans of splines, of lengths and areas, and by Green's theorem over regions in a
+surface's parameters.
 
     integral of f over a region = integral of G dv round it,  G(u, v) = integral of f(., v) from u_0 to u.
 
@@ -12,14 +13,18 @@ formula, BIT 47 (2007).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from thbcad.checks import Floats
+from thbcad.splines.knot_vector import KnotVector
 
 STRIP = 2**18  # nodes that are taken at once
+ROWS = 512  # of nodes of an area, at once
+LEAST_SPANS = 32  # per direction, of lengths and areas
 
 
 class Integrand(Protocol):
@@ -48,6 +53,53 @@ def grid_integral(f: Integrand, u: Floats, v: Floats, nodes: tuple[int, int]) ->
     step = max(1, STRIP // len(at_v))
     parts = (slice(first, first + step) for first in range(0, len(at_u), step))
     return sum(float(wu[part] @ f.grid(at_u[part], at_v) @ wv) for part in parts)
+
+
+def length(slope: Callable[[Floats], Floats], kv: KnotVector) -> tuple[float, float]:
+    """Return the integral of |C'|, of numbers sqrt(1 + y'^2), by p + 1 points a span; its change from p."""
+    lengths = []
+    for n in (kv.degree, kv.degree + 1):
+        u, weights = _nodes(kv, n)
+        speed = slope(u)
+        lengths.append(float(weights @ (np.hypot(1, speed) if speed.ndim == 1 else _norm(speed))))
+    return lengths[1], abs(lengths[1] - lengths[0])
+
+
+def area(grid: Callable[..., Floats], kv_u: KnotVector, kv_v: KnotVector) -> tuple[float, float]:
+    """Return the integral of |S_u x S_v|, of numbers sqrt(1 + z_u^2 + z_v^2), as `length` does."""
+    p = max(kv_u.degree, kv_v.degree)
+    areas = []
+    for n in (p, p + 1):
+        (u, wu), (v, wv) = (_nodes(kv, n) for kv in (kv_u, kv_v))
+        areas.append(0.0)
+        for first in range(0, len(u), ROWS):
+            part = slice(first, first + ROWS)
+            s_u, s_v = (grid(u[part], v, orders) for orders in ((1, 0), (0, 1)))
+            areas[-1] += float(wu[part] @ _stretch(s_u, s_v) @ wv)
+    return areas[1], abs(areas[1] - areas[0])
+
+
+def _stretch(s_u: Floats, s_v: Floats) -> Floats:
+    """Return the area by du dv: |S_u| times the size of the part of S_v across it."""
+    if s_u.ndim == 2:
+        return np.sqrt(1 + s_u**2 + s_v**2)
+    size = _norm(s_u)
+    along = np.divide(s_u, size[..., None], out=np.zeros_like(s_u), where=size[..., None] > 0)
+    return size * _norm(s_v - (s_v * along).sum(axis=-1, keepdims=True) * along)
+
+
+def _norm(rows: Floats) -> Floats:
+    norms: Floats = np.linalg.norm(rows, axis=-1)
+    return norms
+
+
+def _nodes(kv: KnotVector, points: int) -> tuple[Floats, Floats]:
+    """Return Gauss points and weights on every span, the spans cut into equal parts where they are few."""
+    parts = -(-LEAST_SPANS // kv.spans)
+    steps = np.arange(parts) / parts
+    starts = (kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * steps).ravel()
+    x, weights = gauss_rule(np.append(starts, kv.stop), points)
+    return np.clip(x, kv.start, kv.stop), weights
 
 
 class Primitive:

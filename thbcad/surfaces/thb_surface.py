@@ -8,21 +8,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, coordinates, floats, read_only, require_type
+from thbcad.checks import Floats, coordinates, floats, locked, read_only, require_type
 from thbcad.hierarchy import Cells, THBSpace
-from thbcad.splines import BSplineSurface
+from thbcad.splines import AnySurface, BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
 from thbcad.surfaces.surface_picture import surface_card
-from thbcad.values import Value
 
 STRIP = 1 << 18  # points that are evaluated at once
 
 
 @dataclass(frozen=True, eq=False)
-class THBSurface(Value):
+class THBSurface(AnySurface):
     """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients
-    (dim,) or (dim, d).
+    (dim,) or (dim, d).  Over a tensor-product space, nets (n_u, n_v) or (n_u, n_v, d) are taken, too.
 
     Raises
     ------
@@ -43,6 +42,8 @@ class THBSurface(Value):
     def __init__(self, space: THBSpace, coefficients: ArrayLike) -> None:
         require_type("space", space, THBSpace)
         c, dim = read_only(coefficients), space.dim
+        if space.levels == 1 and c.shape[:2] == (space.kv_u.dim, space.kv_v.dim) and c.ndim < 4:
+            c = locked(c.reshape(dim, *c.shape[2:]))
         if c.shape[:1] != (dim,) or c.ndim > 2 or c.size == 0:
             raise ValueError(f"coefficients must have shape ({dim},) or ({dim}, d), got {c.shape}")
         if not np.isfinite(c).all():
@@ -152,6 +153,24 @@ class THBSurface(Value):
     def uniform(self, level: int) -> THBSurface:
         """Return the same surface over ``space.uniform(level)``."""
         return self._over(self.space.uniform(level))
+
+    def integral(self) -> np.float64 | Floats:
+        """Return the integral over the domain, exact: on a cell its size times the mean of the Bernstein
+        coefficients."""
+        u0, u1, v0, v1 = self.space.boxes.T
+        result: np.float64 | Floats = np.tensordot(
+            (u1 - u0) * (v1 - v0), self.bernstein().mean(axis=(1, 2)), axes=1
+        )[()]
+        return result
+
+    def area(self) -> tuple[float, float]:
+        """Return the area, of a scalar surface that of its graph (u, v, z), and an estimate of its error: the
+        sums over `to_patches`."""
+        values, errors = zip(*(patch.area() for patch in self.to_patches()))
+        return sum(values), sum(errors)
+
+    def _cells(self) -> tuple[Floats, Floats]:
+        return self.bernstein(), self.space.boxes.reshape(-1, 2, 2).transpose(0, 2, 1)
 
     def _over(self, finer: THBSpace) -> THBSurface:
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)

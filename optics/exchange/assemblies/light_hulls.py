@@ -142,7 +142,7 @@ def _lit_surface(graph: BSplineSurface, surface: FreeformSurface, vertex: float,
     splines that are not zero there."""
     kvs, operators, ends = [], [], []
     for kv in (graph.kv_u, graph.kv_v):
-        finer = kv.merged(KnotVector.uniform(kv.degree, CELLS, kv.start, kv.stop))
+        finer = kv.merge(KnotVector.uniform(kv.degree, CELLS, kv.start, kv.stop))
         kvs.append(finer)
         operators.append(kv.prolongation(finer))
         ends.append(np.linspace(kv.start, kv.stop, CELLS + 1))

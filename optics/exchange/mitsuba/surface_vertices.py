@@ -110,7 +110,7 @@ class SurfaceVertices:
         """The basis functions of the sag's net at the grid lines."""
         embedding = self.space.embedding
         knots = zip((embedding.kv_u, embedding.kv_v), self.surface.half_width)
-        return self._on([kv.rescaled(-h, h) for kv, h in knots])
+        return self._on([kv.rescale(-h, h) for kv, h in knots])
 
     def _on(self, knots: Sequence[KnotVector]) -> Matrices:
         return [(kv.collocation(line), kv.collocation(line, 1)) for kv, line in zip(knots, self._lines)]

@@ -126,7 +126,7 @@ def _axis(kv: KnotVector, positions: NDArray[np.float64]) -> tuple[KnotVector, N
     if not start < stop:
         return nowhere
     try:
-        over = kv.rescaled(start, stop)
+        over = kv.rescale(start, stop)
     except ValueError:  # knots so uneven that they fall together
         return nowhere
     return over, abs(positions - over.greville()[:, None]) > GRID * (stop - start)
@@ -141,7 +141,7 @@ def _crossing_checks(graphs: list[BSplineSurface]) -> list[Check]:
     """Return the Check of the proof that front, rear and edges do not cross each other."""
     name = "text of the file: no proof that front, rear and edges stay apart"
     degrees = tuple(max(getattr(g, kv).degree for g in graphs) for kv in ("kv_u", "kv_v"))
-    front, rear = (graph.elevated((degrees[0], degrees[1])) for graph in graphs)
+    front, rear = (graph.elevate(degrees[0], degrees[1]) for graph in graphs)
     try:
         require_sound_graphs(front, rear)
     except ValueError as error:

@@ -137,4 +137,4 @@ def _numbers(surface: Surface | None) -> list[NDArray[np.float64]]:
     knots = [surface.kv_u.knots, surface.kv_v.knots]
     if isinstance(surface, BSplineSurface):
         return [surface.coefficients, *knots]
-    return [surface.points, surface.weights, *knots]
+    return [surface.coefficients, surface.weights, *knots]

@@ -221,7 +221,7 @@ class PlacedSurface:
             self._prove(knots, np.zeros((PLAIN + 2, PLAIN + 2)), 0.0)
             return
         sag = surface.sag.to_bspline()
-        knots = [kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
+        knots = [kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
         self._table = PolynomialTable(backend, knots)
         self._power = self._table.power(sag.coefficients)
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()

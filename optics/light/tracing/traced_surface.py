@@ -123,5 +123,5 @@ def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
     if shape.sag is None:
         return None
     embedding = shape.sag.space.embedding
-    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), shape.half_width))
+    kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), shape.half_width))
     return kv_x, kv_y

@@ -13,7 +13,7 @@ from tests.thbcad.cases import refined_spaces, surfaces
 from thbcad.hierarchy import THBSpace
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
-from thbcad.lens.manufacture_bounds import BENDING, HEIGHT, area, manufacturability
+from thbcad.lens.manufacture_bounds import BENDING, HEIGHT, manufacturability
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import Conic, square_coefficients
 from thbcad.splines import KnotVector
@@ -170,7 +170,7 @@ def test_the_area_of_a_steep_paraboloid():
         return y * np.sqrt(a + y**2 / 25) + 5 * a * np.arcsinh(y / (5 * np.sqrt(a)))
 
     wanted = quad(strip, -5, 5, epsabs=1e-13)[0]
-    found, error = area(FreeformSurface((5.0, 4.0), Conic(5.0, -1.0)).graph())
+    found, error = FreeformSurface((5.0, 4.0), Conic(5.0, -1.0)).graph().area()
     assert abs(found - wanted) <= error + 1e-11
     assert error < 1e-6
 
@@ -178,8 +178,8 @@ def test_the_area_of_a_steep_paraboloid():
 def test_the_estimate_of_the_area_is_honest_on_a_rough_surface():
     graph = FreeformSurface((5.0, 4.0), PLANE, rough(height=3.0)).graph()
     fine = graph.insert(*(np.linspace(kv.start, kv.stop, 201)[1:-1] for kv in (graph.kv_u, graph.kv_v)))
-    found, error = area(graph)
-    assert abs(found - area(fine)[0]) <= error < 1e-3 * found
+    found, error = graph.area()
+    assert abs(found - fine.area()[0]) <= error < 1e-3 * found
     assert found > 1.1 * 80.0  # rough indeed
 
 

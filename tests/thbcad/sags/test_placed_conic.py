@@ -64,7 +64,7 @@ def test_the_parameters_of_points_lead_to_them(conic, seed):
     u, v = conic.parameters(points).T
     if conic.kind == "QUADRIC":
         patch = conic.patch
-        assert patch.points.shape == (3, 3, 3)
+        assert patch.coefficients.shape == (3, 3, 3)
         assert patch.weights.min() > 0
         found = np.array([patch([a], [b])[0] for a, b in zip(u, v)])
     else:
@@ -89,7 +89,7 @@ def test_a_patch_is_recognised(conic):
 def test_a_patch_with_another_number_is_no_conic(number):
     """Every pole and weight counts to 1e-12; those on the axes of symmetry are zero."""
     patch = PlacedConic(Conic(-40.0, 0.8), 3.0, (9.0, 8.0)).patch
-    rows = np.concatenate([patch.points.ravel(), patch.weights.ravel()])
+    rows = np.concatenate([patch.coefficients.ravel(), patch.weights.ravel()])
     rows[number] += 1e-9
     other = NURBSSurface(patch.kv_u, patch.kv_v, rows[:27].reshape(3, 3, 3), rows[27:].reshape(3, 3))
     assert conic_of_patch(other) is None

@@ -100,7 +100,7 @@ def test_cell_maxima_count_shared_nodes_to_both_cells():
 def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):
     """Interpolants on random knots, as they are and with a random net added."""
     conic, half = case
-    kvs = [random_knot_vector(rng, degree, 5).rescaled(-h, h) for degree, h in zip((p, q), half)]
+    kvs = [random_knot_vector(rng, degree, 5).rescale(-h, h) for degree, h in zip((p, q), half)]
     spline = interpolated(conic, *kvs)
     other = BSplineSurface(
         *kvs,
@@ -174,7 +174,7 @@ def test_bounds_of_a_function_of_ones_own(k, l, degree, spans):
 def test_the_tolerance_is_kept_and_so_are_the_knots(case, p, q, digits, rng):
     conic, half = case
     tolerance = 10.0**-digits * abs(conic(*half))
-    kvs = [random_knot_vector(rng, degree, 4).rescaled(-h, h) for degree, h in zip((p, q), half)]
+    kvs = [random_knot_vector(rng, degree, 4).rescale(-h, h) for degree, h in zip((p, q), half)]
     found = approximated(conic, *kvs, tolerance)
     assert found.bound <= tolerance
     assert greatest_errors(conic, found.surface, 5).max() <= found.bound

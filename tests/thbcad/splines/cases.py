@@ -23,7 +23,7 @@ def curves(draw, d=3, **options):
 def geom_curve(curve):
     values, counts = np.unique(curve.kv.knots, return_counts=True)
     poles, weights = TColgp_Array1OfPnt(1, curve.kv.dim), TColStd_Array1OfReal(1, curve.kv.dim)
-    for k, (point, weight) in enumerate(zip(curve.points.tolist(), curve.weights.tolist()), 1):
+    for k, (point, weight) in enumerate(zip(curve.coefficients.tolist(), curve.weights.tolist()), 1):
         poles.SetValue(k, gp_Pnt(*point))
         weights.SetValue(k, weight)
     knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))

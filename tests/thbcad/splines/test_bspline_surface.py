@@ -56,10 +56,10 @@ def test_elevated_is_the_same_surface(data, more_u, more_v):
     tail = data.draw(st.sampled_from([(), (3,)]))
     surface, space = data.draw(bspline_surfaces(*tail))
     degrees = surface.kv_u.degree + more_u, surface.kv_v.degree + more_v
-    finer = surface.elevated(degrees)
+    finer = surface.elevate(*degrees)
     assert (finer.kv_u.degree, finer.kv_v.degree) == degrees
     assert (finer.kv_u.spans, finer.kv_v.spans) == (surface.kv_u.spans, surface.kv_v.spans)
-    assert surface.elevated((1, 1)).coefficients.tolist() == surface.coefficients.tolist()
+    assert surface.elevate(1, 1).coefficients.tolist() == surface.coefficients.tolist()
     u, v = data.draw(points(space))
     # means with weights >= 0 of coefficients up to 1: one elevation takes some 7 roundings per degree
     tolerance = float(gamma(2 * roundings(finer) + 8 * (more_u + more_v) * max(degrees)))
@@ -235,7 +235,7 @@ def test_tensor_coefficients_of_wrong_shape_are_refused(shape):
         BSplineSurface(KV_U, KV_V, np.zeros(shape))
 
 
-@pytest.mark.parametrize("shape", [(41,), (7, 6), (42, 2, 2), ()])
+@pytest.mark.parametrize("shape", [(41,), (6, 7), (7, 6, 2, 2), (42, 2, 2), ()])
 def test_thb_coefficients_of_wrong_shape_are_refused(shape):
     with pytest.raises(ValueError, match=r"coefficients must have shape \(42,\) or \(42, d\), got"):
         THBSurface(THBSpace(KV_U, KV_V), np.zeros(shape))

@@ -21,8 +21,7 @@ if TYPE_CHECKING:  # they take seconds to load
     import build123d
     import cadquery
 
-    from thbcad.cad.exchange.loose_splines import Surface
-    from thbcad.splines import NURBSCurve
+    from thbcad.cad.exchange.loose_splines import Curve, Surface
 
 GEOMETRY = (Lens, Part, THBSurface, BSplineSurface, NURBSSurface, *CURVES)
 GLASS = (0.65, 0.82, 0.98, 0.35)  # red, green, blue, opacity: pale blue, see-through
@@ -33,7 +32,7 @@ def to_build123d(geometry: Lens | Part, name: str = "") -> build123d.Solid: ...
 @overload
 def to_build123d(geometry: Surface, name: str = "") -> build123d.Face: ...
 @overload
-def to_build123d(geometry: NURBSCurve, name: str = "") -> build123d.Edge: ...
+def to_build123d(geometry: Curve, name: str = "") -> build123d.Edge: ...
 def to_build123d(geometry: Any, name: str = "") -> Any:
     """Return a lens as a build123d solid, a surface as a face or a curve as an edge, in mm, with a label.
 
@@ -62,7 +61,7 @@ def to_cadquery(geometry: Lens | Part) -> cadquery.Solid: ...
 @overload
 def to_cadquery(geometry: Surface) -> cadquery.Face: ...
 @overload
-def to_cadquery(geometry: NURBSCurve) -> cadquery.Edge: ...
+def to_cadquery(geometry: Curve) -> cadquery.Edge: ...
 def to_cadquery(geometry: Any) -> Any:
     """Return a lens as a cadquery solid, a surface as a face or a curve as an edge, in mm.
 

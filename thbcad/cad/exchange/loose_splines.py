@@ -54,7 +54,7 @@ from thbcad.cad.shapes import TOLERANCE, rational_geom, rational_geom_curve, spl
 from thbcad.checks import Floats, require_suffix, require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Product
-from thbcad.splines import BSplineSurface, NURBSCurve, NURBSSurface
+from thbcad.splines import BSplineCurve, BSplineSurface, NURBSCurve, NURBSSurface
 
 if TYPE_CHECKING:
     from thbcad.surfaces import THBSurface
@@ -62,7 +62,8 @@ if TYPE_CHECKING:
     Surface = THBSurface | BSplineSurface | NURBSSurface
 
 T = TypeVar("T")
-CURVES = (NURBSCurve,)
+Curve = BSplineCurve | NURBSCurve
+CURVES = (BSplineCurve, NURBSCurve)
 EXACT = (
     GeomAbs_Plane,
     GeomAbs_Cylinder,
@@ -115,7 +116,7 @@ def write_faces(surfaces: Surface | Sequence[Surface], path: str | Path) -> None
     _write("surfaces", surfaces, face_of, path)
 
 
-def write_curves(curves: NURBSCurve | Sequence[NURBSCurve], path: str | Path) -> None:
+def write_curves(curves: Curve | Sequence[Curve], path: str | Path) -> None:
     """Write curves with points (x, y, z) in mm as edges of no face; the suffix names the format.
 
     curves : one, or a list of them.
@@ -145,7 +146,7 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
     return _read("face", faces_of, _surface_under, path)
 
 
-def read_curves(path: str | Path) -> list[NURBSCurve]:
+def read_curves(path: str | Path) -> list[BSplineCurve | NURBSCurve]:
     """Read the curves under all edges of a STEP, IGES or BREP file that border no face, in mm.
 
     A B-spline curve that is not trimmed comes with the numbers of the file; lines, conics and pieces of
@@ -161,9 +162,8 @@ def read_curves(path: str | Path) -> list[NURBSCurve]:
 def face_of(surface: Surface, name: str = "surface", file: Format = BREP) -> TopoDS_Face:
     """Return a surface as a face; raise as `write_faces` in a format, where its name tells which it is."""
     spline = _tensor_product(surface, name)
-    net = spline.coefficients if isinstance(spline, BSplineSurface) else spline.points
-    _require_points(name, net, 2)
-    size = np.linalg.norm(np.ptp(net, axis=(0, 1)))
+    _require_points(name, spline.coefficients, 2)
+    size = np.linalg.norm(np.ptp(spline.coefficients, axis=(0, 1)))
     if size < file.least_size:
         raise ValueError(
             f"{name} is {size:.2g} mm large, below the {file.least_size:g} mm that STEP and IGES keep"
@@ -176,29 +176,31 @@ def face_of(surface: Surface, name: str = "surface", file: Format = BREP) -> Top
         raise RuntimeError(f"OCCT could not make a face of {name}: {error}") from error
 
 
-def edge_of(curve: NURBSCurve, name: str = "curve", file: Format = BREP) -> TopoDS_Edge:
+def edge_of(curve: Curve, name: str = "curve", file: Format = BREP) -> TopoDS_Edge:
     """Return a curve as an edge; raise as `write_curves` in a format, where its name tells which it is."""
     require_type(name, curve, *CURVES)
-    _require_points(name, curve.points, 1)
-    _require_weights(name, curve.weights, file)
-    span = np.diff(curve.kv.breaks).min()
+    _require_points(name, curve.coefficients, 1)
+    whole = curve.clamp()
+    nurbs = NURBSCurve.from_bspline(whole) if isinstance(whole, BSplineCurve) else whole
+    _require_weights(name, nurbs.weights, file)
+    span = np.diff(nurbs.kv.breaks).min()
     if span < file.least_span:
         raise ValueError(
             f"{name} must have knots at least {file.least_span:g} apart in IGES, got a span of {span:.2g}"
         )
     try:
-        return BRepBuilderAPI_MakeEdge(rational_geom_curve(curve)).Edge()
+        return BRepBuilderAPI_MakeEdge(rational_geom_curve(nurbs)).Edge()
     except OCCT_ERRORS as error:
         raise RuntimeError(f"OCCT could not make an edge of {name}: {error}") from error
 
 
 def _tensor_product(surface: Surface, name: str) -> BSplineSurface | NURBSSurface:
     if isinstance(surface, BSplineSurface | NURBSSurface):
-        return surface
+        return surface.clamp()
     from thbcad.surfaces import THBSurface  # loads the hierarchy, which tensor products do without
 
     require_type(name, surface, THBSurface, BSplineSurface, NURBSSurface)
-    return surface.to_bspline()
+    return surface.to_bspline().clamp()
 
 
 def _require_points(name: str, net: Floats, directions: int) -> None:
@@ -270,7 +272,7 @@ def _surface_under(face: TopoDS_Face) -> BSplineSurface | NURBSSurface:
     return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))
 
 
-def _curve_under(edge: TopoDS_Edge) -> NURBSCurve:
+def _curve_under(edge: TopoDS_Edge) -> Curve:
     adaptor = BRepAdaptor_Curve(edge)
     ends = adaptor.FirstParameter(), adaptor.LastParameter()
     if adaptor.GetType() in APPROXIMATE:

@@ -150,7 +150,7 @@ def _graph(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     if (corners[1] <= corners[0]).any():
         return None
     (x0, y0), (x1, y1) = corners.tolist()
-    kv_u, kv_v = kv_u.rescaled(x0, x1), kv_v.rescaled(y0, y1)
+    kv_u, kv_v = kv_u.rescale(x0, x1), kv_v.rescale(y0, y1)
     exact = np.stack(np.meshgrid(kv_u.greville(), kv_v.greville(), indexing="ij"), axis=-1)
     apart = np.linalg.norm(poles[..., :2] - exact, axis=-1).max()
     heights = poles[..., 2] - vertex
@@ -206,7 +206,7 @@ def _conic_bound(frame: Pose, face: OpticalFace, vertex: float, conic: Conic) ->
         return None
     if isinstance(spline, BSplineSurface):
         spline = NURBSSurface.from_bspline(spline)
-    points = in_frame(frame, spline.points) - np.array([0.0, 0.0, vertex])
+    points = in_frame(frame, spline.coefficients) - np.array([0.0, 0.0, vertex])
     bound = conic_deviation(spline.kv_u, spline.kv_v, points, spline.weights, conic)
     if bound is None:
         return None
@@ -221,11 +221,10 @@ def _meshes(frame: Pose, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVe
     spline = face.faces[0].spline
     a, b = face.half_width.tolist()
     if len(face.faces) == 1 and spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) > 1:
-        points = spline.coefficients if isinstance(spline, BSplineSurface) else spline.points
-        kv_x, kv_y, _ = upright(spline.kv_u, spline.kv_v, in_frame(frame, points))
+        kv_x, kv_y, _ = upright(spline.kv_u, spline.kv_v, in_frame(frame, spline.coefficients))
     else:
         kv_x, kv_y = (KnotVector.uniform(DEGREE, LEAST_SPANS, -h, h) for h in (a, b))
-    kv_x, kv_y = kv_x.rescaled(-a, a), kv_y.rescaled(-b, b)
+    kv_x, kv_y = kv_x.rescale(-a, a), kv_y.rescale(-b, b)
     yield kv_x, kv_y
     while 2 * max(kv_x.spans, kv_y.spans) <= MOST_SPANS:
         kv_x, kv_y = kv_x.bisect(), kv_y.bisect()

@@ -17,14 +17,10 @@ def upright(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> tuple[KnotVect
     if abs(across[1]) > abs(across[0]):
         kv_u, kv_v, poles = kv_v, kv_u, poles.transpose(1, 0, 2)
     if poles[-1, 0, 0] < poles[0, 0, 0]:
-        kv_u, poles = _reversed(kv_u), poles[::-1]
+        kv_u, poles = kv_u.reverse(), poles[::-1]
     if poles[0, -1, 1] < poles[0, 0, 1]:
-        kv_v, poles = _reversed(kv_v), poles[:, ::-1]
+        kv_v, poles = kv_v.reverse(), poles[:, ::-1]
     return kv_u, kv_v, poles
-
-
-def _reversed(kv: KnotVector) -> KnotVector:
-    return KnotVector(kv.degree, kv.start + kv.stop - kv.knots[::-1])
 
 
 def centred(graph: BSplineSurface, half_width: Floats, rectangle: bool) -> BSplineSurface | None:

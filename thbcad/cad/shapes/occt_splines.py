@@ -14,7 +14,7 @@ from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from thbcad.checks import Floats
-from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
+from thbcad.splines import BSplineCurve, BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
 
@@ -33,7 +33,7 @@ def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
 
 def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
     """Return a NURBSSurface as Geom_BSplineSurface; equal weights make a polynomial one."""
-    geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.points))
+    geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients))
     if np.ptp(surface.weights) == 0:
         return geom
     row = TColStd_Array1OfReal(1, surface.kv_v.dim)
@@ -52,11 +52,11 @@ def geom_curve(kv: KnotVector, poles: Floats) -> Geom_BSplineCurve:
 def rational_geom_curve(curve: NURBSCurve) -> Geom_BSplineCurve:
     """Return a NURBSCurve with points (n, 3) as Geom_BSplineCurve; equal weights make a polynomial one."""
     if np.ptp(curve.weights) == 0:
-        return geom_curve(curve.kv, curve.points)
+        return geom_curve(curve.kv, curve.coefficients)
     weights = TColStd_Array1OfReal(1, curve.kv.dim)
     for k, weight in enumerate(curve.weights.tolist(), 1):
         weights.SetValue(k, weight)
-    return Geom_BSplineCurve(_row_of_points(curve.points), weights, *_knots(curve.kv), curve.kv.degree)
+    return Geom_BSplineCurve(_row_of_points(curve.coefficients), weights, *_knots(curve.kv), curve.kv.degree)
 
 
 def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
@@ -88,7 +88,7 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
     return NURBSSurface(kv_u, kv_v, points, np.array([[geom.Weight(i, j) for j in columns] for i in rows]))
 
 
-def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> NURBSCurve:
+def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> BSplineCurve | NURBSCurve:
     """Return the piece from `first` to `last` of a Geom_BSplineCurve; the whole has the very numbers of the
     file."""
     geom = geom.Copy()
@@ -101,6 +101,8 @@ def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> NURBSCur
     kv = _knot_vector(geom.Degree(), geom.Knot, geom.Multiplicity, geom.NbKnots())
     numbers = range(1, geom.NbPoles() + 1)
     points = np.array([geom.Pole(k).Coord() for k in numbers])
+    if not geom.IsRational():
+        return BSplineCurve(kv, points)
     return NURBSCurve(kv, points, np.array([geom.Weight(k) for k in numbers]))
 
 

@@ -110,7 +110,7 @@ def _placed(
         )
         graphs.append(conic_graph(surface.conic, kv_x, kv_y, patch.coefficients))
     p, q = (max(getattr(graph, kv).degree for graph in graphs) for kv in ("kv_u", "kv_v"))
-    for graph in (one.elevated((p, q)) for one in graphs):
+    for graph in (one.elevate(p, q) for one in graphs):
         x, y = np.meshgrid(graph.kv_u.greville(), graph.kv_v.greville(), indexing="ij")
         poles = np.stack([x, y, vertex + graph.coefficients], axis=-1)
         kv_u, kv_v = (

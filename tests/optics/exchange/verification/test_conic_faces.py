@@ -93,7 +93,7 @@ def moved_front(good, step):
         # the centres of the four rims lie beside the axis
         text, found = moved_point(good.text, [0, 0, front.centre], [0, 0, step]), 1
     else:
-        text, found = moved_point(good.text, front.patch.points[1, 1], [0, 0, step]), 1
+        text, found = moved_point(good.text, front.patch.coefficients[1, 1], [0, 0, step]), 1
     assert found
     return text
 

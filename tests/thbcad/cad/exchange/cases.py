@@ -5,6 +5,7 @@ import numpy as np
 from thbcad.hierarchy import THBSpace
 from thbcad.sags import Conic, meridian
 from thbcad.splines import (
+    BSplineCurve,
     BSplineSurface,
     KnotVector,
     NURBSCurve,
@@ -30,14 +31,14 @@ WAVE = BSplineSurface(
         -1,
     ),
 )
-CIRCLE = circular_arc(3.0).transformed([[1, 0], [0, 1], [0, 0]])
+CIRCLE = circular_arc(3.0).transform([[1, 0], [0, 1], [0, 0]])
 SURFACES = {
     "wave": WAVE,
     "lens": revolved(meridian(Conic(-30.0, 0.5), 8.0)),
     "part": revolved(meridian(Conic(9.0, 0.0), 8.0), np.pi),
     "sphere": revolved(circular_arc(5.0, np.pi, -np.pi / 2)),
     "torus": revolved(circular_arc(1.0, centre=(3.0, 0.0))),
-    "cylinder": ruled(CIRCLE, CIRCLE.transformed(np.eye(3), [0, 0, 5])),
+    "cylinder": ruled(CIRCLE, CIRCLE.transform(np.eye(3), [0, 0, 5])),
     "cone": revolved(line([3, 0], [0, 4])),
 }
 SPACE = THBSpace(CUBIC, CUBIC).refine({0: [(0, 0), (0, 1), (1, 0), (1, 1)]})
@@ -45,10 +46,10 @@ REFINED = THBSurface(SPACE, np.random.default_rng(0).uniform(size=(SPACE.dim, 3)
 TWISTED = np.sin(np.arange(18)).reshape(6, 3)
 CURVES = {
     "circle": CIRCLE,
-    "arc": circular_arc(2.0, 4.0, 1.0).transformed([[1, 0], [0, 1], [1, 1]]),
+    "arc": circular_arc(2.0, 4.0, 1.0).transform([[1, 0], [0, 1], [1, 1]]),
     "hyperbola": conic_arc([0, 0, 0], [1, 2, 3], [2, 0, 1], 3.0),
     "line": line([0, 0, 0.1], [1, 2, 3]),
-    "twisted": NURBSCurve(CUBIC, TWISTED),
+    "twisted": BSplineCurve(CUBIC, TWISTED),
     "closed": NURBSCurve(CUBIC, np.concatenate([TWISTED[:-1], TWISTED[:1]])),
     "kinked": NURBSCurve(KnotVector(2, [0, 0, 0, 0.3, 0.3, 1, 1, 1]), TWISTED[:5], 1 + np.arange(5)),
 }
@@ -56,10 +57,9 @@ CURVES = {
 
 def numbers(spline):
     """Return (points, weights, knots, ...)."""
-    if isinstance(spline, NURBSCurve):
-        return spline.points, spline.weights, spline.kv.knots
-    nurbs = NURBSSurface.from_bspline(spline) if isinstance(spline, BSplineSurface) else spline
-    return nurbs.points, nurbs.weights, nurbs.kv_u.knots, nurbs.kv_v.knots
+    rational = {BSplineCurve: NURBSCurve, BSplineSurface: NURBSSurface}.get(type(spline))
+    nurbs = rational.from_bspline(spline) if rational else spline
+    return nurbs.coefficients, nurbs.weights, *(kv.knots for kv in nurbs.knot_vectors)
 
 
 def assert_same(read, written):

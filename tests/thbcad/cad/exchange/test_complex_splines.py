@@ -72,7 +72,7 @@ def test_weights_are_read_with_the_parts_in_any_order(seed, tmp_path):
     other.write_text(changed)
     for a, b in zip(read_faces(other), read_faces(path), strict=True):
         assert type(a) is type(b)
-        for name in ("points", "weights") if hasattr(a, "weights") else ("coefficients",):
+        for name in ("coefficients", "weights") if hasattr(a, "weights") else ("coefficients",):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 

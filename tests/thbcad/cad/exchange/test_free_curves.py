@@ -36,8 +36,8 @@ def test_nearly_closed_curves_come_back_closed_in_step(kind, gap, closes, tmp_pa
     points = np.concatenate([TWISTED[:-1], TWISTED[:1] + np.array([0, gap, 0])])
     write_curves(NURBSCurve(CUBIC, points), tmp_path / f"near{kind}")
     (read,) = read_curves(tmp_path / f"near{kind}")
-    assert (read.points[:-1] == points[:-1]).all()
-    assert (read.points[-1] == points[0 if closes and kind == ".step" else -1]).all()
+    assert (read.coefficients[:-1] == points[:-1]).all()
+    assert (read.coefficients[-1] == points[0 if closes and kind == ".step" else -1]).all()
 
 
 def edges():

@@ -54,7 +54,7 @@ def test_every_number_of_random_surfaces_reads_back(kind, tmp_path, surface, siz
     surface = NURBSSurface(
         surface.kv_u,
         surface.kv_v,
-        size * (surface.points + np.stack([10 * i, 10 * j, 0 * i], axis=-1)),
+        size * (surface.coefficients + np.stack([10 * i, 10 * j, 0 * i], axis=-1)),
         surface.weights,
     )
     write_faces([surface], tmp_path / f"random{kind}")
@@ -220,7 +220,7 @@ def test_inches_become_millimetres(tmp_path):
     assert inches != path.read_bytes()
     path.write_bytes(inches)
     (read,) = read_faces(path)
-    assert np.allclose(read.points, 25.4 * SURFACES["part"].points, rtol=1e-15, atol=0)
+    assert np.allclose(read.coefficients, 25.4 * SURFACES["part"].coefficients, rtol=1e-15, atol=0)
     assert (read.weights == SURFACES["part"].weights).all()
 
 

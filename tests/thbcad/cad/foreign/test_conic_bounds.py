@@ -28,11 +28,11 @@ def test_a_bound_is_never_below_brute_force(radius, sign, constant, bump, change
     assume(abs(1 + constant) > 0.05)
     conic = Conic(sign * radius, constant)
     patch = PlacedConic(conic, 0.0, HALF).patch
-    points = patch.points.copy()
+    points = patch.coefficients.copy()
     points[1, 0, 2] += bump
     surface = NURBSSurface(patch.kv_u, patch.kv_v, points, patch.weights).insert([0.3], [-0.2, 1.0])
     other = Conic(sign * radius * change, constant)
-    bound = conic_deviation(surface.kv_u, surface.kv_v, surface.points, surface.weights, other)
+    bound = conic_deviation(surface.kv_u, surface.kv_v, surface.coefficients, surface.weights, other)
     exact = brute_force(surface, other)
     assert exact <= bound <= 20 * exact + 1e-9  # one control point has its bump as the greatest coefficient
 
@@ -41,15 +41,15 @@ def test_the_patch_of_a_conic_is_that_conic():
     for constant in (-2.5, -0.5, 0.0, 0.7):
         conic = Conic(-20.0, constant)
         patch = PlacedConic(conic, 0.0, HALF).patch
-        assert conic_deviation(patch.kv_u, patch.kv_v, patch.points, patch.weights, conic) < 1e-11
+        assert conic_deviation(patch.kv_u, patch.kv_v, patch.coefficients, patch.weights, conic) < 1e-11
 
 
 def test_what_has_no_use_is_none():
     conic = Conic(20.0, 0.0)
     patch = PlacedConic(conic, 0.0, HALF).patch
-    assert conic_deviation(patch.kv_u, patch.kv_v, patch.points, -patch.weights, conic) is None
-    assert conic_deviation(patch.kv_u, patch.kv_v, patch.points, patch.weights, Conic(5.0, 0.0)) is None
-    high = patch.points + np.array([0, 0, 25.0])
+    assert conic_deviation(patch.kv_u, patch.kv_v, patch.coefficients, -patch.weights, conic) is None
+    assert conic_deviation(patch.kv_u, patch.kv_v, patch.coefficients, patch.weights, Conic(5.0, 0.0)) is None
+    high = patch.coefficients + np.array([0, 0, 25.0])
     assert conic_deviation(patch.kv_u, patch.kv_v, high, patch.weights, conic) is None
 
 

@@ -134,7 +134,7 @@ def test_crossings_lie_on_the_lines(axes, kv):
 @given(strategies.seeds(), semi_axes(), st.integers(2, 6))
 def test_rims_lie_on_rough_graphs(rng, axes, degree):
     """Densely sampled, creases (knots of full multiplicity) included."""
-    kvs = [strategies.random_knot_vector(rng, degree, 5).rescaled(-5.0, 5.0) for _ in range(2)]
+    kvs = [strategies.random_knot_vector(rng, degree, 5).rescale(-5.0, 5.0) for _ in range(2)]
     graph = BSplineSurface(*kvs, 0.1 * rng.uniform(-1, 1, [kv.dim for kv in kvs]))
     ellipse = Ellipse(axes)
     for half in (0, 1):

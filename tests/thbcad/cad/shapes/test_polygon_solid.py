@@ -142,7 +142,7 @@ def test_a_rim_of_a_high_degree_is_fitted():
 @given(strategies.seeds(), st.integers(4, 9))
 def test_the_integral_over_a_polygon_is_that_over_its_parts(rng, count):
     """A convex polygon and both sides of a chord of it, over a rough spline."""
-    kvs = [strategies.random_knot_vector(rng, 3, 5).rescaled(-5.0, 5.0) for _ in range(2)]
+    kvs = [strategies.random_knot_vector(rng, 3, 5).rescale(-5.0, 5.0) for _ in range(2)]
     graph = BSplineSurface(*kvs, rng.uniform(-1, 1, [kv.dim for kv in kvs]))
     angles = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.8, count)) / count
     corners = np.column_stack([4.9 * np.cos(angles), 3.0 * np.sin(angles)])
