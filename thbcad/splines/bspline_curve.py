@@ -43,7 +43,7 @@ class BSplineCurve(Polynomial, Curve):
         return f"BSplineCurve(degree {self.kv.degree}, {n} {values})"
 
     def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
-        """Return the values, or their derivatives of any order, at parameters of any shape: (...) or (..., d).
+        """Return values, or their derivatives of any order, at parameters of any shape: (...) or (..., d).
 
         Raises
         ------

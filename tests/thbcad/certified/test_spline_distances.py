@@ -40,7 +40,7 @@ def test_no_point_is_farther_than_the_bound_of_its_cell(space, rng):
 def test_one_spline_in_two_forms_has_no_distance_but_rounding(shape):
     rng = np.random.default_rng(0)
     surface = spline(rng, 3, 2, shape)
-    finer = surface.insert([0.1, 0.5, 0.5], [0.7]).elevated((4, 4))
+    finer = surface.insert([0.1, 0.5, 0.5], [0.7]).elevate(4, 4)
     _, bounds = distance_bounds(surface, finer, 1e-3)
     assert 0 < bounds.max() < 1e-12  # eight steps of 80 roundings of numbers below 1
 

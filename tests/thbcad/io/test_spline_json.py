@@ -18,7 +18,7 @@ from thbcad.io.spline_json import (
     write_curve,
     write_surface,
 )
-from thbcad.splines import NURBSCurve, NURBSSurface, circular_arc
+from thbcad.splines import BSplineCurve, NURBSCurve, NURBSSurface, circular_arc
 
 
 def same_bits(a, b):
@@ -61,11 +61,12 @@ def test_tensor_product_round_trips(kv_u, kv_v, data):
 
 @given(knot_vectors(), st.data(), st.sampled_from([1, 2, 3]))
 def test_curve_round_trip(kv, data, dimensions):
-    curve = NURBSCurve(kv, data.draw(coefficients(kv.dim, dimensions)), 1.5 + data.draw(coefficients(kv.dim)))
-    again = curve_from_dict(json.loads(json.dumps(curve_to_dict(curve))))
-    assert same_bits(again.kv.knots, kv.knots)
-    assert same_bits(again.coefficients, curve.coefficients)
-    assert same_bits(again.weights, curve.weights)
+    net = data.draw(coefficients(kv.dim, dimensions))
+    for curve in (NURBSCurve(kv, net, 1.5 + data.draw(coefficients(kv.dim))), BSplineCurve(kv, net)):
+        again = curve_from_dict(json.loads(json.dumps(curve_to_dict(curve))))
+        assert type(again) is type(curve)
+        assert same_bits(again.kv.knots, kv.knots)
+        assert same_bits(again.net, curve.net)
 
 
 def test_a_curve_through_a_file(tmp_path):
@@ -76,7 +77,7 @@ def test_a_curve_through_a_file(tmp_path):
     write_surface(small(), tmp_path / "s.json")
     with pytest.raises(ValueError, match="not a curve file: its schema is not 'thbcad-curve'"):
         read_curve(tmp_path / "s.json")
-    with pytest.raises(ValueError, match="curve must be a NURBSCurve, got THBSurface"):
+    with pytest.raises(ValueError, match="curve must be a BSplineCurve or NURBSCurve, got THBSurface"):
         write_curve(small(), tmp_path / "s.json")
 
 
@@ -84,7 +85,7 @@ def test_a_curve_through_a_file(tmp_path):
     ("change", "message"),
     [
         ({"version": 2}, "curve file version 2 is unknown, this program reads version 1"),
-        ({"kind": "thb"}, "the curve file's kind must be 'nurbs', got 'thb'"),
+        ({"kind": "thb"}, "the curve file's kind must be 'bspline' or 'nurbs', got 'thb'"),
         ({"colour": "red"}, "the curve file has the unknown key 'colour'"),
         ({"degree": 2.0}, "degree must be an integer"),
         ({"knots": [0, 0, "1", 1]}, "the file's knots must hold numbers only"),
