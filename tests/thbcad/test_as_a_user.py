@@ -94,6 +94,20 @@ def test_conversions_are_the_same_surface():
         assert surface(u, v) == pytest.approx(twin(np.stack([u, v], axis=1)), abs=1e-12)
 
 
+def test_closed_curves_and_tubes_are_smooth_across_the_seam():
+    kv = tc.KnotVector.periodic(degree=3, breaks=np.arange(13.0))
+    points, u = RNG.normal(size=(12, 2)), np.arange(12.0)
+    net = np.linalg.solve((kv.collocation(u) @ kv.wrapping()).toarray(), points)
+    curve = tc.BSplineCurve(kv, kv.wrapping() @ net)
+    twin = sp.make_interp_spline(np.arange(13), [*points, points[0]], 3, bc_type="periodic")
+    assert curve(12 * U) == pytest.approx(twin(12 * U), abs=1e-12)
+    space = tc.THBSpace(kv, KV).refine_box(1, (-np.inf, np.inf), (2 / 7, 6 / 7))
+    tube = tc.THBSurface(space, space.wrapping() @ RNG.normal(size=(space.wrapping().shape[1], 3)))
+    for order in ((0, 0), (1, 0), (2, 0)):
+        assert tube(np.full(500, 12.0), V, order) == pytest.approx(tube(np.zeros(500), V, order), abs=1e-11)
+    assert tube.space.dim > len(space.wrapping().T @ np.ones(space.dim)) > 12 * KV.dim
+
+
 def test_50_000_scattered_points_are_fitted_to_a_tolerance():
     u, v = np.random.default_rng(1).uniform(size=(2, 50_000))
 
