@@ -9,7 +9,7 @@ from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
-from optics.reporting.view import lens_sight, photo_caption, photograph
+from optics.reporting.view import lens_sight, photo_caption, photograph, scene_paths
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
@@ -33,8 +33,6 @@ class DesignFigures:
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
         """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        from optics.reporting.figures import scene_paths  # matplotlib
-
         placed = not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)

@@ -23,7 +23,7 @@ from optics.interface.api.scenes import SceneView
 from optics.interface.relighting import other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
-from optics.reporting.view import scene_page
+from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -190,8 +190,6 @@ class Design(DesignRecord):
 
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
-        from optics.reporting.figures import scene_paths  # matplotlib
-
         plain = OpticalSystem(self.problem)
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         overview_figure as overview_figure,
         overview_html as overview_html,
     )
-    from optics.reporting.figures.scene_figure import scene_paths as scene_paths, scene_view as scene_view
+    from optics.reporting.figures.scene_figure import scene_view as scene_view
     from optics.reporting.figures.solid_figure import draw_solid as draw_solid, solid_views as solid_views
     from optics.reporting.figures.source_figures import (
         bound_figure as bound_figure,

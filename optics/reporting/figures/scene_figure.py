@@ -9,13 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from optics.base.runtime import Backend
-from optics.light.tracing import RayPath, TargetArea, trace_paths
+from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
 from optics.reporting.view import Face, Scene, View, caption, corners, placed, solid_faces
-from optics.scene.receivers import receiver_at
-from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
@@ -107,21 +104,3 @@ def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
         zorder=4,
     )
     axes.fill(*scene(scene.target), facecolor="none", edgecolor=INK, lw=0.9, zorder=4)
-
-
-BUNDLE = (8, 8)  # rays
-FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
-
-
-def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
-    """Return the paths of some 64 rays of the source to the target or its direction.
-
-    At every face a path follows the stronger part.
-
-    backend : of double precision
-    """
-    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
-    plane = TargetArea(target.receiver, target.settings.half_width)
-    if target.far_field:
-        plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
-    return trace_paths(backend, lens, rays, plane)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         caption as caption,
         corners as corners,
         placed as placed,
+        scene_paths as scene_paths,
     )
     from optics.reporting.view.solid_renderer import (
         Face as Face,

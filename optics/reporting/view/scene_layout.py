@@ -1,4 +1,4 @@
-"""Where source, lens and target stand in a picture, and from where it is seen."""
+"""Where source, lens, target and rays stand in a picture, and from where it is seen."""
 
 from __future__ import annotations
 
@@ -9,9 +9,14 @@ from math import isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import Backend
+from optics.light.tracing import RayPath, TargetArea, trace_paths
 from optics.reporting.view.solid_renderer import Face, oblique
 from optics.scene.problem import Problem
-from optics.scene.system import source_of
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem, source_of
+from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
 
@@ -23,6 +28,8 @@ SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
 LONG = 3.0
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
+BUNDLE = (8, 8)  # rays
+FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +126,17 @@ def caption(problem: Problem, scene: Scene) -> str:
         return text
     drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
     return f"{text}; this distance is drawn {drawn} than it is"
+
+
+def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
+    """Return the paths of some 64 rays of the source to the target or its direction.
+
+    At every face a path follows the stronger part.
+
+    backend : of double precision
+    """
+    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
+    plane = TargetArea(target.receiver, target.settings.half_width)
+    if target.far_field:
+        plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
+    return trace_paths(backend, lens, rays, plane)

@@ -37,7 +37,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     lens shorter or longer than it is, the page can show it true.  Of more than 96 paths, and of more than
     256 pixels across, it shows paths at equal steps and means of blocks.
 
-    irradiance : (rows, columns), row 0 at +y.  paths : as `optics.reporting.figures.scene_paths`.
+    irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
     faces, _ = solid_faces(lens, SAMPLES)
     scene = placed(system.problem, faces)

@@ -108,7 +108,7 @@ def replayed(kept, monkeypatch):
     for module, function in STEPS:
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
-    monkeypatch.setattr("optics.reporting.figures.scene_paths", lambda *_: [])
+    monkeypatch.setattr("optics.interface.api.design_figures.scene_paths", lambda *_: [])
     monkeypatch.setattr(
         "optics.interface.api.prepared_problem.resolved", lambda system, backend: (system, None)
     )

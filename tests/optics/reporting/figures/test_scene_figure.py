@@ -7,7 +7,8 @@ import pytest
 from matplotlib import pyplot as plt
 from PIL import Image
 
-from optics.reporting.figures.scene_figure import scene_paths, scene_view
+from optics.reporting.figures.scene_figure import scene_view
+from optics.reporting.view import scene_paths
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 

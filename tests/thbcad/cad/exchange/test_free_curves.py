@@ -87,7 +87,11 @@ def test_edges_of_faces_are_no_curves(kind, tmp_path):
     [
         ("a.stl", CURVES["line"], "a.stl must end in .step, .stp, .iges, .igs or .brep"),
         ("a.step", [], "curves must hold at least one curve"),
-        ("a.step", [CURVES["line"], WAVE], r"curves\[1\] must be a BSplineCurve or NURBSCurve, got BSplineSurface"),
+        (
+            "a.step",
+            [CURVES["line"], WAVE],
+            r"curves\[1\] must be a BSplineCurve or NURBSCurve, got BSplineSurface",
+        ),
         (
             "a.step",
             circular_arc(1.0),
