@@ -58,6 +58,7 @@ def test_a_conic_that_ends_inside_the_aperture_is_refused(tmp_path, capsys):
     )
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_a_lens_without_light_is_refused(tmp_path, capsys):
     problem = write_problem(tmp_path, {"lens.rear.radius": 0.3, "target.distance": 400.0})
     assert "change the lens prescription" in refused(capsys, "design", problem, "--out", tmp_path / "out")
