@@ -73,6 +73,7 @@ def test_a_result_path_that_is_a_file_is_refused(tmp_path, capsys, out):
     assert (tmp_path / "file").read_text() == "keep me"
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, monkeypatch):
     """Interrupted, a folder still holds the problem and the lens of the run before, which belong together."""
     out = copy
