@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -24,7 +25,8 @@ from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface
 
-optiland = pytest.importorskip("optiland")
+# found, not loaded: that takes a second in every process that collects this file
+pytestmark = pytest.mark.skipif(find_spec("optiland") is None, reason="optiland is not installed")
 
 FATE = "rays with another fate by optiland's trace of the file"
 LANDING = "landing points by optiland's trace of the file"
