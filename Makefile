@@ -114,7 +114,7 @@ QUICK = \
 	tests/thbcad/hierarchy/test_levels.py \
 	tests/thbcad/hierarchy/test_reference_values.py \
 	tests/thbcad/hierarchy/test_thb_space.py \
-	tests/thbcad/io/test_surface_json.py \
+	tests/thbcad/io/test_spline_json.py \
 	tests/thbcad/lens/test_lens.py \
 	tests/thbcad/lens/test_product.py \
 	tests/thbcad/meshes \

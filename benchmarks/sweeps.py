@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.rows.row import Row
-from optics.base.runtime import Moment
+from optics.base.runtime import ProgressEvent
 from optics.interface.sweeps import Designed, Shared, Sweep, SweepPlan, Work, run_sweep, sweep
 from optics.scene.problem import load_problem
 from oracles.sweep_programs import DISTANCES, Cluster, children, kill, some_stored, start_sweep, stored
@@ -69,7 +69,7 @@ def _overhead() -> list[Row]:
     with TemporaryDirectory() as folder:
         plan = SweepPlan(load_problem(PROBLEM), ranges, Path(folder), WORKERS)
         start = perf_counter()
-        found = run_sweep(plan, lambda moment: _sample(moment, memory), idle)
+        found = run_sweep(plan, lambda event: _sample(event, memory), idle)
         seconds = perf_counter() - start
     if found.counts()["done"] != MANY:
         raise ValueError(f"not all variants were computed: {found.counts()}")
@@ -85,8 +85,8 @@ def _overhead() -> list[Row]:
     ]
 
 
-def _sample(moment: Moment, memory: list[float]) -> None:
-    if moment.phase == "variants":
+def _sample(event: ProgressEvent, memory: list[float]) -> None:
+    if event.phase == "variants":
         pages = int(Path("/proc/self/statm").read_text("utf-8").split()[1])
         memory.append(pages * 4096 / 2**20)
 

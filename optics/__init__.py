@@ -53,4 +53,4 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.machining import ToolOrder as ToolOrder
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

@@ -30,8 +30,8 @@ def entry() -> None:
 def _run() -> int:
     import gc
 
-    from optics.base.runtime import collect_rarely
-    from optics.interface.commands import main
+    from optics.base.runtime import collect_rarely  # by now Ctrl-C ends the process with one line
+    from optics.interface.commands import main  # the same
 
     collect_rarely()
     if isinstance(sys.stdout, TextIOWrapper):  # None where it is closed

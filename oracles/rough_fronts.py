@@ -86,7 +86,9 @@ SOURCES: dict[str, Callable[[FreeformSurface, int, int], Rays]] = {
 }
 
 
-def judge(backend: Backend, front: FreeformSurface, rays: Rays, sample: int = 0, sure: bool = True) -> Judged:
+def judge(
+    backend: Backend, front: FreeformSurface, rays: Rays, sample: int = 0, proven: bool = True
+) -> Judged:
     """Return how a tracer's first meetings with a front come out.
 
     sample : of the rays are judged by rational numbers, whatever intervals say.
@@ -96,45 +98,45 @@ def judge(backend: Backend, front: FreeformSurface, rays: Rays, sample: int = 0,
     return Judged(*(sum(column) for column in zip(*judged)))
 
 
-def disagreeing(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> int:
+def disagreeing(backend: Backend, front: FreeformSurface, rays: Rays, proven: bool) -> int:
     """Return for how many rays intervals prove that a tracer takes another meeting than the first."""
-    decided, _, _, agrees, opens = _compared(backend, front, rays, sure)
-    return int((decided & ~agrees & ~opens).sum())
+    resolved, _, _, agrees, opens = _compared(backend, front, rays, proven)
+    return int((resolved & ~agrees & ~opens).sum())
 
 
 def _judge(backend: Backend, front: FreeformSurface, rays: Rays, sample: int) -> tuple[int, int, int, int]:
-    decided, hit, path, agrees, _ = _compared(backend, front, rays, True)
-    asked = decided & ~agrees
-    asked[:sample] = decided[:sample]
+    resolved, hit, path, agrees, _ = _compared(backend, front, rays, True)
+    asked = resolved & ~agrees
+    asked[:sample] = resolved[:sample]
     graph, wrong = ExactGraph(front), 0
     for k in np.flatnonzero(asked):
         fate, low, high = graph.first_meeting(rays.origin[:, k], rays.direction[:, k])
         same = float(low) - SAME <= path[k] <= float(high) + SAME
         wrong += not (same if hit[k] and fate == MEETS else hit[k] == (fate == MEETS))
-    return len(rays.flux), wrong, int((~decided).sum()), int(asked.sum())
+    return len(rays.flux), wrong, int((~resolved).sum()), int(asked.sum())
 
 
 def _compared(
-    backend: Backend, front: FreeformSurface, rays: Rays, sure: bool
+    backend: Backend, front: FreeformSurface, rays: Rays, proven: bool
 ) -> tuple[Mask, Mask, Floats, Mask, Mask]:
-    """Return (decided, hit, path length, mm, agrees with the intervals, they leave it open)."""
-    decided, hit, path = _traced(backend, front, rays, sure)
+    """Return (resolved, hit, path length, mm, agrees with the intervals, they leave it open)."""
+    resolved, hit, path = _traced(backend, front, rays, proven)
     intervals = first_meetings(front, rays.origin, rays.direction)
     with np.errstate(invalid="ignore"):
         near = (path >= intervals.low - SAME) & (path <= intervals.high + SAME)
     meets, opens = intervals.fate == MEETS, intervals.fate == OPEN
-    return decided, hit, path, np.where(hit, meets & near, ~meets) & ~opens, opens
+    return resolved, hit, path, np.where(hit, meets & near, ~meets) & ~opens, opens
 
 
-def _traced(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> tuple[Mask, Mask, Floats]:
-    """Return (decided, hit, path length, mm) of the front's meetings."""
+def _traced(backend: Backend, front: FreeformSurface, rays: Rays, proven: bool) -> tuple[Mask, Mask, Floats]:
+    """Return (resolved, hit, path length, mm) of the front's meetings."""
     lens = Lens(front, FreeformSurface((50.0, 50.0)), 50.0, 1.5)
-    tracer = Tracer(backend, LightPath.through(lens, receiver_at(200.0), 0.0), rays, sure)
+    tracer = Tracer(backend, LightPath.through(lens, receiver_at(200.0), 0.0), rays, proven)
     with backend.dr.suspend_grad():
         (hits,), _ = tracer.trace([sag.coefficients for sag in lens.sags])
-        decided, hit, x, y, z = (a.numpy() for a in (hits.found, hits.hit, hits.x, hits.y, hits.z))
+        resolved, hit, x, y, z = (a.numpy() for a in (hits.found, hits.hit, hits.x, hits.y, hits.z))
     path = ((np.stack([x, y, z]) - rays.origin) * rays.direction).sum(axis=0)
-    return decided, hit, path
+    return resolved, hit, path
 
 
 def _heights(front: FreeformSurface) -> tuple[float, float]:

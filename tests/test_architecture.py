@@ -37,12 +37,12 @@ WINGS = {
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
 FLOORS = [
-    ["thbcad.doors", "thbcad.checks"],
+    ["thbcad.doors", "thbcad.checks", "thbcad.values"],
     ["thbcad.pictures", "thbcad.poses", "thbcad.splines", "thbcad.toml"],
     ["thbcad.hierarchy", "thbcad.sags"],
     ["thbcad.surfaces"],
-    ["thbcad.fitting", "thbcad.certified"],
-    ["thbcad.lens"],
+    ["thbcad.certified"],
+    ["thbcad.fitting", "thbcad.lens"],
     ["thbcad.io", "thbcad.mounts", "thbcad.tools"],
     ["thbcad.drawings", "thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
@@ -63,7 +63,8 @@ FLOORS = [
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # `thbcad bench` is a thin door to the benchmarks of a checkout
 UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
-SINGLE_FILES = {"thbcad.doors", "thbcad.checks", "thbcad.poses"}  # rooms of one file, which is its own door
+# rooms of one file, which is its own door
+SINGLE_FILES = {"thbcad.doors", "thbcad.checks", "thbcad.values", "thbcad.poses"}
 MOST_FILES = 13  # of a room, besides its door
 
 
@@ -116,6 +117,21 @@ def test_the_walk_finds_the_modules():
 
 def test_imports_go_down_and_through_doors():
     assert list(chain.from_iterable(map(violations, FILES))) == []
+
+
+def test_an_import_within_a_function_says_why():
+    """Of our own rooms: what it would load for nothing, in a comment behind it or in the line before."""
+    silent = [
+        f"{name(path)}:{node.lineno}"
+        for path in PACKAGE_FILES
+        for function in nodes(path)
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+        if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in ("thbcad", "optics")
+        for before, line in [text(path).splitlines()[node.lineno - 2 : node.lineno]]
+        if "  # " not in line and not before.strip().startswith("# ")
+    ]
+    assert silent == []
 
 
 def test_every_package_is_a_room():

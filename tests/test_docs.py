@@ -1,6 +1,9 @@
 """The pages of docs/ and the README: blocks run, links lead somewhere, numbers are the measured ones."""
 
+import os
 import re
+import subprocess
+import sys
 from contextlib import redirect_stdout
 from io import StringIO
 
@@ -23,6 +26,7 @@ QUOTING = [
     page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANGELOG.md") and page not in WRITTEN
 ]
 STORED = read_rows(ROOT / "docs" / "data")
+KERNEL = ("README", "bsplines", "thb", "nurbs", "fitting", "sags", "conversion", "bounds")  # without optics
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 CODE = re.compile(r"^```.*?^```|`[^`]*`", re.DOTALL | re.MULTILINE)
@@ -57,6 +61,23 @@ def test_blocks_print_what_their_comments_say(page, tmp_path, monkeypatch):
             exec(compile(code, page.name, "exec"), names)
         for line in out.getvalue().splitlines():
             assert plain(line) in comments(code)
+
+
+@pytest.mark.slow
+def test_blocks_of_the_kernel_pass_strict_type_checks(tmp_path):
+    """All but the types of functions that the blocks define themselves; thbcad as it is when installed."""
+    for name in KERNEL:
+        code = "\n".join(BLOCK.findall((ROOT / "docs" / f"{name}.md").read_text("utf-8")))
+        (tmp_path / f"{name}.py").write_text(code, "utf-8")
+    options = ["--strict", "--allow-untyped-defs", "--allow-untyped-calls", "--follow-imports=silent"]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, "--config-file=", *(f"{name}.py" for name in KERNEL)],
+        cwd=tmp_path,
+        env={**os.environ, "MYPYPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_links_lead_somewhere():

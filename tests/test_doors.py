@@ -7,6 +7,7 @@ import pytest
 
 import thbcad
 from tests.source_tree import FILES, MODULES, door_table, module_of, name, tree
+from thbcad.doors import stand_in
 
 DOORS = [p for p in FILES if door_table(p)]
 
@@ -64,3 +65,10 @@ def test_unknown_names_are_attribute_errors():
         _ = thbcad.Mesh
     with pytest.raises(ImportError, match="Mesh"):
         exec("from thbcad import Mesh")
+
+
+def test_a_stand_in_is_what_it_stands_for_once_that_can_be_imported():
+    line, knots = (stand_in("thbcad.splines", name) for name in ("line", "KnotVector"))
+    assert line is stand_in("thbcad.splines", "line") is not thbcad.line
+    assert line([0.0], [2.0])([0.5]).tolist() == [[1.0]]
+    assert knots.uniform(2, 3).dim == knots(2, [0, 0, 0, 1, 2, 3, 3, 3]).dim == 5

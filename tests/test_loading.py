@@ -156,7 +156,7 @@ TENSOR_PRODUCT = (
     "sags.graphs",
     "io.step_brep",
     "cad.shapes.topology",
-    "cad.exchange.loose_faces",
+    "cad.exchange.loose_splines",
 )
 
 
@@ -168,9 +168,10 @@ def test_tensor_product_modules_do_not_load_the_hierarchy():
     assert not hierarchy & set(loaded)
 
 
-def test_help_loads_neither_numpy_nor_scipy():
-    done = run("-X", "importtime", "-m", "optics", "--help")
-    assert "usage" in done.stdout
+@pytest.mark.parametrize(("argument", "printed"), [("--help", "usage: thbcad"), ("new", 'title = "my lens"')])
+def test_help_and_a_new_problem_load_neither_numpy_nor_scipy(argument, printed):
+    done = run("-X", "importtime", "-m", "optics", argument)
+    assert printed in done.stdout
     loaded = {
         line.split("|")[-1].strip().split(".")[0]
         for line in done.stderr.splitlines()

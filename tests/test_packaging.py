@@ -18,6 +18,7 @@ import yaml
 import thbcad
 from optics.interface.commands import main
 from tests.cases import DATA, ROOT
+from thbcad import FreeformSurface, Lens, write_lens
 from thbcad.doors import EXTRAS
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -31,8 +32,6 @@ ARGUMENTS = {
     "completion": ["bash"],
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
-    "export": ["result", "--out", "lens.stl"],
-    "new": [],
     "relight": ["result", "--source", "sun"],
     "tolerance": ["result"],
     "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
@@ -40,8 +39,9 @@ ARGUMENTS = {
     "trace": ["result"],
     "verify": ["result"],
 }
+FREE = ("export", "new")  # what these lack depends on what they are asked for
 LIBRARY = {
-    "OCP": ("from thbcad import write_step", "cad"),
+    "OCP": ("from thbcad import write_step; write_step()", "cad"),
     "PIL": ("from optics.scene.receivers import read_picture", "optics"),
     "drjit": ("from optics.base.runtime import load_backend; load_backend()", "optics"),
     "matplotlib": ("from optics.reporting.figures import solid_views", "optics"),
@@ -125,14 +125,57 @@ def test_the_hook_refuses_other_packages(tmp_path):
 def test_a_missing_package_is_an_import_error_with_the_command(package, tmp_path):
     program, extra = LIBRARY[package]
     done = run(f"{hiding(package)}\n{program}", tmp_path)
-    assert done.stderr.splitlines()[-1] == (
-        f'ImportError: {package} is not installed; pip install "thbcad[{extra}]"'
-    )
+    sentence = f'{package} is not installed; pip install "thbcad[{extra}]"'
+    assert done.stderr.splitlines()[-1] == f"thbcad.doors.MissingPackage: {sentence}"
+
+
+LOOKS = """
+import importlib, inspect, pydoc, sys
+package = importlib.import_module(sys.argv[1])
+held = {}
+exec(f"from {package.__name__} import *", held)
+assert set(package.__all__) <= set(held)
+assert all(hasattr(package, name) for name in package.__all__)
+assert not hasattr(package, "no_such_name")
+members = dict(inspect.getmembers(package))
+assert all(members[name] is held[name] for name in package.__all__)
+text = pydoc.plain(pydoc.render_doc(package))
+assert all(name in text for name in package.__all__)
+assert all(held[name].__name__ == name and held[name].__doc__ for name in package.__all__)
+"""
+USES = """
+import thbcad
+from thbcad.doors import MissingPackage
+
+assert inspect.isclass(thbcad.ForeignLens) and inspect.isfunction(thbcad.write_step)
+assert thbcad.ForeignLens.__module__ == "thbcad.cad.foreign.foreign_lens"
+assert thbcad.write_step.__doc__.startswith("Write a lens, or a part with a lens")
+assert not isinstance(1, thbcad.ForeignLens) and not issubclass(int, thbcad.ForeignLens)
+assert not hasattr(thbcad.ForeignLens, "__no_such_name__")
+class Own(thbcad.ForeignLens):
+    pass
+for use in (Own, thbcad.ForeignLens, lambda: thbcad.ForeignLens.lens, thbcad.write_step, thbcad.to_trimesh):
+    try:
+        use()
+    except MissingPackage as error:
+        print(error)
+"""
+
+
+@pytest.mark.parametrize("package", ["thbcad", "thbcad.cad", "optics"])
+def test_nothing_dies_of_a_missing_extra_by_being_looked_at(package, tmp_path):
+    """`import *`, `hasattr`, `inspect.getmembers` and `help` work; what is used says what it lacks."""
+    uses = USES if package == "thbcad" else ""
+    done = run(f"{BARE_HOOK}\nsys.argv[1:] = [{package!r}]\n{LOOKS}{uses}", tmp_path)
+    assert done.stderr == ""
+    lacking = ["OCP", "OCP", "OCP", "OCP", "trimesh"] if uses else []
+    sentences = [f'{name} is not installed; pip install "thbcad[cad]"' for name in lacking]
+    assert done.stdout.splitlines() == sentences
 
 
 def test_all_commands_have_arguments_here():
     assert {p.stem for p in (ROOT / "optics" / "interface" / "commands").glob("*_command.py")} == {
-        f"{command}_command" for command in ARGUMENTS
+        f"{command}_command" for command in (*ARGUMENTS, *FREE)
     }
 
 
@@ -143,10 +186,28 @@ def test_commands_without_the_extra_are_bad_input(command, tmp_path):
     assert done.stderr == SENTENCE.format("OCP, drjit are")
 
 
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("dat", ""),
+        ("svg", ""),
+        ("dxf", 'cannot export lens.dxf: ezdxf is not installed; pip install "thbcad[cad]"'),
+        ("ply", 'a ply file is read back by trimesh, which is not installed; pip install "thbcad[optics]"'),
+        ("step", 'cannot export lens.step: OCP is not installed; pip install "thbcad[cad]"'),
+    ],
+)
+def test_an_export_names_only_what_its_file_lacks(name, sentence, tmp_path):
+    write_lens(Lens(FreeformSurface((4, 4)), FreeformSurface((4, 4)), 2.0, 1.5), tmp_path / "lens.json")
+    done = run_command(BARE_HOOK, ["export", "lens.json", "--out", f"lens.{name}"], tmp_path)
+    assert done.stderr == (f"thbcad: {sentence}\n" if sentence else "")
+    assert done.returncode == (2 if sentence else 0)
+    assert (len(list(tmp_path.iterdir())) == 1) == bool(sentence)
+
+
 @pytest.mark.parametrize("package", EXTRAS["optics"])
 def test_each_package_of_the_extra_is_named(package, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, package, None)
-    assert main(["new"]) == 2
+    assert main(["check", "problem.toml"]) == 2
     assert capsys.readouterr() == ("", SENTENCE.format(f"{package} is"))
 
 
@@ -292,7 +353,7 @@ def test_the_wheel_works_in_a_fresh_environment(built, tmp_path, capsys):
     assert call(command, "--help").stdout.startswith("usage: thbcad")
     assert call(command, "--version").stdout == f"thbcad {thbcad.__version__}\n"
     assert call(python, "-I", "-c", "import thbcad, optics").returncode == 0
-    for arguments in (["design", "problem.toml"], ["new"]):
+    for arguments in (["design", "problem.toml"], ["check", "problem.toml"]):
         done = call(command, *arguments)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == SENTENCE.format(", ".join(EXTRAS["optics"]) + " are")

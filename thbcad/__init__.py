@@ -12,11 +12,13 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from thbcad.cad import (
         ForeignLens as ForeignLens,
+        read_curves as read_curves,
         read_faces as read_faces,
         read_lens_solid as read_lens_solid,
         read_step as read_step,
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
+        write_curves as write_curves,
         write_faces as write_faces,
         write_step as write_step,
     )
@@ -42,10 +44,12 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
-    from thbcad.hierarchy import THBSpace as THBSpace
+    from thbcad.hierarchy import THBSpace as THBSpace, common_refinement as common_refinement
     from thbcad.io import (
+        read_curve as read_curve,
         read_lens as read_lens,
         read_surface as read_surface,
+        write_curve as write_curve,
         write_lens as write_lens,
         write_surface as write_surface,
     )
@@ -84,4 +88,4 @@ if TYPE_CHECKING:
     )
     from thbcad.surfaces import THBSurface as THBSurface
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

@@ -1,13 +1,13 @@
-"""Checks of numbers, rows and knots, and read-only arrays."""
+"""Checks of numbers, coordinates and knots, and read-only arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields
-from functools import partial
+from collections.abc import Sequence
 from math import log10, trunc
 from numbers import Real
-from typing import Any
+from operator import index
+from pathlib import Path
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,20 +45,21 @@ def locked(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def rebuilt(noun: Any) -> tuple[partial[Any], tuple[()]]:
-    """Return how copies and pickles are made, as `__reduce__`: by the constructor, with read-only arrays and
-    without caches."""
-    make: Callable[..., Any] = type(noun)
-    given = {field.name: getattr(noun, field.name) for field in fields(noun) if field.init}
-    return partial(make, **given), ()
-
-
 def require_type(name: str, value: object, *types: type) -> None:
     """Raise ValueError unless the value is of one of these types."""
     if not isinstance(value, types):
         raise ValueError(
             f"{name} must be a {' or '.join(each.__name__ for each in types)}, got {type(value).__name__}"
         )
+
+
+def require_suffix(path: str | Path, *suffixes: str) -> str:
+    """Return the suffix of a file in lower case; raise ValueError for one that is not among `suffixes`."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        *others, last = suffixes
+        raise ValueError(f"{path} must end in {', '.join(others)} or {last}")
+    return suffix
 
 
 def require_unmasked(array: object) -> None:
@@ -83,6 +84,8 @@ def floats(array: ArrayLike) -> Floats:
     ------
     ValueError : as `require_real`; integers that float64 cannot hold.
     """
+    if isinstance(array, float) or (type(array) is np.ndarray and array.dtype == np.float64):
+        return np.asarray(array)  # neither masked nor complex
     require_real(array)
     try:
         return np.asarray(array, dtype=np.float64)
@@ -92,12 +95,11 @@ def floats(array: ArrayLike) -> Floats:
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
     """Raise ValueError unless the value is an integer, no bool, from `least` to `most`."""
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, np.integer))
-        or value < least
-        or (most is not None and value > most)
-    ):
+    try:
+        number = least - 1 if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = least - 1
+    if number < least or (most is not None and number > most):
         bounds = "a non-negative integer" if least == 0 else f"an integer of at least {least}"
         if most is not None:
             bounds = f"an integer from {least} to {most}"
@@ -169,7 +171,7 @@ def require_degree(degree: object) -> None:
     require_integer("degree", degree, 1, MAX_DEGREE)
 
 
-def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
+def half_widths(half_width: Any) -> tuple[float, float]:
     """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and
     finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
@@ -181,12 +183,37 @@ def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
     return float(half_width[0]), float(half_width[1])
 
 
-def points(u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-    """Return scattered points as two rows, (n,) each; raise ValueError unless they are of equal length."""
-    u, v = (np.atleast_1d(floats(x)) for x in (u, v))
-    if u.shape != v.shape or u.ndim != 1:
-        raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
-    return u, v
+def inside(name: str, x: ArrayLike, domain: tuple[float, float]) -> Floats:
+    """Return a coordinate as float64, of any shape.
+
+    Raises
+    ------
+    ValueError : as `floats`; a number that is NaN or outside the domain [start, stop].
+    """
+    (start, stop), x = domain, floats(x)
+    least, most = (x.min(), x.max()) if x.ndim and x.size else (x, x)
+    if x.size and not (start <= least and most <= stop):
+        bad = x[~((x >= start) & (x <= stop))].flat[0]
+        raise ValueError(f"{name} = {bad} lies outside the domain [{start}, {stop}]")
+    return x
+
+
+def coordinates(**given: tuple[ArrayLike, tuple[float, float]]) -> tuple[Floats, ...]:
+    """Return coordinates, given by name with their domains, as arrays of the one shape to which they
+    broadcast.
+
+    Raises
+    ------
+    ValueError : as `inside`; shapes that do not broadcast.
+    """
+    found = tuple(inside(name, x, domain) for name, (x, domain) in given.items())
+    if len({x.shape for x in found}) == 1:
+        return found
+    try:
+        return tuple(np.broadcast_arrays(*found))
+    except ValueError:
+        shapes = " and ".join(str(x.shape) for x in found)
+        raise ValueError(f"{' and '.join(given)} must have shapes that broadcast, got {shapes}") from None
 
 
 def require_sorted(knots: Floats) -> None:
@@ -214,7 +241,7 @@ def require_subset(knots: Floats, finer: Floats) -> None:
         raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
 
 
-def uniform_breaks(spans: int, start: float, stop: float) -> Floats:
+def uniform_breaks(spans: SupportsIndex, start: float, stop: float) -> Floats:
     """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
 
     Raises
@@ -224,7 +251,11 @@ def uniform_breaks(spans: int, start: float, stop: float) -> Floats:
     require_integer("spans", spans, 1, MOST_SPANS)
     for name, end in (("start", start), ("stop", stop)):
         require_number(name, end, finite=True)
-    start, stop = float(start), float(stop)  # differences of integers may be beyond float64
+    spans, start, stop = (
+        int(spans),
+        float(start),
+        float(stop),
+    )  # differences of integers may be beyond float64
     if not start < stop:
         raise ValueError(f"start must be less than stop, got {start} and {stop}")
     breaks = start + (stop - start) * (np.arange(spans + 1) / spans)

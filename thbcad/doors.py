@@ -1,13 +1,16 @@
 """Doors of rooms: a package that offers names of its files, each loaded when it is first used.
 
-Some rooms need packages that only an extra of `pip install` brings.  A door says which extra is missing.
+Some rooms need packages that only an extra of `pip install` brings.  A door says which extra is missing; a
+public one when the name is used, so that `import *`, `help`, `inspect` and `hasattr` work without it.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,29 +33,94 @@ EXTRAS = {
 }
 
 
-def lazy_door(package: str, path: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+class MissingPackage(ImportError):
+    """A package of an extra is not installed; the sentence names the command that installs it."""
+
+
+def lazy_door(
+    package: str, path: str, public: bool = False
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
     What the package offers, and where that lives, is read from the imports `X as X` of its own text.  They
     stand under `if TYPE_CHECKING:`, so that each name is listed once.
 
     package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
-        whose file needs a package of an extra is an ImportError where that is missing.
+        whose file needs a package of an extra is a MissingPackage where that is missing.
+    public : users look into it: a name whose file cannot be imported is a `stand_in`.
     """
-    homes = {
-        name: home
-        for home, names in IMPORT.findall(Path(path).read_text("utf-8"))
-        for name in OFFERED.findall(names)
-    }
+    homes = _homes(Path(path))
 
     def load(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(loaded(homes[name]), name)
+        try:
+            value = getattr(loaded(homes[name]), name)
+        except ImportError:
+            if public:
+                return stand_in(homes[name], name)
+            raise
         setattr(sys.modules[package], name, value)
         return value
 
     return load, lambda: sorted(homes), sorted(homes)
+
+
+def _homes(door: Path) -> dict[str, str]:
+    """Return {name: module} of what the text of a door offers."""
+    return {
+        name: home
+        for home, names in IMPORT.findall(door.read_text("utf-8"))
+        for name in OFFERED.findall(names)
+    }
+
+
+def _file(module: str) -> Path:
+    """Return the source file of a module, which is not imported."""
+    spec = find_spec(module)
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin)
+
+
+class StandIn(type):
+    """The type of a class whose file cannot be imported: a call, and every public attribute, imports it."""
+
+    _real: Callable[[], Any]
+
+    def __call__(cls, *arguments: Any, **options: Any) -> Any:
+        return cls._real()(*arguments, **options)
+
+    def __getattr__(cls, attribute: str) -> Any:
+        if attribute.startswith("_"):  # help and inspect ask every class for such
+            raise AttributeError(f"{cls.__name__} has no attribute {attribute!r}")
+        return getattr(cls._real(), attribute)
+
+
+@cache
+def stand_in(module: str, name: str) -> Any:
+    """Return a function or a class that stands for a name of a module that cannot be imported.
+
+    It has the name, the module and the docstring that the source text gives.  Used, it imports the module
+    once more, and so raises its ImportError.
+    """
+    while (file := _file(module)).name == "__init__.py":  # a door, which may lead to others
+        module = _homes(file)[name]
+    tree = ast.parse(file.read_text("utf-8"))
+    *_, node = (n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name)
+
+    def real() -> Any:
+        return getattr(loaded(module), name)
+
+    def used(*arguments: Any, **options: Any) -> Any:
+        return real()(*arguments, **options)
+
+    looks = {"__module__": module, "__qualname__": name, "__doc__": ast.get_docstring(node)}
+    if isinstance(node, ast.ClassDef):
+        return StandIn(name, (), {**looks, "_real": staticmethod(real)})
+    for key, value in {**looks, "__name__": name}.items():
+        setattr(used, key, value)
+    return used
 
 
 def loaded(module: str) -> ModuleType:
@@ -60,7 +128,7 @@ def loaded(module: str) -> ModuleType:
 
     Raises
     ------
-    ImportError : a package of an extra is not installed, in one sentence with the command that installs it.
+    MissingPackage : a package of an extra is not installed.
     """
     try:
         return import_module(module)
@@ -68,7 +136,7 @@ def loaded(module: str) -> ModuleType:
         for extra, packages in EXTRAS.items():
             if error.name in packages:
                 sentence = f"{error.name} is not installed; {pip_command(extra)}"
-                raise ImportError(sentence, name=error.name) from error
+                raise MissingPackage(sentence, name=error.name) from error
         raise
 
 

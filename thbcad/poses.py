@@ -9,21 +9,22 @@ and directions by R alone.  Poses are a group: `a @ b` does b first, and `a @ a.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, read_only, rebuilt
+from thbcad.checks import Floats, read_only
+from thbcad.values import Value
 
 ORIGIN = (0.0, 0.0, 0.0)
 ORTHOGONAL = 1e-9  # of R^T R - 1, at most: a matrix that was written with ten digits is a rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Value):
     """The rigid motion x -> R x + s.
 
     rotation : R, (3, 3).  shift : s, (3,) mm.
@@ -48,8 +49,8 @@ class Pose:
     rotation: Floats
     shift: Floats
 
-    def __post_init__(self) -> None:
-        rotation, shift = read_only(self.rotation), read_only(self.shift)
+    def __init__(self, rotation: ArrayLike, shift: ArrayLike) -> None:
+        rotation, shift = read_only(rotation), read_only(shift)
         if rotation.shape != (3, 3) or shift.shape != (3,):
             raise ValueError(
                 f"a pose has a rotation (3, 3) and a shift (3,), got {rotation.shape} and {shift.shape}"
@@ -63,15 +64,20 @@ class Pose:
             raise ValueError(
                 "a rotation has the determinant 1, but this matrix has -1: it mirrors; change a sign"
             )
-        object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(self, "shift", shift)
+        vars(self).update(rotation=rotation, shift=shift)
+
+    def __repr__(self) -> str:
+        shift = ", ".join(f"{s:g}" for s in self.shift)
+        cosine = np.clip((np.trace(self.rotation) - 1) / 2, -1, 1)
+        rotated = f", rotated by {np.degrees(np.arccos(cosine)):g} degrees" if self.rotates else ""
+        return f"Pose(shift ({shift}) mm{rotated})"
 
     @classmethod
     def at(
         cls,
-        position: Sequence[float] = ORIGIN,
-        rotation_vector: Sequence[float] = ORIGIN,
-        about: Sequence[float] = ORIGIN,
+        position: ArrayLike = ORIGIN,
+        rotation_vector: ArrayLike = ORIGIN,
+        about: ArrayLike = ORIGIN,
     ) -> Pose:
         """Return a rotation about a point, and then a shift.
 
@@ -87,13 +93,13 @@ class Pose:
         return cls(rotation, centre - rotation @ centre + np.asarray(position, dtype=float))
 
     @classmethod
-    def tilted(cls, position: Sequence[float], tilt: Sequence[float]) -> Pose:
+    def tilted(cls, position: ArrayLike, tilt: ArrayLike) -> Pose:
         """Return a shift of a body that is then turned about its own axes X, Y and Z, one after the other.
 
         position : mm.  tilt : degrees, right-handed: `Rotation.from_euler("XYZ", tilt, degrees=True)`.
         """
         rotation = np.eye(3)
-        if any(tilt):
+        if np.any(tilt):
             from scipy.spatial.transform import Rotation
 
             rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix()
@@ -145,8 +151,6 @@ class Pose:
         from scipy.spatial.transform import Rotation
 
         return np.array(Rotation.from_matrix(self.rotation).as_rotvec())
-
-    __reduce__ = rebuilt
 
 
 IDENTITY = Pose.at()

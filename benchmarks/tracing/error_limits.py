@@ -77,7 +77,9 @@ def fit(
     """Return the fit alone as an Objective, on the problem's pixels; the target has the whole source flux."""
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
-    tracer = Tracer(backend, system.path(lens).with_soft_rims(soft_rim), system.source.rays(rays), sure=False)
+    tracer = Tracer(
+        backend, system.path(lens).with_soft_rims(soft_rim), system.source.rays(rays), proven=False
+    )
     return Objective(TracedModel(backend, tracer, screen, window), target, 0.0)
 
 
@@ -134,11 +136,11 @@ def _extended(backend: Backend) -> list[Row]:
             )
         )
     rays = system.source.rays(EXTENDED_RAYS)
-    for name, sure in (
+    for name, proven in (
         ("both searches and no derivatives", False),
         ("the same, sure of the first of several meetings", True),
     ):
-        tracer = Tracer(backend, system.path(lens), rays, sure=sure)
+        tracer = Tracer(backend, system.path(lens), rays, proven=proven)
 
         def search(tracer: Tracer = tracer) -> None:
             with backend.dr.suspend_grad():

@@ -264,7 +264,7 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
 def _front(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     rays = system.source.rays((512, 512))
-    tracers = (kind(backend, system.path(lens), rays, sure=False) for kind in (Tracer, FrontAgain))
+    tracers = (kind(backend, system.path(lens), rays, proven=False) for kind in (Tracer, FrontAgain))
     return _tracers(system, lens, backend, "front", tracers)
 
 
@@ -276,7 +276,7 @@ def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
     free = replace(lens, front=lens.front.with_sag(THBSurface(flat, np.zeros(flat.dim))))
     rays = system.source.rays((512, 512))
     one, two = (
-        _evaluation(system, a, backend, Tracer(backend, system.path(a), rays, sure=False))
+        _evaluation(system, a, backend, Tracer(backend, system.path(a), rays, proven=False))
         for a in (lens, free)
     )
 
@@ -290,14 +290,14 @@ def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
 def _converged(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Steps until the residual is a five-hundredth of what settles, the last above rounding."""
     rays = system.source.rays((512, 512))
-    tracers = [Tracer(backend, system.path(lens), rays, sure=False) for _ in range(2)]
+    tracers = [Tracer(backend, system.path(lens), rays, proven=False) for _ in range(2)]
     tracers[1]._surfaces[1].hits.settled = 1e-3
     return _tracers(system, lens, backend, "converged rays", tracers)
 
 
 def _first_meetings(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     rays = system.source.rays((512, 512))
-    tracers = (Tracer(backend, system.path(lens), rays, sure=sure) for sure in (False, True))
+    tracers = (Tracer(backend, system.path(lens), rays, proven=proven) for proven in (False, True))
     return _tracers(system, lens, backend, "first meetings", tracers)
 
 
@@ -306,7 +306,7 @@ def _compilation(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ro
     rays, c = system.source.rays((128, 128)), lens.rear.sag.coefficients
     rng = np.random.default_rng()  # other numbers in every run: kernels are kept on disk
     objectives = [
-        _objective(system, b, Tracer(b, system.path(lens), rays, sure=False))
+        _objective(system, b, Tracer(b, system.path(lens), rays, proven=False))
         for b in (backend, replace(backend, dr=Literals(backend.dr)))
     ]
 

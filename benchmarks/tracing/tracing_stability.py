@@ -54,7 +54,7 @@ def _rough_fronts(backend: Backend) -> list[Row]:
             front = rough_front(slope, radius=-16.0 if number else np.inf, seed=int(10 * slope) + number)
             rays = source(front, ROUGH, 5 + number)
             judged = judge(backend, front, rays, EXACT)
-            faster = disagreeing(backend, front, next(rays.slices(UNSURE)), sure=False)
+            faster = disagreeing(backend, front, next(rays.slices(UNSURE)), proven=False)
             title = f"rough front of slope {slope:g}, {name}"
             how = f"{judged.rays} rays, {judged.exact} by rational numbers"
             out.append(Row(f"{title}: another meeting than the first", judged.wrong, "rays", how, 0))

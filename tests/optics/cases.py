@@ -96,7 +96,7 @@ HOLLOW = {  # the problem of `hollow_lens`
     "lens.rear.freeform.spans": [2, 2],
     "target.distance": 1000.0,
 }
-DOME = HOLLOW | {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
+DOME = HOLLOW | {  # thesis Table 6.3: a square Lambertian emitter of 1 mm in the hollow of a dome
     "source.kind": "lambertian",
     "source.half_width": [0.5, 0.5],
     "source.distance": 2.0,
@@ -223,10 +223,10 @@ def moved_point(text, point, change):
     return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
 
 
-def tracer_to(backend, lens, rays, target_z, soft_rim=0.0, sure=True, fresnel=True, absorption=0.0):
+def tracer_to(backend, lens, rays, target_z, soft_rim=0.0, proven=True, fresnel=True, absorption=0.0):
     """Return the Tracer of a lens alone, to a plane; inf is the far field."""
     path = LightPath.through(lens, receiver_at(target_z), absorption).with_soft_rims(soft_rim)
-    return Tracer(backend, path if fresnel else path.without_reflection(), rays, sure)
+    return Tracer(backend, path if fresnel else path.without_reflection(), rays, proven)
 
 
 def traced(backend, lens, source=(9.5, 9.5), rays=(41, 37), target_z=TARGET_Z, target=(20.0, 20.0)):

@@ -106,9 +106,7 @@ def test_masked_cells_are_refused():
 
 
 @pytest.mark.parametrize("make", [list, np.asarray, lambda u: u[1]], ids=["list", "array", "number"])
-@pytest.mark.parametrize(
-    "name", [name for name in OF_A_ROW if name not in ("KnotVector", "samples", "conic")]
-)
+@pytest.mark.parametrize("name", [name for name in OF_A_ROW if name not in ("KnotVector", "samples")])
 @pytest.mark.filterwarnings("error")
 def test_complex_rows_are_refused(name, make):
     with pytest.raises(ValueError, match="numbers must be real, got complex128"):

@@ -7,10 +7,12 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from thbcad.cad.exchange import (
         named_faces as named_faces,
+        read_curves as read_curves,
         read_faces as read_faces,
         read_step as read_step,
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
+        write_curves as write_curves,
         write_faces as write_faces,
     )
     from thbcad.cad.foreign import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
@@ -22,4 +24,4 @@ if TYPE_CHECKING:
         write_step as write_step,
     )
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

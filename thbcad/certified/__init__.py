@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         bernstein as bernstein,
         cell_bounds as cell_bounds,
         rounding as rounding,
+        tensor_form as tensor_form,
     )
     from thbcad.certified.convex_regions import (
         DIRECTIONS as DIRECTIONS,
@@ -40,5 +41,6 @@ if TYPE_CHECKING:
         greatest_slope as greatest_slope,
         least_radii as least_radii,
     )
+    from thbcad.certified.spline_distances import distance_bounds as distance_bounds
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

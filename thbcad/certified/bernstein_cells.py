@@ -100,7 +100,7 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
     p, q = (
         max(kv.degree - min(orders), 0) for kv, orders in zip((patches[0].kv_u, patches[0].kv_v), by_axis)
     )
-    error = np.max([[e for _, e in row] for row in rows], axis=0) + rounding(_roundings(p, q), magnitude)
+    error = np.max([[e for _, e in row] for row in rows], axis=0) + rounding(roundings(p, q), magnitude)
     extraction = cache(_extraction)
     for patch, row in zip(patches, rows):
         nets = [net for net, _ in row]
@@ -158,14 +158,11 @@ def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurf
 def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     """Return the graph as B-spline patches and the rounding error of their coefficients."""
     whole = whole_graph(graph)
-    error = 0.0
-    if isinstance(whole, THBSurface):
-        # two products with polar forms for every level of the hierarchy
-        count = whole.space.levels * _roundings(whole.space.kv_u.degree, whole.space.kv_v.degree)
-        patches = [whole.to_bspline()]
-        error = rounding(count, float(np.abs(whole.coefficients).max()))
+    if isinstance(whole, BSplineSurface | THBSurface):
+        patch, error = tensor_form(whole)
+        patches = [patch]
     else:
-        patches = [whole] if isinstance(whole, BSplineSurface) else list(whole)
+        patches, error = list(whole), 0.0
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(
@@ -175,6 +172,15 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     if len(degrees) != 1:
         raise ValueError(f"bounds need one or more patches of equal degrees, got degrees {sorted(degrees)}")
     return patches, error
+
+
+def tensor_form(surface: BSplineSurface | THBSurface) -> tuple[BSplineSurface, float]:
+    """Return the surface as one B-spline and a bound of the rounding errors of its coefficients."""
+    if isinstance(surface, BSplineSurface):
+        return surface, 0.0
+    # two products with polar forms for every level of the hierarchy
+    count = surface.space.levels * roundings(surface.space.kv_u.degree, surface.space.kv_v.degree)
+    return surface.to_bspline(), rounding(count, float(np.abs(surface.coefficients).max()))
 
 
 def _boxes(patch: BSplineSurface, first: int, step: int) -> Floats:
@@ -228,7 +234,7 @@ def _elevation(p: int, degree: int) -> Floats:
     return np.array(weights) / [[comb(degree, i)] for i in range(degree + 1)]
 
 
-def _roundings(p: int, q: int) -> int:
+def roundings(p: int, q: int) -> int:
     """Return the roundings of two products with polar forms of degrees p, q: 5 per factor, the elevation and
     the sums."""
     return 8 * (p + q + 2)

@@ -17,9 +17,10 @@ from enum import StrEnum
 import numpy as np
 
 from thbcad.certified import cell_bounds
-from thbcad.checks import Floats, read_only, rebuilt
+from thbcad.checks import Floats, read_only
 from thbcad.lens import SIDES, Lens, placed_surfaces, ruled_edge, subdivided
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
+from thbcad.values import Value
 
 MOST_CHORDS = 200_000
 
@@ -36,7 +37,7 @@ class Style(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(Value):
     """A line through points (n, 2), mm, to the right and upwards in a view.
 
     name : what it is a line of, such as "rear".  style : Style.
@@ -48,8 +49,6 @@ class Curve:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", read_only(self.points))
-
-    __reduce__ = rebuilt
 
 
 def spline_chords(kv: KnotVector, coefficients: Floats, chord: float) -> tuple[Floats, Floats, float]:

@@ -128,7 +128,7 @@ def _upright(cut: CutLens, along: int) -> list[Piece]:
         least = (start for start, _ in intervals(cut.shape, 1 - along, v))
         shown = v in (low, high) or u <= min(least) + THINNEST
         graphs = turned_graphs(cut.lens, along)
-        heights = [vertex + float(graph(u, v)[0]) for _, graph, vertex in graphs]
+        heights = [vertex + float(graph(u, v)) for _, graph, vertex in graphs]
         levels = [heights]
         if cut.flange is not None:
             levels = [[heights[0], cut.flange.low], [cut.flange.high, heights[1]]]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from thbcad.checks import require_suffix
 from thbcad.doors import loaded
 from thbcad.drawings.lens_drawing import lens_sheet
 from thbcad.drawings.sheets import Sheet
@@ -50,7 +51,5 @@ def write_drawing(
     ValueError : another suffix; as `lens_sheet`.
     ImportError : a DXF file where ezdxf is not installed.
     """
-    suffix = Path(path).suffix.lower().removeprefix(".")
-    if suffix not in DRAWINGS:
-        raise ValueError(f"{path} must end in .svg or .dxf")
-    write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord, aperture, flange, polygon), suffix))
+    suffix = require_suffix(path, *(f".{name}" for name in DRAWINGS))
+    write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord, aperture, flange, polygon), suffix[1:]))

@@ -236,14 +236,14 @@ def _cut_thicknesses(cut: CutLens, placed: list[PlacedView], scale: float) -> Ma
         height = side.view.box()[1, 1]
         low, high = (np.array([z, height]) for z in (cut.flange.low, cut.flange.high))
         marks += _between(side, scale, low, high, top + LEVEL)
-        vertex = np.array([float(cut.lens.front(0, 0)[0]), -height])
+        vertex = np.array([float(cut.lens.front(0, 0)), -height])
         marks += _between(side, scale, vertex, low * [1, -1], bottom - LEVEL)
     return marks
 
 
 def _along_axis(lens: Lens, section: PlacedView, scale: float, level: float) -> Marks:
     """Return the thickness on the optical axis."""
-    heights = [float(lens.front(0, 0)[0]), lens.thickness + float(lens.rear(0, 0)[0])]
+    heights = [float(lens.front(0, 0)), lens.thickness + float(lens.rear(0, 0))]
     ends = [np.array([z, 0.0]) for z in heights]
     return _between(section, scale, ends[0], ends[1], level)
 

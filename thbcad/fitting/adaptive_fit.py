@@ -6,13 +6,14 @@ Adaptive CAD model (re-)construction with THB-splines, Graphical Models 76 (2014
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import Integers, require_integer, require_number, require_type
+from thbcad.checks import Integers, read_only, require_integer, require_number, require_type
 from thbcad.fitting.fit_targets import HELD_OUT, OfFunction, OfSamples
 from thbcad.fitting.least_squares_fit import Samples, require_smoothing
 from thbcad.fitting.normal_equations import Underdetermined
@@ -20,6 +21,7 @@ from thbcad.fitting.smoothing_choice import Smoothing
 from thbcad.hierarchy import MAX_LEVEL, THBSpace
 from thbcad.splines import Function
 from thbcad.surfaces import THBSurface
+from thbcad.values import Value
 
 WORTH = 0.99  # one per cent less: refinement takes that much from the rms of noise by chance
 PATIENCE = 3  # refinements without a smaller error: the cells at fault are then 8 times smaller
@@ -39,10 +41,11 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Value):
     """The best fit, and how the search ended.
 
-    error : greatest error of the surface where it was measured.
+    error : greatest error of the surface: a bound, or the greatest where it was measured.
+    certified : whether the error is a bound that holds everywhere, rounding included.
     rms : root mean square of the error at points that it was not fitted to: samples held out; for a function
         the points of the error, weighted by area.
     outcome : how the search ended.
@@ -59,6 +62,8 @@ class Fit:
         - "smallest cells": float64 cannot halve the cells above the tolerance.
 
     history : one Step for every fit, coarsest first.
+    outliers : numbers of the samples that a robust fit takes for outliers, (n,) int; error and rms are those
+        of the others.
 
     Examples
     --------
@@ -73,6 +78,17 @@ class Fit:
     rms: float
     outcome: Outcome
     history: tuple[Step, ...]
+    outliers: Integers
+    certified: bool
+
+    def __post_init__(self) -> None:
+        vars(self).update(outliers=read_only(self.outliers, np.int64))
+
+    def __repr__(self) -> str:
+        error = f"error {'<= ' if self.certified else ''}{self.error:.3g}"
+        return (
+            f"Fit({self.outcome}, {error}, rms {self.rms:.3g}, {len(self.outliers)} outliers, {self.surface})"
+        )
 
 
 def fit(
@@ -82,6 +98,7 @@ def fit(
     max_level: int = 6,
     smoothing: Smoothing = 0.0,
     robust: bool = False,
+    progress: Callable[[Step], object] | None = None,
 ) -> Fit:
     """Return a spline of this space, refined where needed, that differs from the target by at most
     `tolerance`.
@@ -92,18 +109,20 @@ def fit(
     A function is sampled for the fit at (p + 1)(q + 1) Gauss points of every leaf cell, weighted by
     area (the L2 projection), and for the error at (p + 2)(q + 2) other points.  Of given samples of
     positive weight a random third (the same in every call) is held out of the fit; the error is measured
-    at all of them, but not at the outliers of a robust fit: those where `robust_weights` is 0 and that lie
-    beyond the values of all their neighbours.  It is no bound: what lies between the points is not seen.
+    at all of them, but not at the outliers of a robust fit, those whose `robust_weights` are 0.  It is no
+    bound: what lies between the points is not seen.  Of a B-spline or THB surface and of a `BoundedFunction`,
+    such as a conic, it is one.
 
     If the tolerance is not reached, the best fit is that of least error for a function, and for samples that
     of least rms.
 
     Parameters
     ----------
-    target : a function of u and v, (n,) float each, that returns (n,) or (n, d); or samples
+    target : a function of u and v, (n,) float each, that returns (n,) or (n, d); a spline surface; samples
     tolerance : greatest distance |s - target|, in the unit of the target
     max_level : cells of this level are not refined, 0 to 24
     smoothing, robust : as in `least_squares`; chosen smoothing and robust weights need samples
+    progress : called with the Step of every fit
 
     Raises
     ------
@@ -116,17 +135,26 @@ def fit(
     require_integer("max_level", max_level, 0, MAX_LEVEL)
     require_smoothing(smoothing)
     require_type("robust", robust, bool)
+    show = progress or (lambda step: None)
     if isinstance(target, Samples):
-        target = target[target.weights > 0]
-        if len(target) < HELD_OUT:
-            raise ValueError(f"a fit needs at least {HELD_OUT} samples of positive weight, got {len(target)}")
-        return _refined(space, OfSamples(target, smoothing, robust), tolerance, max_level)
+        used = np.flatnonzero(target.weights > 0)
+        if len(used) < HELD_OUT:
+            raise ValueError(f"a fit needs at least {HELD_OUT} samples of positive weight, got {len(used)}")
+        samples = OfSamples(target[used], smoothing, robust)
+        found = _refined(space, samples, tolerance, max_level, show)
+        return replace(found, outliers=used[found.outliers])
     if robust or isinstance(smoothing, str):
         raise ValueError("a function has no noise: chosen smoothing and robust weights need samples")
-    return _refined(space, OfFunction(target, smoothing), tolerance, max_level)
+    return _refined(space, OfFunction.of(target, smoothing, tolerance), tolerance, max_level, show)
 
 
-def _refined(space: THBSpace, target: OfFunction | OfSamples, tolerance: float, max_level: int) -> Fit:
+def _refined(
+    space: THBSpace,
+    target: OfFunction | OfSamples,
+    tolerance: float,
+    max_level: int,
+    show: Callable[[Step], object],
+) -> Fit:
     """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an
     outcome."""
     surface = target.fit(space)
@@ -136,10 +164,11 @@ def _refined(space: THBSpace, target: OfFunction | OfSamples, tolerance: float, 
     while True:
         check = target.check(surface)
         step = Step(space.dim, float(check.errors.max()), check.rms)
+        show(step)
         history.append(step)
         ranks.append(target.rank(check))
         if step.error <= tolerance or ranks[-1] == min(ranks):
-            best, least = surface, step
+            best = surface, step.error, step.rms, check.outliers
         coarse = space.cells[:, 0] < max_level
         below.append(target.loss(check, coarse))
         above = coarse & (check.errors > tolerance)
@@ -151,7 +180,8 @@ def _refined(space: THBSpace, target: OfFunction | OfSamples, tolerance: float, 
                 continue
         except Underdetermined:
             finer = "too few samples"
-        return Fit(best, least.error, least.rms, finer, tuple(history))
+        surface, error, rms, outliers = best
+        return Fit(surface, error, rms, finer, tuple(history), outliers, target.certified)
 
 
 def _finer(space: THBSpace, above: NDArray[np.bool_], samples: float) -> THBSpace | Outcome:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.certified import distance_bounds, tensor_form
 from thbcad.checks import Floats, Integers
-from thbcad.fitting.cell_samples import cell_points, gauss_points
 from thbcad.fitting.least_squares_fit import Samples, least_squares, robust_weights
-from thbcad.fitting.residual_statistics import AROUND, BESIDE, are_noise, neighbours
+from thbcad.fitting.residual_statistics import BESIDE, are_noise, neighbours
 from thbcad.fitting.smoothing_choice import Smoothing
 from thbcad.hierarchy import THBSpace
-from thbcad.splines import Function, evaluate
+from thbcad.sags import BoundedFunction, error_bounds
+from thbcad.splines import BSplineSurface, Function, evaluate
 from thbcad.surfaces import THBSurface
 
 HELD_OUT = 3  # one sample in three
@@ -34,11 +36,13 @@ class Check(NamedTuple):
     errors : the greatest on every leaf cell, (cells,), 0 where there is none.
     rms : at points beside the fitted ones.
     noise : whether the residuals of neighbours are independent.
+    outliers : numbers of the samples that do not count.
     """
 
     errors: Floats
     rms: float
     noise: bool
+    outliers: Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,22 +51,39 @@ class OfFunction:
 
     function: Function
     smoothing: Smoothing
-    samples_seen: float = np.inf  # as many as are asked for
+    bounds: Callable[[THBSurface], Floats] | None  # of the errors on every leaf cell, where they are known
+    samples_seen: ClassVar[float] = np.inf  # as many as are asked for
+
+    @classmethod
+    def of(cls, function: Function, smoothing: Smoothing, tolerance: float) -> OfFunction:
+        """Return the target with the bounds that its kind has."""
+        bounds: Callable[[THBSurface], Floats] | None = None
+        if isinstance(function, BSplineSurface | THBSurface):
+            bounds = partial(_spline_bounds, function, tolerance)
+        elif isinstance(function, BoundedFunction):
+            bounds = partial(_function_bounds, function)
+        return cls(function, smoothing, bounds)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the errors are bounds."""
+        return self.bounds is not None
 
     def fit(self, space: THBSpace) -> THBSurface:
-        u, v, weights = gauss_points(space)
+        u, v, weights, _ = space.quadrature()
         samples = Samples(u, v, evaluate(self.function, u, v), weights)
         return least_squares(space, samples, self.smoothing)
 
     def check(self, surface: THBSurface) -> Check:
         space = surface.space
         fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-        u, v = cell_points(space, *fractions)
+        u, v = space.cell_points(*fractions)
         difference = surface(u.ravel(), v.ravel()) - evaluate(self.function, u.ravel(), v.ravel())
         distance = _distance(difference).reshape(u.shape)
         u0, u1, v0, v1 = space.boxes.T
         areas = np.repeat((u1 - u0) * (v1 - v0), u.shape[1])
-        return Check(distance.max(axis=1), _rms(distance.ravel(), areas), noise=False)
+        errors = self.bounds(surface) if self.bounds else distance.max(axis=1)
+        return Check(errors, _rms(distance.ravel(), areas), False, np.zeros(0, dtype=np.int64))
 
     def loss(self, check: Check, refinable: NDArray[np.bool_]) -> float:
         """Return the greatest error of the cells that may be refined."""
@@ -73,6 +94,18 @@ class OfFunction:
         return float(check.errors.max())
 
 
+def _spline_bounds(target: BSplineSurface | THBSurface, tolerance: float, surface: THBSurface) -> Floats:
+    (u, v), bounds = distance_bounds(surface, target, tolerance)
+    return _by_cell(surface.space, u, v, bounds)
+
+
+def _function_bounds(target: BoundedFunction, surface: THBSurface) -> Floats:
+    spline, slack = tensor_form(surface)
+    u, v = ((kv.breaks[:-1] + kv.breaks[1:]) / 2 for kv in (spline.kv_u, spline.kv_v))
+    bounds = error_bounds(target, spline).total + slack
+    return _by_cell(surface.space, np.repeat(u, len(v)), np.tile(v, len(u)), bounds.ravel())
+
+
 @dataclass(frozen=True, eq=False)
 class OfSamples:
     """Fits to those samples that are not held out."""
@@ -80,6 +113,7 @@ class OfSamples:
     samples: Samples
     smoothing: Smoothing
     robust: bool
+    certified: ClassVar[bool] = False
 
     @cached_property
     def hidden(self) -> NDArray[np.bool_]:
@@ -99,18 +133,6 @@ class OfSamples:
         """The nearest among the fitted samples."""
         return neighbours(self.fitted.u, self.fitted.v, BESIDE)
 
-    @cached_property
-    def apart(self) -> NDArray[np.bool_]:
-        """Which samples lie beyond the values of all their neighbours.
-
-        Others are no outliers: it is the surface that is wrong where they differ from it.
-        """
-        values = self.samples.values.reshape(len(self.samples), -1)
-        around = values[neighbours(self.samples.u, self.samples.v, AROUND)]
-        beyond = (values < around.min(axis=1)) | (values > around.max(axis=1))
-        result: NDArray[np.bool_] = beyond.any(axis=1)
-        return result
-
     def fit(self, space: THBSpace) -> THBSurface:
         return least_squares(space, self.fitted, self.smoothing, self.robust)
 
@@ -118,18 +140,17 @@ class OfSamples:
         samples = self.samples
         counts = np.ones(len(samples), dtype=bool)
         if self.robust:
-            counts = (robust_weights(surface, samples) > 0) | ~self.apart
+            counts = robust_weights(surface, samples) > 0
         difference = (surface(samples.u, samples.v) - samples.values).reshape(len(samples), -1)
         difference[~counts] = 0
         distance = _distance(difference)
-        errors = np.zeros(len(surface.space.cells))
-        np.maximum.at(errors, surface.space.locate(samples.u, samples.v), distance)
         seen = difference[~self.hidden] / (distance.max() or 1.0)
         roots = np.sqrt(self.fitted.weights / self.fitted.weights.max())
         return Check(
-            errors,
+            _by_cell(surface.space, samples.u, samples.v, distance),
             _rms(distance[self.hidden & counts], samples.weights[self.hidden & counts]),
             are_noise(roots[:, None] * seen, self.beside),
+            np.flatnonzero(~counts),
         )
 
     def loss(self, check: Check, refinable: NDArray[np.bool_]) -> float:
@@ -139,6 +160,13 @@ class OfSamples:
     def rank(self, check: Check) -> float:
         """Return the rms, which is least for the best fit that misses the tolerance."""
         return check.rms
+
+
+def _by_cell(space: THBSpace, u: Floats, v: Floats, sizes: Floats) -> Floats:
+    """Return the greatest of the sizes at points of every leaf cell, (cells,), 0 where there is none."""
+    errors = np.zeros(len(space.cells))
+    np.maximum.at(errors, space.locate(u, v), sizes)
+    return errors
 
 
 def _rms(distance: Floats, weights: Floats) -> float:

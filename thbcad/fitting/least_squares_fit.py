@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, floats, read_only, rebuilt, require_number, require_type
+from thbcad.checks import Floats, Integers, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
-from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
-from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing
+from thbcad.fitting.outliers import biweights
+from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, places
+from thbcad.fitting.smoothing_choice import RULES, Progress, Smoothing, chosen_smoothing
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
+from thbcad.values import Value
 
 MOST_REWEIGHTINGS = 20  # three to six are usual
 SETTLED = 0.01  # change of a weight that no longer moves the fit
 ROUNDING = 1e-12  # of the greatest value: smaller residuals are those of the arithmetic
-EQUAL: Floats = read_only(1.0)  # weights that are left out: all 1
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Value):
     """Values z_k at scattered points (u_k, v_k), with weights w_k >= 0 in least squares.
 
     u, v : (n,) float.  values : (n,) or (n, d) float.  weights : (n,) float, all 1 if left out.
@@ -44,16 +45,13 @@ class Samples:
     u: Floats
     v: Floats
     values: Floats
-    weights: Floats = field(default_factory=lambda: EQUAL)
+    weights: Floats
 
-    def __post_init__(self) -> None:
-        n = np.shape(self.values)[:1]
-        arrays = {
-            "u": self.u,
-            "v": self.v,
-            "values": self.values,
-            "weights": np.ones(n) if self.weights is EQUAL else self.weights,
-        }
+    def __init__(
+        self, u: ArrayLike, v: ArrayLike, values: ArrayLike, weights: ArrayLike | None = None
+    ) -> None:
+        n = np.shape(values)[:1]
+        arrays = {"u": u, "v": v, "values": values, "weights": np.ones(n) if weights is None else weights}
         for name, given in arrays.items():
             array = read_only(given)
             if (
@@ -68,12 +66,14 @@ class Samples:
             bad = ~np.isfinite(array)
             if bad.any():
                 raise ValueError(f"{name}[{int(np.nonzero(bad)[0][0])}] is not finite")
-            object.__setattr__(self, name, array)
+            vars(self)[name] = array
         if (self.weights < 0).any():
             k = int(np.argmax(self.weights < 0))
             raise ValueError(f"weights must not be negative, got weights[{k}] = {self.weights[k]}")
 
-    __reduce__ = rebuilt
+    def __repr__(self) -> str:
+        rest = self.values.shape[1:]
+        return f"Samples({len(self)} points, values {f'in {rest[0]} dimensions' if rest else 'scalar'})"
 
     @classmethod
     def grid(cls, u: ArrayLike, v: ArrayLike, values: ArrayLike) -> Samples:
@@ -97,7 +97,11 @@ class Samples:
 
 
 def least_squares(
-    space: THBSpace, samples: Samples, smoothing: Smoothing = 0.0, robust: bool = False
+    space: THBSpace,
+    samples: Samples,
+    smoothing: Smoothing = 0.0,
+    robust: bool = False,
+    progress: Progress | None = None,
 ) -> THBSurface:
     """Return the spline s of the space with the least weighted sum of squares plus thin-plate energy.
 
@@ -109,6 +113,8 @@ def least_squares(
         values: weights are the inverse variances themselves).
     robust : t_k are Tukey's biweights (`robust_weights`) over their mean effect on normally distributed
         noise, found by reweighting until they settle; otherwise 1.
+    progress : called, while a smoothing is chosen, with the number of fits that are done, and the most there
+        may be, 15.  Seven are usual; a robust fit chooses twice.
 
     Raises
     ------
@@ -119,11 +125,10 @@ def least_squares(
     require_type("samples", samples, Samples)
     require_type("robust", robust, bool)
     require_smoothing(smoothing)
-    problem = _Problem.of(space, samples, with_energy=smoothing != 0)
+    problem = _Problem.of(space, samples, smoothing != 0, progress or (lambda done, most: None))
     if robust:
         return _robust(problem, smoothing)
-    equal = np.ones(len(samples))
-    return problem.fit(equal, problem.smoothing(equal, smoothing))
+    return problem.fit(problem.equations(np.ones(len(samples))), smoothing)
 
 
 def require_smoothing(smoothing: object) -> None:
@@ -138,28 +143,40 @@ def require_smoothing(smoothing: object) -> None:
 def robust_weights(surface: THBSurface, samples: Samples) -> Floats:
     """Return Tukey's biweights of the samples of a robust fit, (n,) from 0 to 1: 0 for outliers.
 
-    An outlier differs from the surface by much more than its twelve nearest samples do, and than these differ
-    from each other (`tukey_weights`).  Detail that the surface lacks is none where several samples show it.
+    An outlier differs from the surface by much more than its twelve nearest good samples do, and than these
+    differ from each other (`tukey_weights`); and it lies beyond their own values, alone or in a small clump
+    (`biweights`).  Other samples that differ show detail that the surface lacks, and keep weight.
     Samples of weight 0 are left out, and get 0.
     """
-    residuals = samples.values - surface(samples.u, samples.v)
-    return _biweights(residuals, samples, _neighbourhoods(samples))
+    return _Judge.of(samples).weights(samples.values - surface(samples.u, samples.v))
 
 
-def _neighbourhoods(samples: Samples) -> Integers:
-    used = samples.weights > 0
-    return neighbours(samples.u[used], samples.v[used], AROUND)
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """Gives samples their weights by residuals: whatever depends on the samples alone is found once."""
 
+    used: NDArray[np.bool_]  # those of positive weight
+    roots: Floats  # of their weights over the greatest
+    values: Floats  # (used, d), over the height
+    height: float
+    points: Floats
+    near: Integers
 
-def _biweights(residuals: Floats, samples: Samples, near: Integers) -> Floats:
-    """Return the biweights of residuals, (n,) or (n, d), for neighbourhoods among the samples in use."""
-    used = samples.weights > 0
-    height = float(np.abs(samples.values).max()) or 1.0
-    roots = np.sqrt(samples.weights[used] / samples.weights.max(initial=0))
-    relative = roots[:, None] * (residuals[used] / height).reshape(len(roots), -1)
-    out = np.zeros(len(samples))
-    out[used] = tukey_weights(relative, near, ROUNDING)
-    return out
+    @classmethod
+    def of(cls, samples: Samples) -> _Judge:
+        used = samples.weights > 0
+        u, v, weights = samples.u[used], samples.v[used], samples.weights[used]
+        height = float(np.abs(samples.values).max()) or 1.0
+        values = (samples.values[used] / height).reshape(len(u), -1)
+        roots = np.sqrt(weights / weights.max(initial=0))
+        return cls(used, roots, values, height, places(u, v), neighbours(u, v, AROUND))
+
+    def weights(self, residuals: Floats) -> Floats:
+        """Return the weights that belong to residuals (n,) or (n, d), (n,); 0 for samples not used."""
+        relative = self.roots[:, None] * (residuals[self.used] / self.height).reshape(len(self.roots), -1)
+        out = np.zeros(len(residuals))
+        out[self.used] = biweights(relative, self.values, self.points, self.near, ROUNDING)
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,22 +187,23 @@ class _Problem:
     samples: Samples
     collocation: csr_array
     energy: csr_array
+    progress: Progress
 
     @classmethod
-    def of(cls, space: THBSpace, samples: Samples, with_energy: bool) -> _Problem:
+    def of(cls, space: THBSpace, samples: Samples, with_energy: bool, progress: Progress) -> _Problem:
         energy = thin_plate(space) if with_energy else csr_array((space.dim, space.dim))
-        return cls(space, samples, space.collocation(samples.u, samples.v), energy)
+        return cls(space, samples, space.collocation(samples.u, samples.v), energy, progress)
 
     def equations(self, factors: Floats) -> NormalEquations:
         weights = self.samples.weights * factors
         return NormalEquations.of(self.space, self.collocation, self.energy, self.samples.values, weights)
 
-    def smoothing(self, factors: Floats, wanted: Smoothing) -> float:
+    def smoothing(self, equations: NormalEquations, wanted: Smoothing) -> float:
         """Return the smoothing as a number."""
-        return chosen_smoothing(self.equations(factors), wanted) if isinstance(wanted, str) else wanted
+        return chosen_smoothing(equations, wanted, self.progress) if isinstance(wanted, str) else wanted
 
-    def fit(self, factors: Floats, smoothing: float) -> THBSurface:
-        equations = self.equations(factors)
+    def fit(self, equations: NormalEquations, wanted: Smoothing) -> THBSurface:
+        smoothing = self.smoothing(equations, wanted)
         return THBSurface(self.space, equations.height * equations.solution(smoothing))
 
     def residuals(self, surface: THBSurface) -> Floats:
@@ -199,15 +217,15 @@ def _robust(problem: _Problem, wanted: Smoothing) -> THBSurface:
     The first weights are those of the values themselves: a fit with equal weights may pass through an outlier
     that lies alone at the border.  The smoothing is chosen with them, and again when they have settled.
     """
-    samples, near = problem.samples, _neighbourhoods(problem.samples)
-    share = kept_share(samples.values[0].size)
-    weights = _biweights(samples.values, samples, near)
-    smoothing = problem.smoothing(weights / share, wanted)
+    judge = _Judge.of(problem.samples)
+    share = kept_share(judge.values.shape[1])
+    weights = judge.weights(problem.samples.values)
+    smoothing = problem.smoothing(problem.equations(weights / share), wanted)
     for _ in range(MOST_REWEIGHTINGS):
-        surface = problem.fit(weights / share, smoothing)
-        before, weights = weights, _biweights(problem.residuals(surface), samples, near)
+        surface = problem.fit(problem.equations(weights / share), smoothing)
+        before, weights = weights, judge.weights(problem.residuals(surface))
         if np.abs(weights - before).max() <= SETTLED:
             break
     if isinstance(wanted, str):
-        surface = problem.fit(weights / share, problem.smoothing(weights / share, wanted))
+        surface = problem.fit(problem.equations(weights / share), wanted)
     return surface

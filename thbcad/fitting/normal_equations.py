@@ -19,7 +19,6 @@ from scipy.sparse import csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import SuperLU, splu
 
 from thbcad.checks import EPS, Floats
-from thbcad.fitting.cell_samples import gauss_points
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector, gauss_rule
 
@@ -142,7 +141,7 @@ def thin_plate(space: THBSpace) -> csr_array:
     if len(np.unique(space.cells[:, 0])) == 1:
         by_u, by_v = (_integrals(kv) for kv in (space.embedding.kv_u, space.embedding.kv_v))
         return csr_array(sum(factor * kron(by_u[a], by_v[b]) for (a, b), factor in THIN_PLATE))
-    u, v, weights = gauss_points(space)
+    u, v, weights, _ = space.quadrature()
     total = csr_array((space.dim, space.dim))
     for derivative, factor in THIN_PLATE:
         d = space.collocation(u, v, derivative)

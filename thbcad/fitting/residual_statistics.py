@@ -22,15 +22,31 @@ CUT = 4.685 / 0.6745  # medians of |r|: 4.685 normal standard deviations, an eff
 CHANCE = 3.0  # standard deviations: one of 700 fits to noise seems to lack detail
 
 
+def places(u: Floats, v: Floats) -> Floats:
+    """Return points, (n, 2), in units of the extent of all of them in u and in v."""
+    return np.column_stack([x / (np.ptp(x) or 1.0) for x in (u, v)])
+
+
+def nearest(points: Floats, chosen: Integers, among: Integers, count: int) -> Integers:
+    """Return the nearest other points of each chosen one, (chosen, count) int, fewer columns if there are
+    fewer points.
+
+    points : (n, 2).  among : the indices of those that may be near.
+    """
+    _, near = cKDTree(points[among]).query(points[chosen], k=min(count + 1, len(among)))
+    near = among[near.reshape(len(chosen), -1)]
+    itself_last = np.argsort(near == chosen[:, None], axis=1, kind="stable")
+    result: Integers = np.take_along_axis(near, itself_last, axis=1)[:, : min(count, len(among) - 1)]
+    return result
+
+
 def neighbours(u: Floats, v: Floats, count: int) -> Integers:
     """Return the nearest other points of each point, (n, count) int, fewer columns if there are fewer points.
 
     Distances are relative to the extent of all points in u and in v.
     """
-    scaled = np.column_stack([x / (np.ptp(x) or 1.0) for x in (u, v)])
-    _, near = cKDTree(scaled).query(scaled, k=min(count + 1, len(u)))
-    result: Integers = near.reshape(len(u), -1)[:, 1:].astype(np.int64)
-    return result
+    every = np.arange(len(u))
+    return nearest(places(u, v), every, every, count)
 
 
 def tukey_weights(residuals: Floats, near: Integers, least: float) -> Floats:

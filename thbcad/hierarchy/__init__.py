@@ -5,7 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.hierarchy.domains import MAX_LEVEL as MAX_LEVEL
+    from thbcad.hierarchy.domains import MAX_LEVEL as MAX_LEVEL, Cells as Cells
+    from thbcad.hierarchy.hierarchical_mesh import (
+        HierarchicalMesh as HierarchicalMesh,
+        common_refinement as common_refinement,
+    )
     from thbcad.hierarchy.levels import DyadicAxis as DyadicAxis
     from thbcad.hierarchy.mesh_picture import mesh_lines as mesh_lines, space_rows as space_rows
     from thbcad.hierarchy.multilevel_basis import MultilevelBasis as MultilevelBasis

@@ -18,14 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from thbcad.checks import Integers, require_integer
-from thbcad.hierarchy.domains import Domains, checked_cells
+from thbcad.hierarchy.domains import Domains
 from thbcad.hierarchy.levels import DyadicAxis
 
 
-def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[int, Integers]:
+def closure(domains: Domains, cells: Mapping[int, Integers], m: int) -> dict[int, Integers]:
     """Return the cells to refine together with `cells` so that class m is kept, {level: (n, 2) int}.
 
     Raises
@@ -33,7 +32,7 @@ def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[in
     ValueError : m that is not an integer of at least 2.
     """
     require_integer("the class of admissibility", m, 2)
-    marked = checked_cells(cells)
+    marked = dict(cells)
     for level in range(max(marked, default=0), m - 2, -1):
         coarse = level - m + 1
         if level not in marked or coarse < 0:

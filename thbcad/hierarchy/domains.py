@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from thbcad.checks import Integers, require_integer, require_unmasked
 from thbcad.hierarchy.levels import DyadicAxis
 
+Cells = Mapping[int, ArrayLike] | ArrayLike  # {level: [(i, j), ...]}, or rows [level, i, j]
+
 MAX_LEVEL = 24
 MOST_CELLS = 10_000_000  # on level 0
 NONE = np.zeros(0, dtype=np.int64)
@@ -67,10 +69,10 @@ class Domains:
         """Return the keys of the cells of a level that are not refined."""
         return np.setdiff1d(self.cells(level), self.refined(level), assume_unique=True)
 
-    def refine(self, cells: Mapping[int, ArrayLike]) -> Domains:
+    def refine(self, cells: Mapping[int, Integers]) -> Domains:
         """Return the domains in which the given leaf cells are refined too."""
         refined = list(self._refined)
-        for level, pairs in sorted(checked_cells(cells).items()):
+        for level, pairs in sorted(cells.items()):
             keys = np.unique(self.keys(level, pairs))
             self._require_leaves(level, keys)
             self._counts(level + 1)
@@ -82,10 +84,10 @@ class Domains:
                 refined[level] = np.union1d(refined[level], keys)
         return Domains(self.axes, tuple(refined))
 
-    def coarsen(self, cells: Mapping[int, ArrayLike]) -> Domains:
+    def coarsen(self, cells: Mapping[int, Integers]) -> Domains:
         """Return the domains in which the given refined cells are whole again."""
         refined = list(self._refined)
-        for level, pairs in sorted(checked_cells(cells).items(), reverse=True):
+        for level, pairs in sorted(cells.items(), reverse=True):
             keys = np.unique(self.keys(level, pairs))
             self._require_parents_of_leaves(level, keys, refined)
             refined[level] = np.setdiff1d(refined[level], keys)
@@ -93,12 +95,22 @@ class Domains:
             refined.pop()
         return Domains(self.axes, tuple(refined))
 
-    def within(self, finer: Domains) -> bool:
-        """Return whether all cells that are refined here are refined in `finer` too."""
-        return all(
-            np.isin(keys, finer.refined(level), assume_unique=True).all()
-            for level, keys in enumerate(self._refined)
+    def union(self, other: Domains) -> Domains:
+        """Return the domains in which the refined cells of both are refined."""
+        levels = range(max(self.levels, other.levels) - 1)
+        return Domains(
+            self.axes, tuple(np.union1d(self.refined(level), other.refined(level)) for level in levels)
         )
+
+    def lacking(self, finer: Domains) -> tuple[int, int, int] | None:
+        """Return the first cell (level, i, j) that is refined here and not in `finer`, None if there is
+        none."""
+        for level, keys in enumerate(self._refined):
+            lacks = ~np.isin(keys, finer.refined(level), assume_unique=True)
+            if lacks.any():
+                i, j = self.pairs(level, keys[lacks][:1])[0].tolist()
+                return level, i, j
+        return None
 
     def _counts(self, level: int) -> tuple[int, int]:
         """Return the numbers of cells of a level in u and in v; refuse those whose keys overflow."""
@@ -143,12 +155,10 @@ class Domains:
                 )
 
 
-def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
+def checked_cells(cells: Cells) -> dict[int, Integers]:
     """Return {level: (n, 2) int64} without empty entries."""
-    if not isinstance(cells, Mapping):
-        raise ValueError(f"cells must be a mapping {{level: [(i, j), ...]}}, got {type(cells).__name__}")
     checked = {}
-    for level, pairs in cells.items():
+    for level, pairs in (cells if isinstance(cells, Mapping) else _by_level(cells)).items():
         require_integer("level", level, 0, MAX_LEVEL - 1)
         require_unmasked(pairs)
         array = np.asarray(pairs)
@@ -163,3 +173,17 @@ def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
             raise ValueError(f"cells of level {level} must be pairs (i, j) below 2^63, got {array.max()}")
         checked[int(level)] = array.astype(np.int64)
     return checked
+
+
+def _by_level(rows: ArrayLike) -> dict[int, Integers]:
+    """Return rows [level, i, j] as {level: pairs (i, j)}."""
+    require_unmasked(rows)
+    array = np.asarray(rows)
+    if array.size == 0:
+        return {}
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise ValueError(
+            "cells must be a mapping {level: [(i, j), ...]} or rows [level, i, j] of integers, got "
+            f"{type(rows).__name__} of shape {array.shape} and type {array.dtype}"
+        )
+    return {level: array[array[:, 0] == level, 1:] for level in np.unique(array[:, 0]).tolist()}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.checks import EPS, Floats, Integers, locked, read_only
-from thbcad.splines import KnotVector, blossom
+from thbcad.splines import KnotVector, blossom, greville_abscissae
 
 
 class DyadicAxis:
@@ -73,6 +73,11 @@ class DyadicAxis:
     def knots(self, level: int, index: Integers) -> Floats:
         """Return knots of a level by their indices."""
         return self.value(level, self.knot_break(level, index))
+
+    def greville(self, level: int, functions: Integers) -> Floats:
+        """Return the Greville abscissae of functions of a level."""
+        knots = self.knots(level, functions[:, None] + np.arange(self.degree + 2))
+        return greville_abscissae(knots, self.degree)[:, 0]
 
     def acting(self, level: int, spans: Integers) -> Integers:
         """Return the first function of a level that acts on each span; the p after it do too."""

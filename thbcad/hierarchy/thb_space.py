@@ -1,12 +1,8 @@
 """Truncated hierarchical B-spline spaces over arbitrary nested cell domains.
 
-Vocabulary
-----------
-A *cell* (level, i, j) is a product of non-empty knot spans.  Omega_l is the union of the
-level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined cells of
-level l.  *Leaf cells* are the cells that are not refined.  A function (level, i, j) *acts* where
-it is not zero; it is *active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees
-of freedom are ordered by level, then i, then j.
+Cells are those of `hierarchical_mesh`.  A function (level, i, j) *acts* where it is not zero; it is
+*active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees of freedom are ordered by
+level, then i, then j.
 
 Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines: the truncated basis for
 hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.
@@ -14,38 +10,26 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
-from thbcad.checks import (
-    Floats,
-    Integers,
-    points,
-    read_only,
-    rebuilt,
-    require_integer,
-    require_orders,
-    require_type,
-)
-from thbcad.hierarchy.admissibility import closure
-from thbcad.hierarchy.domains import MAX_LEVEL, Domains
+from thbcad.checks import Floats, Integers, require_orders
+from thbcad.hierarchy.hierarchical_mesh import HierarchicalMesh
 from thbcad.hierarchy.level_nets import Nets
-from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
+from thbcad.hierarchy.levels import Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
 from thbcad.hierarchy.mesh_picture import space_card
-from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding
-from thbcad.splines import KnotVector, csr_rows
+from thbcad.splines import csr_rows
 
 
 @dataclass(frozen=True, eq=False)
-class THBSpace:
+class THBSpace(HierarchicalMesh):
     """The THB space over two knot vectors and a set of refined cells.
 
     ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
@@ -65,21 +49,6 @@ class THBSpace:
     [1.0, 1.0]
     """
 
-    kv_u: KnotVector
-    kv_v: KnotVector
-    _given: Domains | None = field(default=None, kw_only=True)
-    _domains: Domains = field(init=False)
-
-    def __post_init__(self) -> None:
-        for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
-            require_type(name, kv, KnotVector)
-        domains = self._given
-        if domains is None:
-            domains = Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v)))
-        object.__setattr__(self, "_domains", domains)
-
-    __reduce__ = rebuilt
-
     def __repr__(self) -> str:
         degrees = (self.kv_u.degree, self.kv_v.degree)
         cells = len(self.cells)
@@ -88,29 +57,6 @@ class THBSpace:
     def _repr_html_(self) -> str:
         """Return a picture of the mesh and some numbers for notebooks."""
         return space_card(self)
-
-    @property
-    def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
-        """Knots, spans and functions of every level, in u and in v."""
-        return self._domains.axes
-
-    @property
-    def levels(self) -> int:
-        """Number of levels that hold cells (1 for a tensor-product space)."""
-        return self._domains.levels
-
-    @property
-    def refined(self) -> tuple[Integers, ...]:
-        """Refined cells: one read-only (n, 2) int array of (i, j) for each level but the last."""
-        d = self._domains
-        return tuple(
-            read_only(d.pairs(level, d.refined(level)), np.int64) for level in range(self.levels - 1)
-        )
-
-    @cached_property
-    def cells(self) -> Integers:
-        """Leaf cells, (n, 3) int [level, i, j], in order of level, i, j."""
-        return numbered([level.leaves for level in self.hierarchy])
 
     @cached_property
     def functions(self) -> Integers:
@@ -123,30 +69,9 @@ class THBSpace:
         return sum(int(level.active.sum()) for level in self.hierarchy)
 
     @cached_property
-    def boxes(self) -> Floats:
-        """Leaf cells as parameter intervals, (n, 4) float [u0, u1, v0, v1]: the hierarchical mesh."""
-        rows = []
-        for level in self.hierarchy:
-            rows.append(
-                [
-                    axis.value(level.number, level.leaves[:, d] + k)
-                    for d, axis in enumerate(level.axes)
-                    for k in (0, 1)
-                ]
-            )
-        return read_only(np.concatenate(rows, axis=1).T)
-
-    @cached_property
     def hierarchy(self) -> tuple[Level, ...]:
         """The levels as `Level` records, coarsest first."""
-        d = self._domains
-        levels = []
-        for number in range(d.levels):
-            keys = d.cells(number)
-            refined = np.zeros(len(keys), dtype=bool)
-            refined[np.searchsorted(keys, d.refined(number))] = True
-            levels.append(make_level(number, d.axes, d.pairs(number, keys), refined))
-        return tuple(levels)
+        return tuple(make_level(number, self.axes, *pair) for number, pair in enumerate(self.level_cells))
 
     @cached_property
     def nets(self) -> Nets:
@@ -168,62 +93,20 @@ class THBSpace:
         """
         return Embedding(self._domains.axes, self.hierarchy)
 
-    @cached_property
-    def _quadtree(self) -> Quadtree:
-        return Quadtree(self._domains.axes, self.cells)
+    def greville(self) -> Floats:
+        """Return the points of the control net, (dim, 2) float [u, v], in the order of the coefficients.
 
-    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSpace:
-        """Return the space in which the given leaf cells are cut into four.
-
-        cells : {level: [(i, j), ...]}; repeats are harmless.
-        admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells.  A tensor-product
-            space that is always refined so stays admissible of class m (see `admissibility`).
-
-        Raises
-        ------
-        ValueError : a cell that does not exist or is refined already, a level out of range, cells
-            too short for float64.
+        The spline with these coefficients is the identity: sum_f greville_f T_f(u, v) = (u, v).  By
+        preservation of coefficients the truncated function (level, i, j) has the Greville abscissae of the
+        B-splines i and j of its level; level 0 alone has ``kv_u.greville()`` by ``kv_v.greville()``.
         """
-        domains = self._domains.refine(cells)
-        if admissible is not None:
-            domains = self._domains.refine(closure(self._domains, cells, admissible))
-        return replace(self, _given=domains)
+        rows = []
+        for level in self.hierarchy:
+            by_axis = (axis.greville(level.number, row) for axis, row in zip(level.axes, level.distinct))
+            rows.append(np.stack([g[rank[level.active]] for g, rank in zip(by_axis, level.ranks)], axis=1))
+        return np.concatenate(rows)
 
-    def uniform(self, level: int) -> THBSpace:
-        """Return the space in which all cells that are coarser than a level are cut down to it.
-
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
-        """
-        require_integer("level", level, 0, MAX_LEVEL)
-        space = self
-        for number in range(level):
-            coarse = space.cells[space.cells[:, 0] == number, 1:]
-            space = space.refine({number: coarse}) if len(coarse) else space
-        return space
-
-    def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
-        """Return the space in which the given refined cells are whole again: the inverse of `refine`.
-
-        cells : {level: [(i, j), ...]}, the cells that were passed to `refine`.
-
-        Raises
-        ------
-        ValueError : a cell that is not refined, or whose children are.
-        """
-        return replace(self, _given=self._domains.coarsen(cells))
-
-    def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
-        """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
-
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows of unequal length.
-        """
-        return self._quadtree.locate(*self._points(u, v))
-
-    def prolongation(self, finer: THBSpace) -> csr_array:
+    def prolongation(self, finer: THBSpace) -> csr_array[np.float64]:
         """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
 
         The coefficient of an active function of the finer space is the coefficient that the
@@ -236,7 +119,7 @@ class THBSpace:
         Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
         multilevel spline spaces, Adv. Comput. Math. 40 (2014).
         """
-        self._require_nested(finer)
+        self._require_within(finer)
         rows = [
             fine.find(coarse.functions[coarse.active])
             for coarse, fine in zip(self.hierarchy, finer.hierarchy)
@@ -244,7 +127,7 @@ class THBSpace:
         rows += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
         return finer.nets.onto_active(finer.nets.operators(rows))
 
-    def restriction(self, coarser: THBSpace) -> csr_array:
+    def restriction(self, coarser: THBSpace) -> csr_array[np.float64]:
         """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
 
         P is ``coarser.prolongation(self)``.
@@ -255,9 +138,8 @@ class THBSpace:
             whole cells of a function that float64 cannot restore its coefficient; or the norms of many levels
             multiply beyond 1e12.
         """
-        if not isinstance(coarser, THBSpace):
-            raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
-        coarser._require_nested(self)
+        self._require_same_knots("the coarser space", coarser)
+        coarser._require_within(self)
         whole = self
         operator = eye_array(self.dim, format="csr")
         for level in range(self.levels - 2, -1, -1):
@@ -269,7 +151,7 @@ class THBSpace:
                 whole = less
         return csr_array(operator)
 
-    def hierarchical(self) -> csr_array:
+    def hierarchical(self) -> csr_array[np.float64]:
         """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical
         coefficients c.
 
@@ -278,7 +160,7 @@ class THBSpace:
         """
         return self.nets.onto_active(self.nets.operators(self.nets.active, truncated=False))
 
-    def extraction(self) -> csr_array:
+    def extraction(self) -> csr_array[np.float64]:
         """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
 
         On leaf cell k the spline is an ordinary B-spline of the cell's level; rows
@@ -286,7 +168,7 @@ class THBSpace:
         """
         return self.nets.operator[self.local_basis.blocks.ravel()]
 
-    def incidence(self) -> csr_array:
+    def incidence(self) -> csr_array[np.bool_]:
         """Return which functions act on which leaf cells, csr_array (cells, dim) of True.
 
         Row k holds the functions of cell k, column f (of ``.T``) the cells of function f.
@@ -312,12 +194,14 @@ class THBSpace:
         ends = [extreme.reduceat(levels, acting.indptr[:-1]) for extreme in (np.minimum, np.maximum)]
         return int((ends[1] - ends[0]).max()) + 1
 
-    def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
+    def collocation(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> csr_array[np.float64]:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
         by_u, by_v, cell = self.local_values(u, v, derivative)
@@ -332,10 +216,10 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
             non-negative integer.
         """
-        u, v = self._points(u, v)
+        u, v = self._rows(u, v)
         orders = require_orders(derivative)
         cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, orders), cell
@@ -358,18 +242,3 @@ class THBSpace:
                 spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1)
             )
         return spread <= 256 and sizes <= len(self.cells) * local
-
-    def _require_nested(self, finer: THBSpace) -> None:
-        if not isinstance(finer, THBSpace) or not all(
-            a.degree == b.degree and np.array_equal(a.knots, b.knots)
-            for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
-        ):
-            raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
-        if not self._domains.within(finer._domains):
-            raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
-
-    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
-        u, v = points(u, v)
-        self.kv_u.require_inside(u)
-        self.kv_v.require_inside(v)
-        return u, v

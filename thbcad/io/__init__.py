@@ -35,6 +35,14 @@ if TYPE_CHECKING:
     from thbcad.io.parameter_curves import image_distance as image_distance, turned_faces as turned_faces
     from thbcad.io.patch_deviation import patched_deviation as patched_deviation
     from thbcad.io.sag_table import cloud_text as cloud_text, sag_text as sag_text, table_size as table_size
+    from thbcad.io.spline_json import (
+        read_curve as read_curve,
+        read_surface as read_surface,
+        sag_from_dict as sag_from_dict,
+        sag_to_dict as sag_to_dict,
+        write_curve as write_curve,
+        write_surface as write_surface,
+    )
     from thbcad.io.step_brep import brep as brep, brep_of_text as brep_of_text, parse_brep as parse_brep
     from thbcad.io.step_text import (
         Entity as Entity,
@@ -49,12 +57,6 @@ if TYPE_CHECKING:
         entity_of as entity_of,
         list_of as list_of,
         points_of as points_of,
-    )
-    from thbcad.io.surface_json import (
-        read_surface as read_surface,
-        sag_from_dict as sag_from_dict,
-        sag_to_dict as sag_to_dict,
-        write_surface as write_surface,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

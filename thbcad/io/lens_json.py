@@ -20,7 +20,7 @@ from thbcad.io.json_values import (
     require_schema,
     write_json,
 )
-from thbcad.io.surface_json import sag_from_dict, sag_to_dict
+from thbcad.io.spline_json import sag_from_dict, sag_to_dict
 from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.sags import Conic
 

@@ -54,7 +54,7 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
 def _nearer(lens: Lens, point: Floats) -> int:
     """Return 0 where a point, (3,), is nearer to the front in z, 1 where it is nearer to the rear."""
     distances = [
-        abs(vertex + surface(*point[:2])[0] - point[2])
+        abs(vertex + surface(*point[:2]) - point[2])
         if (abs(point[:2]) <= surface.half_width).all()
         else np.inf
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness))

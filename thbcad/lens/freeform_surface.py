@@ -11,16 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, half_widths, require_orders, require_type
+from thbcad.checks import Floats, coordinates, floats, half_widths, inside, require_orders, require_type
 from thbcad.lens.lens_picture import surface_card
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
 
+PLANE = Conic()
 RIM = 1e-12  # of the half-width: rounding of positions on the rim
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FreeformSurface:
     """The graph z(x, y) = conic + sag on a rectangle.
 
@@ -38,22 +39,22 @@ class FreeformSurface:
     --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> sag = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 0.1 * u)  # over [0, 1], whatever the size
-    >>> FreeformSurface((6.0, 7.0), Conic(10.0), sag)([6.0], [0.0]).round(12).tolist()
-    [2.1]
+    >>> round(float(FreeformSurface((6.0, 7.0), Conic(10.0), sag)(6.0, 0.0)), 12)
+    2.1
     """
 
     half_width: tuple[float, float]
-    conic: Conic = Conic()
-    sag: THBSurface | None = None
+    conic: Conic
+    sag: THBSurface | None
 
-    def __post_init__(self) -> None:
-        h = half_widths(self.half_width)
-        require_type("conic", self.conic, Conic)
-        require_type("sag", self.sag, THBSurface, type(None))
-        if self.sag is not None and self.sag.coefficients.ndim != 1:
+    def __init__(self, half_width: ArrayLike, conic: Conic = PLANE, sag: THBSurface | None = None) -> None:
+        h = half_widths(half_width)
+        require_type("conic", conic, Conic)
+        require_type("sag", sag, THBSurface, type(None))
+        if sag is not None and sag.coefficients.ndim != 1:
             raise ValueError("the sag must have scalar coefficients")
-        object.__setattr__(self, "half_width", h)
-        self.conic.require(h)
+        conic.require(h)
+        vars(self).update(half_width=h, conic=conic, sag=sag)
 
     def __repr__(self) -> str:
         a, b = self.half_width
@@ -72,15 +73,17 @@ class FreeformSurface:
         return self.sag is None and self.conic.is_plane
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return z or a partial derivative at scattered points, (n,).
+        """Return z or a partial derivative at points (x, y), of the shape to which x and y broadcast.
 
         Raises
         ------
-        ValueError : points outside the rectangle or NaN, an order that is not a non-negative integer.
+        ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that is not a
+            non-negative integer.
         """
-        x, y = self._inside(x, y)
+        (x, y), (a, b) = self._onto_rim(x, y), self.half_width
+        x, y = coordinates(x=(x, (-a, a)), y=(y, (-b, b)))
         derivative = require_orders(derivative)
-        z = self.conic(x, y, derivative)
+        z: Floats = self.conic.formula(x, y, derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
             z = z + self.sag(u, v, derivative) * self._chain(derivative)
@@ -93,9 +96,12 @@ class FreeformSurface:
         ------
         ValueError : positions outside the rectangle or NaN, an order that is not a non-negative integer.
         """
-        x, y = self._inside(x, y)
+        x, y = (
+            np.atleast_1d(inside(name, a, (-h, h)))
+            for name, a, h in zip("xy", self._onto_rim(x, y), self.half_width)
+        )
         derivative = require_orders(derivative)
-        z = self.conic(x[:, None], y[None, :], derivative)
+        z: Floats = self.conic.formula(x[:, None], y[None, :], derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
             z = z + self.sag.grid(u, v, derivative) * self._chain(derivative)
@@ -105,18 +111,10 @@ class FreeformSurface:
         """Return the surface with another sag on the same conic."""
         return FreeformSurface(self.half_width, self.conic, sag)
 
-    def _inside(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
-        """Return positions as rows, on the rim those that rounding put beside it; refuse others."""
-        rows = []
-        for name, a, h in zip("xy", (x, y), self.half_width):
-            a = np.atleast_1d(floats(a))
-            bad = ~(np.abs(a) <= h * (1 + RIM))
-            if bad.any():
-                raise ValueError(
-                    f"{name} = {a[bad].flat[0]} mm lies outside the surface, whose half-width is {h} mm"
-                )
-            rows.append(np.clip(a, -h, h))
-        return rows[0], rows[1]
+    def _onto_rim(self, x: ArrayLike, y: ArrayLike) -> list[Floats]:
+        """Return positions, those that rounding put beside the rim on it."""
+        rows = zip((floats(x), floats(y)), self.half_width)
+        return [np.where(abs(a) <= h * (1 + RIM), np.clip(a, -h, h), a) for a, h in rows]
 
     def to_parameters(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return the spline parameters (u, v) of positions (x, y).

@@ -15,7 +15,7 @@ from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Lens:
     """A closed lens: front at z = 0, rear at z = thickness, four ruled edges between the rims.
 

@@ -61,7 +61,7 @@ def lens_card(lens: Body) -> str:
         points = (section - low) * [scale, -scale] + [k * shift + GAP / 2, height]
         content += f'<path {GLASS} d="{line_path(points)}Z"/>'
         content += f'<text {WORDS} x="{points[:, 0].mean():.4g}" y="{height + 14:.4g}">{name}</text>'
-    middle = lens.thickness + lens.rear(0, 0)[0] - lens.front(0, 0)[0]
+    middle = lens.thickness + lens.rear(0, 0) - lens.front(0, 0)
     rows = [
         ("index", f"{lens.index:.6g}"),
         ("thickness", f"{lens.thickness:.6g} mm, {middle:.6g} mm in the middle"),

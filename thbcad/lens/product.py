@@ -5,8 +5,6 @@ from __future__ import annotations
 import unicodedata
 from dataclasses import dataclass, fields
 
-from thbcad.checks import require_number
-
 # control characters, separators of lines and halves of surrogate pairs: a file would not give them back
 FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
 LONGEST = 500  # characters; OCCT writes unreadable IGES files from 1000 on and ends the process from 2000 on
@@ -50,6 +48,8 @@ class Product:
     index: float | None = None
 
     def __post_init__(self) -> None:
+        from thbcad.checks import require_number  # loads numpy, which `require_line` does without
+
         for key in [field.name for field in fields(self) if field.type == "str"]:
             require_line(key, getattr(self, key))
         if not self.name:

@@ -23,12 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.certified import Orders, cell_bounds
-from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
+from thbcad.checks import Floats, Integers, read_only, require_number, require_type
 from thbcad.lens.lens import Lens
 from thbcad.lens.rims import SIDES, placed_surfaces, rim_indices
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
+from thbcad.values import Value
 
 MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
@@ -40,7 +41,7 @@ LENS_FACES = ("front", "rear", *(side.name for side in SIDES))
 
 
 @dataclass(frozen=True, eq=False)
-class Tessellation:
+class Tessellation(Value):
     """A closed mesh; seen from outside, the vertices of every triangle run counter-clockwise.
 
     vertices : (n, 3) float, mm
@@ -62,8 +63,6 @@ class Tessellation:
         object.__setattr__(self, "vertices", read_only(self.vertices))
         for name in ("triangles", "faces"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-
-    __reduce__ = rebuilt
 
 
 def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:

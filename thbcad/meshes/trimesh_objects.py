@@ -28,7 +28,7 @@ def to_trimesh(lens: Lens | Part | Tessellation, chord: float = 1e-3) -> trimesh
     """
     require_type("lens", lens, Lens, Part, Tessellation)
     if isinstance(lens, Part):
-        from thbcad.cad.exchange import part_mesh
+        from thbcad.cad.exchange import part_mesh  # OCCT
 
         mesh = part_mesh(lens, chord)
     else:

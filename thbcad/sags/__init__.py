@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     )
     from thbcad.sags.proven_approximation import (
         Approximation as Approximation,
+        BoundedFunction as BoundedFunction,
         approximated as approximated,
         error_bounds as error_bounds,
         lobatto_nodes as lobatto_nodes,

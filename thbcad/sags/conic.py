@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -18,7 +18,6 @@ from thbcad.checks import (
     require_order,
     require_orders,
     require_type,
-    require_unmasked,
 )
 from thbcad.splines import KnotVector, NURBSCurve
 
@@ -81,31 +80,50 @@ class Conic:
                 f"but the corner of the aperture lies at r = {corner:.6g} mm"
             )
 
-    def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
-        """Return d^(a+b) z / dx^a dy^b for derivative (a, b) of any order; x and y broadcast, mm.
+    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
+        """Return d^(a+b) z / dx^a dy^b for derivative (a, b) of any order, of the shape to which x and y
+        broadcast, mm.
 
         Raises
         ------
-        ValueError : an order that is not a non-negative integer.
+        ValueError : points beyond the end of the conic or NaN, an order that is not a non-negative integer.
         """
-        derivative = require_orders(derivative)
-        for a in (x, y):
-            require_unmasked(a)
-        # arrays of other libraries stay what they are, and complex ones: the formulas are analytic
-        x, y = (floats(a) if isinstance(a, list | tuple) else a for a in (x, y))
-        c = 1.0 / self.radius
+        x, y, orders = floats(x), floats(y), require_orders(derivative)
         r2 = x * x + y * y
-        root = np.sqrt(self._square(r2))
+        w = self._square(r2)
+        if w.size and not w.min() >= 0:
+            self._require(r2, w)
+            w = np.maximum(w, 0.0)
+        return self._derived(x, y, r2, w, orders)
+
+    def _require(self, r2: Floats, w: Floats) -> None:
+        """Raise ValueError unless all w >= 0, but for their rounding."""
+        bad = ~np.asarray(w >= -4 * EPS)
+        if bad.any():
+            r = float(np.sqrt(np.asarray(r2)[bad][0]))
+            end = float(abs(self.radius) / np.sqrt(1 + self.constant)) if self.constant > -1 else np.inf
+            raise ValueError(f"r = {r} lies outside the domain [0.0, {end}]")
+
+    def formula(self, x: Any, y: Any, derivative: tuple[int, int] = (0, 0)) -> Any:
+        """Return the same without a look at the numbers: NaN beyond the end, complex for complex ones, and of
+        arrays of other libraries theirs."""
+        r2 = x * x + y * y
+        return self._derived(x, y, r2, self._square(r2), require_orders(derivative))
+
+    def _derived(
+        self, x: Coordinate, y: Coordinate, r2: Coordinate, w: Coordinate, orders: tuple[int, int]
+    ) -> Coordinate:
+        c = 1.0 / self.radius
         result: Coordinate
-        if derivative == (0, 0):
-            result = c * r2 / (1 + root)
-        elif derivative == (1, 0):
-            result = c * x / root + 0 * y
-        elif derivative == (0, 1):
-            result = c * y / root + 0 * x
+        if orders == (0, 0):
+            result = c * r2 / (1 + np.sqrt(w))
+        elif orders == (1, 0):
+            result = c * x / np.sqrt(w) + 0 * y
+        elif orders == (0, 1):
+            result = c * y / np.sqrt(w) + 0 * x
         else:
-            m, n = derivative
-            result = c * factorial(m) * factorial(n) * self._taylor(x, y, m, n)
+            m, n = orders
+            result = c * factorial(m) * factorial(n) * self._taylor(x, y, w, m, n)
         return result
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
@@ -116,7 +134,6 @@ class Conic:
         ValueError : a grid that extends beyond the end of the conic.
         """
         x, y = floats(x), floats(y)
-        self.require((float(abs(x).max()), float(abs(y).max())))
         return self(x[:, None], y[None, :], derivative)
 
     def _square(self, r2: Coordinate) -> Coordinate:
@@ -128,14 +145,13 @@ class Conic:
         c = 1.0 / self.radius
         return 1 - (1 + self.constant) * c * c * r2
 
-    def _taylor(self, x: Coordinate, y: Coordinate, a: int, b: int) -> Coordinate:
+    def _taylor(self, x: Coordinate, y: Coordinate, w: Coordinate, a: int, b: int) -> Coordinate:
         """Return the Taylor coefficient z_ab / c, a + b >= 1, of z(x + s, y + t) = sum z_ij s^i t^j.
 
         With g^2 = w = 1 + q r^2, q = -(1 + K) c^2, the identity 2 w g_s = w_s g gives the
         coefficients g_ij in turn; z = (1 - g) c / -q makes z_ij = c g_ij / q for i + j >= 1.
         """
         q = -(1 + self.constant) / self.radius**2
-        w = self._square(x * x + y * y)
         g = {(0, 0): np.sqrt(w)}
         scaled = {}
         for i, j in [(0, j) for j in range(1, b + 1)] + [
@@ -180,7 +196,8 @@ class Conic:
             w = self._square(far * far + high * high)
             # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in
             # w^(1/2 - n)
-            return abs(self(far, high, (order, 0))) * (1 + 16 * order * EPS / w)
+            corner: Floats = abs(self.formula(far, high, (order, 0)))
+            return corner * (1 + 16 * order * EPS / w)
         return self._hyperboloid_bound(
             order, (near[:, None], far[:, None]), (low[None, :], high[None, :])
         ) * (1 + 16 * order * EPS)
@@ -216,7 +233,7 @@ class Conic:
         """
         far, high = (float(abs(np.asarray(a)).max()) for a in (x, y))
         root = np.sqrt(self._square(far * far + high * high))
-        return float(EPS * abs(self(far, high)) * (6 + 2 * abs(1 - root) / root))
+        return float(EPS * abs(self.formula(far, high)) * (6 + 2 * abs(1 - root) / root))
 
 
 def _distances(breaks: ArrayLike) -> tuple[Floats, Floats]:

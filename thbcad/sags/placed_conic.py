@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats
-from thbcad.sags.conic import Conic, Coordinate
+from thbcad.sags.conic import Conic
 from thbcad.sags.conic_curve import ConicCurve
 from thbcad.splines import KnotVector, NURBSSurface
 
@@ -52,7 +53,7 @@ class PlacedConic:
     half_width: tuple[float, float] = NOT_BOUNDED
     written: Floats | None = None
 
-    def __call__(self, x: Coordinate, y: Coordinate) -> Coordinate:
+    def __call__(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return the height at (x, y), mm."""
         return self.vertex + self.conic(x, y)
 

@@ -23,20 +23,22 @@ from scipy.special import eval_jacobi
 from thbcad.checks import (
     EPS,
     Floats,
+    coordinates,
     floats,
     half_widths,
+    inside,
     read_only,
-    rebuilt,
     require_integer,
     require_number,
     require_order,
     require_orders,
 )
 from thbcad.sags.proven_approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialSag:
+class PolynomialSag(Value):
     """The sag z(x, y) = sum_mn c_mn T_m(x / h_x) T_n(y / h_y), T_m the Chebyshev polynomials.
 
     half_width : (h_x, h_y) float, mm
@@ -49,29 +51,25 @@ class PolynomialSag:
     Examples
     --------
     >>> sag = PolynomialSag.zernike((5.0, 5.0), radius=5.0, terms={(2, 0): 0.1})  # defocus
-    >>> (sag([5.0], [0.0]) / (0.1 * np.sqrt(3))).round(14).tolist()  # 2 rho^2 - 1 at the rim
-    [1.0]
+    >>> round(float(sag(5.0, 0.0) / (0.1 * np.sqrt(3))), 14)  # 2 rho^2 - 1 at the rim
+    1.0
     """
 
     half_width: tuple[float, float]
     coefficients: Floats
 
-    def __post_init__(self) -> None:
-        h = half_widths(self.half_width)
-        c = read_only(self.coefficients)
+    def __init__(self, half_width: ArrayLike, coefficients: ArrayLike) -> None:
+        h, c = half_widths(half_width), read_only(coefficients)
         if c.ndim != 2 or c.size == 0 or not np.isfinite(c).all():
             raise ValueError(f"coefficients must be a table of finite numbers, got shape {c.shape}")
-        object.__setattr__(self, "half_width", h)
-        object.__setattr__(self, "coefficients", c)
+        vars(self).update(half_width=h, coefficients=c)
 
     def __repr__(self) -> str:
         (a, b), (m, n) = self.half_width, self.coefficients.shape
         return f"PolynomialSag({2 * a:g} x {2 * b:g} mm, degree {m - 1, n - 1})"
 
-    __reduce__ = rebuilt
-
     @classmethod
-    def legendre(cls, half_width: tuple[float, float], coefficients: ArrayLike) -> PolynomialSag:
+    def legendre(cls, half_width: ArrayLike, coefficients: ArrayLike) -> PolynomialSag:
         """Return the sag sum_mn a_mn P_m(x / h_x) P_n(y / h_y) with Legendre polynomials P_m, a in mm."""
         a = floats(coefficients)
         if a.ndim != 2 or a.size == 0:
@@ -81,7 +79,7 @@ class PolynomialSag:
 
     @classmethod
     def zernike(
-        cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]
+        cls, half_width: ArrayLike, radius: float, terms: Mapping[tuple[int, int], float]
     ) -> PolynomialSag:
         """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may extend beyond the
         disk.
@@ -90,14 +88,14 @@ class PolynomialSag:
         radius : float, mm, the radius of the disk on which the terms are orthogonal
         """
         require_number("radius", radius, above=0, finite=True)
-        half_width, sizes = half_widths(half_width), floats(list(terms.values()))
+        h, sizes = half_widths(half_width), floats(list(terms.values()))
         nodes = chebyshev.chebpts1(1 + max((n for n, _ in terms), default=0))
-        s, t = (h / radius * nodes for h in half_width)
+        s, t = (width / radius * nodes for width in h)
         values = sum(
             (a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in zip(terms, sizes)),
             np.zeros((len(nodes),) * 2),
         )
-        return cls(half_width, _coefficients(values))
+        return cls(h, _coefficients(values))
 
     def __str__(self) -> str:
         return f"the polynomial sag of degrees {self.degrees}"
@@ -117,17 +115,27 @@ class PolynomialSag:
         return PolynomialSag(self.half_width, c)
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return z or a derivative at scattered points, (n,)."""
-        derived = self.derivative(*require_orders(derivative))
-        x, y = (np.atleast_1d(floats(a)) / h for a, h in zip((x, y), self.half_width))
-        return np.asarray(chebyshev.chebval2d(x, y, derived.coefficients), dtype=np.float64)
+        """Return z or a derivative at points (x, y), of the shape to which x and y broadcast.
+
+        Raises
+        ------
+        ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that is not a
+            non-negative integer.
+        """
+        orders = require_orders(derivative)
+        derived = self.derivative(*orders) if any(orders) else self
+        a, b = self.half_width
+        x, y = coordinates(x=(x, (-a, a)), y=(y, (-b, b)))
+        values = np.asarray(chebyshev.chebval2d(x / a, y / b, derived.coefficients), dtype=np.float64)
+        result: Floats = values[()]
+        return result
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return z or a derivative on the grid x x y, (len(x), len(y))."""
+        """Return z or a derivative on the grid x x y, (len(x), len(y)); numbers outside are refused."""
         derived = self.derivative(*require_orders(derivative))
         by_x, by_y = (
-            chebyshev.chebvander(floats(a) / h, n)
-            for a, h, n in zip((x, y), self.half_width, derived.degrees)
+            chebyshev.chebvander(a / h, n)
+            for a, h, n in zip(self._inside(x, y), self.half_width, derived.degrees)
         )
         return by_x @ derived.coefficients @ by_y.T
 
@@ -140,7 +148,7 @@ class PolynomialSag:
         x : (n_x + 1,) float, y : (n_y + 1,) float, increasing, mm.  Returns (n_x, n_y) float, mm^(1 - order).
         """
         require_order(order)
-        self._require_inside(x, y)
+        self._inside(x, y)
         orders = (order, 0) if axis == 0 else (0, order)
         derived = self.derivative(*orders)
         p, q = (max(n, 1) for n in derived.degrees)
@@ -155,7 +163,7 @@ class PolynomialSag:
 
     def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
         """Return a bound of the rounding errors of `grid` on the rectangle that the rows x and y span, mm."""
-        self._require_inside(x, y)
+        self._inside(x, y)
         return float(self._roundings() * abs(self.coefficients).sum())
 
     def _roundings(self) -> float:
@@ -166,13 +174,9 @@ class PolynomialSag:
         """
         return sum(1.5 * m * m + m + 2 for m in self.degrees) * EPS
 
-    def _require_inside(self, x: ArrayLike, y: ArrayLike) -> None:
-        for name, a, h in zip("xy", (x, y), self.half_width):
-            if abs(np.asarray(a)).max() > h:
-                raise ValueError(
-                    f"{name} must lie within the half-width {h} mm of the sag, got "
-                    f"{abs(np.asarray(a)).max()} mm"
-                )
+    def _inside(self, x: ArrayLike, y: ArrayLike) -> list[Floats]:
+        """Return both rows of a grid; refuse numbers outside the rectangle."""
+        return [inside(name, a, (-h, h)) for name, a, h in zip("xy", (x, y), self.half_width)]
 
 
 def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> Floats:

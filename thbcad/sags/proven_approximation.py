@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,7 @@ MOST_CONTROL_POINTS = 2000  # per direction
 BLOCK = 1 << 18  # values at a time
 
 
+@runtime_checkable
 class BoundedFunction(Protocol):
     """A function f(x, y), mm, with bounds of its derivatives and of its rounding errors; `str` of it names it
     in messages."""
@@ -48,7 +49,7 @@ class BoundedFunction(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Approximation:
     """A spline and a proven bound of its greatest distance in z from the function, mm.
 
@@ -56,8 +57,8 @@ class Approximation:
     --------
     >>> kv = KnotVector.uniform(degree=3, spans=2, start=-4.0, stop=4.0)
     >>> found = approximated(Conic(20.0), kv, kv, tolerance=1e-6)
-    >>> off = found.surface([3.0], [1.0]) - Conic(20.0)(3.0, 1.0)
-    >>> found.bound <= 1e-6, float(abs(off[0])) <= found.bound
+    >>> off = found.surface(3.0, 1.0) - Conic(20.0)(3.0, 1.0)
+    >>> found.bound <= 1e-6, float(abs(off)) <= found.bound
     (True, True)
     """
 

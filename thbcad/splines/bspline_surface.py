@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats, points, read_only, rebuilt, require_orders, require_type
+from thbcad.checks import Floats, coordinates, inside, read_only, require_orders, require_type
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class BSplineSurface:
+class BSplineSurface(Value):
     """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
 
     Raises
@@ -26,26 +27,24 @@ class BSplineSurface:
     --------
     >>> kv = KnotVector.uniform(degree=2, spans=2)
     >>> plane = BSplineSurface(kv, kv, kv.greville()[:, None] + kv.greville())  # z = u + v
-    >>> plane([0.25], [0.5]).tolist(), round(float(plane.integral()), 12)
-    ([0.75], 1.0)
+    >>> float(plane(0.25, 0.5)), plane([0.25, 0.5], 0.5).tolist(), round(float(plane.integral()), 12)
+    (0.75, [0.75, 1.0], 1.0)
     """
 
     kv_u: KnotVector
     kv_v: KnotVector
     coefficients: Floats
 
-    def __post_init__(self) -> None:
-        for name in ("kv_u", "kv_v"):
-            require_type(name, getattr(self, name), KnotVector)
-        c = read_only(self.coefficients)
-        wanted = (self.kv_u.dim, self.kv_v.dim)
+    def __init__(self, kv_u: KnotVector, kv_v: KnotVector, coefficients: ArrayLike) -> None:
+        for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
+            require_type(name, kv, KnotVector)
+        c = read_only(coefficients)
+        wanted = (kv_u.dim, kv_v.dim)
         if c.shape[:2] != wanted or c.ndim > 3 or c.size == 0:
             raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
-        object.__setattr__(self, "coefficients", c)
-
-    __reduce__ = rebuilt
+        vars(self).update(kv_u=kv_u, kv_v=kv_v, coefficients=c)
 
     def __repr__(self) -> str:
         rows, columns, *rest = self.coefficients.shape
@@ -53,20 +52,23 @@ class BSplineSurface:
         return f"BSplineSurface(degree {self.kv_u.degree, self.kv_v.degree}, {rows} x {columns} {values})"
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+        """Return the values at points (u, v), in the shape to which u and v broadcast, and (..., d) of
+        coefficients (n_u, n_v, d).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+        ValueError : points outside the domain or NaN, shapes that do not broadcast, an order that is not a
             non-negative integer.
         """
-        u, v = points(u, v)
-        derivative = require_orders(derivative)
-        for kv, x in ((self.kv_u, u), (self.kv_v, v)):
-            kv.require_inside(x)
-        if derivative[0] > self.kv_u.degree or derivative[1] > self.kv_v.degree:
-            return np.zeros((len(u), *self.coefficients.shape[2:]))
-        result: Floats = self._scattered(np.column_stack([u, v]), nu=derivative)
+        orders = require_orders(derivative)
+        u, v = coordinates(u=(u, self.kv_u.domain), v=(v, self.kv_v.domain))
+        if orders[0] > self.kv_u.degree or orders[1] > self.kv_v.degree:
+            values = np.zeros((*u.shape, *self.coefficients.shape[2:]))
+        else:
+            at = np.empty((*u.shape, 2))
+            at[..., 0], at[..., 1] = u, v
+            values = self._scattered(at, nu=orders if any(orders) else None)
+        result: Floats = values[()]
         return result
 
     @cached_property
@@ -84,7 +86,8 @@ class BSplineSurface:
         ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
         order_u, order_v = require_orders(derivative)
-        a, b = self.kv_u.collocation(u, order_u), self.kv_v.collocation(v, order_v)
+        a = self.kv_u.collocation(inside("u", u, self.kv_u.domain), order_u)
+        b = self.kv_v.collocation(inside("v", v, self.kv_v.domain), order_v)
         return tensor_apply(a, b, self.coefficients)
 
     def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:

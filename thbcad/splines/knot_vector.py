@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +17,8 @@ from thbcad.checks import (
     Floats,
     Integers,
     floats,
+    inside,
     read_only,
-    rebuilt,
     require_degree,
     require_number,
     require_order,
@@ -28,10 +29,11 @@ from thbcad.checks import (
 )
 from thbcad.splines.polar_forms import bezier_rows, blossom_rows, greville_abscissae
 from thbcad.splines.sparse_operators import band_matrix, banded_least_squares
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class KnotVector:
+class KnotVector(Value):
     """A clamped knot vector t_0 <= ... <= t_(m) of degree p with ``dim = m - p`` functions.
 
     The first and the last p + 1 knots are equal; an interior knot occurs at most p times.
@@ -54,10 +56,9 @@ class KnotVector:
     degree: int
     knots: Floats
 
-    def __post_init__(self) -> None:
-        p = self.degree
-        require_degree(p)
-        t = read_only(self.knots)
+    def __init__(self, degree: SupportsIndex, knots: ArrayLike) -> None:
+        require_degree(degree)
+        p, t = int(degree), read_only(knots)
         if t.ndim != 1 or len(t) < 2 * p + 2:
             raise ValueError(
                 f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}"
@@ -72,18 +73,17 @@ class KnotVector:
             raise ValueError(
                 f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior"
             )
-        object.__setattr__(self, "degree", int(p))
-        object.__setattr__(self, "knots", t)
-
-    __reduce__ = rebuilt
+        vars(self).update(degree=p, knots=t)
 
     @classmethod
-    def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
+    def uniform(
+        cls, degree: SupportsIndex, spans: SupportsIndex, start: float = 0.0, stop: float = 1.0
+    ) -> KnotVector:
         """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
         return cls.clamped(degree, uniform_breaks(spans, start, stop)[1:-1], start, stop)
 
     @classmethod
-    def clamped(cls, degree: int, inner: ArrayLike, start: float, stop: float) -> KnotVector:
+    def clamped(cls, degree: SupportsIndex, inner: ArrayLike, start: float, stop: float) -> KnotVector:
         """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written
         twice.
 
@@ -92,7 +92,8 @@ class KnotVector:
         ValueError : as the class.
         """
         require_degree(degree)
-        return cls(degree, np.r_[[start] * (degree + 1), floats(inner), [stop] * (degree + 1)])
+        p = int(degree)
+        return cls(p, np.r_[[start] * (p + 1), floats(inner), [stop] * (p + 1)])
 
     def __repr__(self) -> str:
         return (
@@ -114,6 +115,11 @@ class KnotVector:
     def stop(self) -> float:
         """Right end of the domain."""
         return float(self.knots[-1])
+
+    @cached_property
+    def domain(self) -> tuple[float, float]:
+        """Both ends of the domain."""
+        return self.start, self.stop
 
     @cached_property
     def breaks(self) -> Floats:
@@ -145,17 +151,8 @@ class KnotVector:
         ------
         ValueError : u that is NaN or outside [start, stop].
         """
-        u = floats(u)
-        self.require_inside(u)
-        return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
-
-    def require_inside(self, u: Floats) -> None:
-        """Raise ValueError for u that is NaN or outside [start, stop]."""
-        bad = ~((u >= self.start) & (u <= self.stop))
-        if bad.any():
-            raise ValueError(
-                f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]"
-            )
+        right = np.searchsorted(self.knots, inside("u", u, self.domain), side="right")
+        return np.minimum(right - 1, self.dim - 1)
 
     def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[Integers, Floats]:
         """Return (first, values): at u only functions first .. first + p differ from zero.
@@ -174,7 +171,7 @@ class KnotVector:
         arguments = np.broadcast_to(u[:, None], (len(u), self.degree))
         return span - self.degree, blossom_rows(self.knots, self.degree, span, arguments, int(derivative))
 
-    def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array:
+    def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array[np.float64]:
         """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim).
 
         Raises
@@ -240,7 +237,7 @@ class KnotVector:
         fraction = (self.knots - self.start) / (self.stop - self.start)
         return KnotVector(self.degree, np.where(fraction == 1, stop, start + (stop - start) * fraction))
 
-    def prolongation(self, finer: KnotVector) -> csr_array:
+    def prolongation(self, finer: KnotVector) -> csr_array[np.float64]:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 
         Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector
@@ -256,7 +253,7 @@ class KnotVector:
         require_subset(self.knots, finer.knots)
         return self._polar(finer)
 
-    def restriction(self, coarser: KnotVector) -> csr_array:
+    def restriction(self, coarser: KnotVector) -> csr_array[np.float64]:
         """Return Q = (P^T P)^-1 P^T, csr_array (coarser.dim, dim), with P = coarser.prolongation(self): Q @ P
         == identity.
 
@@ -270,7 +267,7 @@ class KnotVector:
         require_type("coarser", coarser, KnotVector)
         return csr_array(banded_least_squares(coarser.prolongation(self), self.degree, np.eye(self.dim)))
 
-    def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
+    def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array[np.float64]]:
         """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients,
         csr_array (piece.dim, dim).
 
@@ -290,7 +287,7 @@ class KnotVector:
         piece = KnotVector.clamped(self.degree, inner, start, stop)
         return piece, self._polar(piece)
 
-    def bezier(self) -> csr_array:
+    def bezier(self) -> csr_array[np.float64]:
         """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span
         in turn.
 
@@ -301,7 +298,7 @@ class KnotVector:
         rows = bezier_rows(self.knots[span + np.arange(1 - p, p + 1)[:, None]])
         return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
-    def _polar(self, piece: KnotVector) -> csr_array:
+    def _polar(self, piece: KnotVector) -> csr_array[np.float64]:
         """Return the operator to the coefficients on `piece`, clamped knots that hold those of this vector
         there: polar forms at its knots."""
         p = self.degree
@@ -317,7 +314,7 @@ class KnotVector:
         """
         return KnotVector(self.degree + 1, np.sort(np.concatenate([self.knots, self.breaks])))
 
-    def elevation(self) -> csr_array:
+    def elevation(self) -> csr_array[np.float64]:
         """Return the degree elevation, csr_array (elevate().dim, dim).
 
         The polar form of degree p + 1 is the mean of those of degree p over the arguments with

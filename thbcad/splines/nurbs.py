@@ -9,18 +9,27 @@ Source: L. Piegl and W. Tiller, The NURBS Book, chapter 4.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, read_only, rebuilt, require_order, require_orders, require_type
+from thbcad.checks import (
+    Floats,
+    floats,
+    inside,
+    read_only,
+    require_order,
+    require_orders,
+    require_type,
+)
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
+from thbcad.values import Value
 
 GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
 
@@ -45,7 +54,7 @@ def quotient(jet: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class NURBSCurve:
+class NURBSCurve(Value):
     """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with points P_i (dim, d) and weights (dim,), or one
     weight for all.
 
@@ -64,15 +73,12 @@ class NURBSCurve:
 
     kv: KnotVector
     points: Floats
-    weights: Floats = field(default_factory=partial(np.ones, ()))
+    weights: Floats
 
-    def __post_init__(self) -> None:
-        require_type("kv", self.kv, KnotVector)
-        points, weights = _checked(self.points, self.weights, (self.kv.dim,))
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "weights", weights)
-
-    __reduce__ = rebuilt
+    def __init__(self, kv: KnotVector, points: ArrayLike, weights: ArrayLike = 1.0) -> None:
+        require_type("kv", kv, KnotVector)
+        points, weights = _checked(points, weights, (kv.dim,))
+        vars(self).update(kv=kv, points=points, weights=weights)
 
     @classmethod
     def from_homogeneous(cls, kv: KnotVector, coefficients: Floats) -> NURBSCurve:
@@ -89,10 +95,17 @@ class NURBSCurve:
         return _homogeneous(self.points, self.weights)
 
     def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
-        """Return the points, or their derivatives of any order, at the parameters u, (n, d)."""
+        """Return the points, or their derivatives of any order, at parameters u of any shape, (..., d).
+
+        Raises
+        ------
+        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        """
         require_order(derivative)
-        jet = np.stack([self.kv.collocation(u, k) @ self.homogeneous for k in range(derivative + 1)])
-        return quotient(jet[:, None])
+        u = inside("u", u, self.kv.domain)
+        row = u.ravel()
+        jet = np.stack([self.kv.collocation(row, k) @ self.homogeneous for k in range(derivative + 1)])
+        return quotient(jet[:, None]).reshape(*u.shape, self.points.shape[1])
 
     def insert(self, knots: ArrayLike) -> NURBSCurve:
         """Return the same curve with knots inserted."""
@@ -118,7 +131,7 @@ class NURBSCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class NURBSSurface:
+class NURBSSurface(Value):
     """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), points (n_u, n_v, d), weights
     (n_u, n_v) or one for all.
 
@@ -129,7 +142,7 @@ class NURBSSurface:
     Examples
     --------
     >>> cone = revolved(line([1.0, 0.0], [0.0, 3.0]))  # of (r, z)
-    >>> x, y, z = cone([0.25], [0.4])[0]
+    >>> x, y, z = cone(0.25, 0.4)
     >>> round(float(np.hypot(x, y)), 15), float(z)
     (0.75, 0.75)
     """
@@ -137,16 +150,15 @@ class NURBSSurface:
     kv_u: KnotVector
     kv_v: KnotVector
     points: Floats
-    weights: Floats = field(default_factory=partial(np.ones, ()))
+    weights: Floats
 
-    def __post_init__(self) -> None:
-        for name in ("kv_u", "kv_v"):
-            require_type(name, getattr(self, name), KnotVector)
-        points, weights = _checked(self.points, self.weights, (self.kv_u.dim, self.kv_v.dim))
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "weights", weights)
-
-    __reduce__ = rebuilt
+    def __init__(
+        self, kv_u: KnotVector, kv_v: KnotVector, points: ArrayLike, weights: ArrayLike = 1.0
+    ) -> None:
+        for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
+            require_type(name, kv, KnotVector)
+        points, weights = _checked(points, weights, (kv_u.dim, kv_v.dim))
+        vars(self).update(kv_u=kv_u, kv_v=kv_v, points=points, weights=weights)
 
     @classmethod
     def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:
@@ -171,8 +183,13 @@ class NURBSSurface:
         return BSplineSurface(self.kv_u, self.kv_v, _homogeneous(self.points, self.weights))
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return the points, or their derivatives of any order, at scattered parameters (u_k, v_k), (n,
-        d)."""
+        """Return the points, or their derivatives of any order, at parameters u and v that broadcast,
+        (..., d).
+
+        Raises
+        ------
+        ValueError : as `BSplineSurface`.
+        """
         return _evaluated(self.homogeneous, u, v, derivative)
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:

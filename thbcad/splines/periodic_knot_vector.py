@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,6 @@ from thbcad.checks import (
     Floats,
     floats,
     read_only,
-    rebuilt,
     require_degree,
     require_order,
     require_sorted,
@@ -31,10 +31,11 @@ from thbcad.checks import (
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.polar_forms import blossom_rows, greville_abscissae
 from thbcad.splines.sparse_operators import csr_rows
+from thbcad.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicKnotVector:
+class PeriodicKnotVector(Value):
     """One period t_0 <= ... <= t_n of knots of degree p, with ``dim = n`` functions.
 
     t_0 is `start` and t_n is `stop`, and the period is T = stop - start.  `stop` is written once,
@@ -59,10 +60,9 @@ class PeriodicKnotVector:
     degree: int
     knots: Floats
 
-    def __post_init__(self) -> None:
-        p = self.degree
-        require_degree(p)
-        t = read_only(self.knots)
+    def __init__(self, degree: SupportsIndex, knots: ArrayLike) -> None:
+        require_degree(degree)
+        p, t = int(degree), read_only(knots)
         if t.ndim != 1 or len(t) < 2:
             raise ValueError(f"knots must be one row of at least 2 numbers, got shape {t.shape}")
         require_sorted(t)
@@ -74,16 +74,15 @@ class PeriodicKnotVector:
         same = t[: -p - 1] == t[p:-1]
         if same.any():
             raise ValueError(f"knot {t[: -p - 1][same][0]} occurs more than degree = {p} times")
-        object.__setattr__(self, "degree", int(p))
-        object.__setattr__(self, "knots", t)
-
-    __reduce__ = rebuilt
+        vars(self).update(degree=p, knots=t)
 
     def __repr__(self) -> str:
         return f"PeriodicKnotVector(degree {self.degree}, dim {self.dim})"
 
     @classmethod
-    def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> PeriodicKnotVector:
+    def uniform(
+        cls, degree: SupportsIndex, spans: SupportsIndex, start: float = 0.0, stop: float = 1.0
+    ) -> PeriodicKnotVector:
         """Return the periodic knot vector with `spans` equal spans on [start, stop)."""
         return cls(degree, uniform_breaks(spans, start, stop))
 
@@ -149,7 +148,7 @@ class PeriodicKnotVector:
         )
         return np.where(moved < self.stop, moved, self.start)
 
-    def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array:
+    def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array[np.float64]:
         """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim), at any finite u, (len(u),)
         float.
 
@@ -179,7 +178,7 @@ class PeriodicKnotVector:
         b = self.breaks
         return self.insert(b[:-1] + np.diff(b) / 2)
 
-    def prolongation(self, finer: PeriodicKnotVector) -> csr_array:
+    def prolongation(self, finer: PeriodicKnotVector) -> csr_array[np.float64]:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 
         Row j holds the polar form at the p inner knots of function j of the finer vector.
@@ -198,7 +197,7 @@ class PeriodicKnotVector:
         windows = finer._windows()
         return self._polar(windows[:, 0], windows[:, 1:])
 
-    def clamp(self) -> tuple[KnotVector, csr_array]:
+    def clamp(self) -> tuple[KnotVector, csr_array[np.float64]]:
         """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients,
         csr_array (piece.dim, dim)."""
         inner = self.knots[(self.knots > self.start) & (self.knots < self.stop)]
@@ -211,7 +210,7 @@ class PeriodicKnotVector:
             self.degree + 1, np.r_[np.sort(np.r_[self.knots[:-1], self.breaks[:-1]]), self.stop]
         )
 
-    def elevation(self) -> csr_array:
+    def elevation(self) -> csr_array[np.float64]:
         """Return the degree elevation, csr_array (elevate().dim, dim), by the mean of polar forms of
         `KnotVector.elevation`."""
         windows = self.elevate()._windows()
@@ -229,7 +228,7 @@ class PeriodicKnotVector:
         result: Floats = self.extended[p + first[:, None] + np.arange(p + 1)]
         return result
 
-    def _polar(self, at: Floats, arguments: Floats, derivative: int = 0) -> csr_array:
+    def _polar(self, at: Floats, arguments: Floats, derivative: int = 0) -> csr_array[np.float64]:
         """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop):
         csr_array (n, dim)."""
         p = self.degree

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, points, read_only, rebuilt, require_type
-from thbcad.hierarchy import THBSpace
+from thbcad.checks import Floats, coordinates, floats, read_only, require_type
+from thbcad.hierarchy import Cells, THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
 from thbcad.surfaces.priced_faces import faces
 from thbcad.surfaces.surface_picture import surface_card
+from thbcad.values import Value
 
 STRIP = 1 << 18  # points that are evaluated at once
 
 
 @dataclass(frozen=True, eq=False)
-class THBSurface:
+class THBSurface(Value):
     """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients
     (dim,) or (dim, d).
 
@@ -33,25 +33,21 @@ class THBSurface:
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> surface = quasi_interpolate(THBSpace(kv, kv), lambda u, v: u**3 * v)
     >>> finer = surface.refine({0: [(1, 1)]})  # the same surface
-    >>> np.allclose([surface([0.3], [0.4]), finer([0.3], [0.4])], 0.3**3 * 0.4, rtol=1e-13)
+    >>> np.allclose([surface(0.3, 0.4), finer(0.3, 0.4)], 0.3**3 * 0.4, rtol=1e-13)
     True
     """
 
     space: THBSpace
     coefficients: Floats
 
-    def __post_init__(self) -> None:
-        require_type("space", self.space, THBSpace)
-        c = read_only(self.coefficients)
-        if c.shape[:1] != (self.space.dim,) or c.ndim > 2 or c.size == 0:
-            raise ValueError(
-                f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}"
-            )
+    def __init__(self, space: THBSpace, coefficients: ArrayLike) -> None:
+        require_type("space", space, THBSpace)
+        c, dim = read_only(coefficients), space.dim
+        if c.shape[:1] != (dim,) or c.ndim > 2 or c.size == 0:
+            raise ValueError(f"coefficients must have shape ({dim},) or ({dim}, d), got {c.shape}")
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
-        object.__setattr__(self, "coefficients", c)
-
-    __reduce__ = rebuilt
+        vars(self).update(space=space, coefficients=c)
 
     def __repr__(self) -> str:
         rest = self.coefficients.shape[1:]
@@ -84,16 +80,19 @@ class THBSurface:
         return self._tensor
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
-        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+        """Return the values at points (u, v), in the shape to which u and v broadcast, and (..., d) of
+        coefficients (dim, d).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
-            non-negative integer.
+        ValueError : as `BSplineSurface`.
         """
         if self.space.is_compact:
             return self._tensor(u, v, derivative)
-        return self._cellwise(u, v, derivative)
+        u, v = coordinates(u=(u, self.space.kv_u.domain), v=(v, self.space.kv_v.domain))
+        values = self._cellwise(u.ravel(), v.ravel(), derivative)
+        result: Floats = values.reshape((*u.shape, *values.shape[1:]))[()]
+        return result
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
@@ -108,14 +107,16 @@ class THBSurface:
         values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
         return values.reshape(len(u), len(v), *values.shape[1:])
 
-    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> Floats:
-        """Return the values at scattered points from the local coefficients of their cells."""
-        u, v = points(u, v)
+    def _cellwise(self, u: Floats, v: Floats, derivative: tuple[int, int]) -> Floats:
+        """Return the values at scattered points from the local coefficients of their cells, (n,) or (n,
+        d)."""
         strips = []
         for first in range(0, max(len(u), 1), STRIP):
             strip = slice(first, first + STRIP)
             by_u, by_v, cell = self.space.local_values(u[strip], v[strip], derivative)
-            strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True))
+            # the path that einsum finds for any number of points, the longer sum first
+            path = ["einsum_path", (0, 2) if by_u.shape[1] >= by_v.shape[1] else (1, 2), (0, 1)]
+            strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=path))
         return np.concatenate(strips)
 
     def to_patches(self) -> list[BSplineSurface]:
@@ -144,7 +145,7 @@ class THBSurface:
         """
         return list(faces(self.space, self._tensor, price))
 
-    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSurface:
+    def refine(self, cells: Cells, admissible: int | None = None) -> THBSurface:
         """Return the same surface over ``space.refine(cells, admissible)``."""
         return self._over(self.space.refine(cells, admissible))
 

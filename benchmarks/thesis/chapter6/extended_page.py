@@ -54,8 +54,9 @@ def section(results: Results) -> Section:
 
 def _text(thb: Numbers) -> list[str]:
     return [
-        "A glowing square of 1 mm lies in the hollow of a lens (Table 6.3 of the thesis). The front is "
-        "fixed. The rear is a conic and a spline, and lights a curved uniform shape at a distance of 1 m.",
+        "A square Lambertian emitter of 1 mm lies in the hollow of a lens (Table 6.3 of the thesis). "
+        "The front is fixed. The rear is a conic and a spline, and lights a curved uniform shape at a "
+        "distance of 1 m.",
         f"The thesis's method is run with the exact tracer: {len(thb['step'])} batches of "
         f"{thb['iterations']} Adam steps, {thb['rays'] // 2 * 2}^2 rays, {thb['pixels']} x {thb['pixels']} "
         "pixels, and a Gaussian window of 1 pixel. The target is not filtered, as in the thesis. The rays "

@@ -62,7 +62,13 @@ class _Steps(ABC):
 
 @dataclass(frozen=True)
 class GradientDescent(_Steps):
-    """Steps along the negative gradient, step * decay^i long per unit of gradient."""
+    """Steps along the negative gradient, step * decay^i long per unit of gradient.
+
+    Examples
+    --------
+    >>> minimise(lambda c: (c @ c, 2 * c), np.array([8.0]), GradientDescent(0.25), iterations=3).coefficients
+    array([1.])
+    """
 
     step: float
     decay: float = 1.0
@@ -80,6 +86,11 @@ class Momentum(_Steps):
     """Gradient descent along a running mean of gradients, which starts at zero and is not corrected for it.
 
     mean : what is left of the mean after a step.
+
+    Examples
+    --------
+    >>> minimise(lambda c: (c @ c, 2 * c), np.array([8.0]), Momentum(0.5, 0.5), iterations=1).coefficients
+    array([4.])
     """
 
     step: float
@@ -101,6 +112,11 @@ class RMSProp(_Steps):
     step : about the length of a step in every variable.  square : what is left of the mean after a step.
 
     Source: T. Tieleman, G. Hinton, Neural networks for machine learning, lecture 6.5 (2012).
+
+    Examples
+    --------
+    >>> minimise(lambda c: (9 * c @ c, 18 * c), np.array([8]), RMSProp(1.0, 0.75), iterations=1).coefficients
+    array([6.])
     """
 
     step: float
@@ -122,6 +138,11 @@ class Adam(_Steps):
     mean, square : what is left of the means after a step.
 
     Source: D. P. Kingma, J. Ba, Adam: a method for stochastic optimization, ICLR 2015.
+
+    Examples
+    --------
+    >>> minimise(lambda c: (c @ c, 2 * c), np.ones(1), Adam(0.25), iterations=1).coefficients
+    array([0.75])
     """
 
     step: float = 0.01

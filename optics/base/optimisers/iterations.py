@@ -15,7 +15,18 @@ Callback = Callable[[Floats], object]  # after every step; StopIteration ends th
 
 
 class Optimiser(Protocol):
-    """A way to lower a function of many variables by its gradient."""
+    """A way to lower a function of many variables by its gradient.
+
+    Examples
+    --------
+    >>> class Halving:
+    ...     def run(self, function, start, iterations, callback):
+    ...         for k in range(iterations + 1):
+    ...             function(start / 2**k)
+    ...         return iterations
+    >>> minimise(lambda c: (c @ c, 2 * c), np.array([8.0]), Halving(), iterations=3).coefficients
+    array([1.])
+    """
 
     def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
         """Evaluate the function at better and better points, and return the number of steps.

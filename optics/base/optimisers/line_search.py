@@ -21,6 +21,11 @@ class LineSearch:
 
     step : of the first trial, in the variable with the greatest entry of g.  Later searches start from the
         step before.
+
+    Examples
+    --------
+    >>> minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]), LineSearch(), iterations=1).loss < 1e-9
+    True
     """
 
     step: float = 0.01
@@ -72,6 +77,12 @@ class LBFGS:
     least_decrease : of the value in a step that is worth another one, relative; None is scipy's own.
 
     Source: R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, SIAM J. Sci. Comput. 16 (1995) 1190-1208.
+
+    Examples
+    --------
+    >>> from scipy.optimize import rosen, rosen_der
+    >>> minimise(lambda c: (rosen(c), rosen_der(c)), np.zeros(2), LBFGS(memory=5)).loss < 1e-9
+    True
     """
 
     memory: int = 10
@@ -83,12 +94,7 @@ class LBFGS:
 
     def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
         """Return the number of steps, see `Optimiser`."""
-        options = {
-            "maxiter": iterations,
-            "maxcor": self.memory,
-            "maxfun": 2 * iterations + 10,
-            "gtol": 0.0,
-        }
+        options = {"maxiter": iterations, "maxcor": self.memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
         if self.least_decrease is not None:
             options["ftol"] = self.least_decrease
         result = minimize(function, start, jac=True, method="L-BFGS-B", options=options, callback=callback)

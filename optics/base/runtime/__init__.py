@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         usable_cores as usable_cores,
     )
     from optics.base.runtime.checks import (
-        SURE as SURE,
+        RESOLVED as RESOLVED,
         Check as Check,
         Grade as Grade,
         Result as Result,
@@ -45,7 +45,11 @@ if TYPE_CHECKING:
     from optics.base.runtime.llvm import llvm_library as llvm_library
     from optics.base.runtime.lost_interrupts import lost_interrupts_again as lost_interrupts_again
     from optics.base.runtime.order_free_sums import OrderFreeSums as OrderFreeSums
-    from optics.base.runtime.progress import Moment as Moment, Phase as Phase, Progress as Progress
+    from optics.base.runtime.progress import (
+        Phase as Phase,
+        Progress as Progress,
+        ProgressEvent as ProgressEvent,
+    )
     from optics.base.runtime.user_files import (
         read_at_most as read_at_most,
         reading as reading,

@@ -10,7 +10,7 @@ Grade = Literal["made", "light misses", "file or part fails", "not decided"]
 Result = Literal["passed", "failed", "undecided"]
 Subject = Literal["file", "light"]
 
-SURE = 2.0  # standard errors by which a value must differ from its limit, for the comparison to count
+RESOLVED = 2.0  # standard errors by which a value must differ from its limit, for the comparison to count
 MARKS: dict[Result, str] = {"passed": "ok    ", "failed": "FAILED", "undecided": "?     "}
 
 
@@ -34,10 +34,15 @@ class Check:
     subject: Subject = "file"
     remark: str = ""
 
+    @classmethod
+    def none_of(cls, name: str, found: int) -> Check:
+        """Return the Check of things of which there must be none.  found : how many there are."""
+        return cls(name, int(found), 0, "")
+
     @property
     def result(self) -> Result:
-        """Whether the limit is kept; undecided within SURE standard errors of it, or without a value."""
-        if self.value is None or (self.error and abs(self.value - self.limit) <= SURE * self.error):
+        """Whether the limit is kept; undecided within RESOLVED standard errors of it, or without a value."""
+        if self.value is None or (self.error and abs(self.value - self.limit) <= RESOLVED * self.error):
             return "undecided"
         kept = self.value >= self.limit if self.at_least else self.value <= self.limit
         return "passed" if kept else "failed"

@@ -15,6 +15,13 @@ class UserError(Exception):
 
     Whatever the input held, the message stays on one line, printable and short: of a longer one the middle
     is left out, since the file is named at the beginning and the remedy at the end.
+
+    Examples
+    --------
+    >>> problem.with_(**{"target.distnce": 400})
+    Traceback (most recent call last):
+    ...
+    optics...UserError: unknown key target.distnce (did you mean target.distance?); ...
     """
 
     exit_code = 2
@@ -28,7 +35,15 @@ class UserError(Exception):
 
 
 class NumericalError(Exception):
-    """A computation that failed on valid input.  Exit code 3."""
+    """A computation that failed on valid input.  Exit code 3.
+
+    Examples
+    --------
+    >>> minimise(lambda c: (np.nan, c), np.ones(1))
+    Traceback (most recent call last):
+    ...
+    optics...NumericalError: the loss or its gradient is not finite; ...
+    """
 
     exit_code = 3
 

@@ -1,6 +1,6 @@
 """How far a job of several phases is, and how long it will still take.
 
-Nothing is drawn here: a function that is called with every `Moment` does that.
+Nothing is drawn here: a function that is called with every `ProgressEvent` does that.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ class Phase:
     """A part of a job.
 
     work : expected seconds on some machine; how fast this one is turns out
-    telling : how much its own seconds count for that, beside those of others: little of the disk's work
-    on_one_core : its speed is told as much by that of other such phases as by that of all
+    weight : how much its own seconds count for that, beside those of others: little of the disk's work
+    on_one_core : its speed follows that of other such phases as much as that of all
     """
 
     name: str
     work: float
-    telling: float = 1.0
+    weight: float = 1.0
     on_one_core: bool = False
 
 
 @dataclass(frozen=True)
-class Moment:
+class ProgressEvent:
     """How far a job is.
 
     phase : its name.  seconds : that the phase has taken so far.  detail : of it, in words.
@@ -55,22 +55,22 @@ class Progress:
     all phases so far; for those on one core by the geometric mean of that and the speed of other such phases.
     The fraction never falls.
 
-    show : called with a Moment when a phase begins and goes on, and at the end.  clock : seconds.
+    show : called with a ProgressEvent when a phase begins and goes on, and at the end.  clock : seconds.
     """
 
     def __init__(
         self,
         phases: Sequence[Phase],
-        show: Callable[[Moment], None],
+        show: Callable[[ProgressEvent], None],
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         self._show, self._clock = show, clock
         self._now, *self._ahead = phases
         self._begun = self._since = clock()
         self._done = 0.0  # work
-        self._heard = self._heard_work = 0.0  # seconds and work of the phases before, as far as they tell
+        self._past = self._past_work = 0.0  # weighted seconds and work of the phases before
         self._single = self._single_work = 0.0  # the same of those on one core
-        self._part, self._told = 0.0, 0.0  # of the present phase, and its seconds when it last said so
+        self._part, self._reported = 0.0, 0.0  # of the present phase, and its seconds at the last report
         self._detail = ""
         self._fraction = 0.0
         self._lock = RLock()
@@ -91,56 +91,56 @@ class Progress:
         """
         with self._lock:
             at = [phase.name for phase in self._ahead].index(name)
-            self.tell()
+            self.report()
             self._done += self._now.work
-            self._heard += self._now.telling * (self._clock() - self._since)
-            self._heard_work += self._now.telling * self._now.work
+            self._past += self._now.weight * (self._clock() - self._since)
+            self._past_work += self._now.weight * self._now.work
             if self._now.on_one_core:
-                self._single += self._now.telling * (self._clock() - self._since)
-                self._single_work += self._now.telling * self._now.work
+                self._single += self._now.weight * (self._clock() - self._since)
+                self._single_work += self._now.weight * self._now.work
             self._now, *self._ahead = self._ahead[at:]
-            self._since, self._part, self._told, self._detail = self._clock(), 0.0, 0.0, ""
-            self.tell()
+            self._since, self._part, self._reported, self._detail = self._clock(), 0.0, 0.0, ""
+            self.report()
 
     def advance(self, part: float, detail: str = "") -> None:
         """Say how much of the present phase is done, 0 to 1."""
         with self._lock:
-            self._part, self._told = min(max(part, self._part), 1.0), self._clock() - self._since
+            self._part, self._reported = min(max(part, self._part), 1.0), self._clock() - self._since
             self._detail = detail
-            self.tell()
+            self.report()
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Show how far the job is by now."""
         with self._lock:
             elapsed, now = self._clock() - self._since, self._now.work
             whole = self._done + now + sum(phase.work for phase in self._ahead)
-            tells, heard, known = self._now.telling, self._heard, self._heard_work
+            weight, past, known = self._now.weight, self._past, self._past_work
             # the second would be the speed if the present phase ended now
             speed = max(
-                _speed(heard + tells * self._told, known + tells * self._part * now, whole),
-                _speed(heard + tells * elapsed, known + tells * now, whole),
+                _speed(past + weight * self._reported, known + weight * self._part * now, whole),
+                _speed(past + weight * elapsed, known + weight * now, whole),
             )
-            # the speed of phases on one core, as far as some have told
+            # the speed of phases on one core, where there were some
             known = self._single_work
             alone = speed * (_speed(self._single / speed, known, whole) if known else 1.0)
             speeds = {False: speed, True: sqrt(speed * alone)}
-            present = (self._told + STEADY * speeds[self._now.on_one_core] * now) / (self._part + STEADY)
+            present = (self._reported + STEADY * speeds[self._now.on_one_core] * now) / (self._part + STEADY)
             present = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed)
             ahead = sum(speeds[phase.on_one_core] * phase.work for phase in self._ahead)
             left, whole = present + ahead, speed * whole  # seconds, at the speed so far
             self._fraction = max(self._fraction, 1 - left / whole)
             seconds = self._clock() - self._since
-            self._show(Moment(self._now.name, seconds, self._detail, self._fraction, left))
+            self._show(ProgressEvent(self._now.name, seconds, self._detail, self._fraction, left))
 
     def finish(self) -> None:
         """Say that the job is over."""
         with self._lock:
             self._fraction = 1.0
-            self._show(Moment(self._now.name, self._clock() - self._since, self._detail, 1.0, 0.0))
+            self._show(ProgressEvent(self._now.name, self._clock() - self._since, self._detail, 1.0, 0.0))
 
 
 def _speed(seconds: float, work: float, whole: float) -> float:
-    """Return the seconds per expected second, of which little work tells little."""
+    """Return the seconds per expected second, in which little work counts little."""
     if not (seconds and work):
         return 1.0
     return float((seconds / work) ** (work**2 / (work**2 + (PRIOR * whole) ** 2)))

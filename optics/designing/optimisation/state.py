@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from optics.base.runtime import UserError
 from optics.designing.optimisation.stage_plan import first_level, stages
 from optics.scene.problem import feature_levels
@@ -92,12 +90,8 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
             sags.append(base.sag if other.sag is None else other.sag)
         same = base.half_width == other.half_width and base.conic == other.conic
         if base.sag is not None and other.sag is not None:
-            same = same and all(
-                a.degree == b.degree and np.array_equal(a.knots, b.knots)
-                for a, b in zip(
-                    (base.sag.space.kv_u, base.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v)
-                )
-            )
+            mesh, others = base.sag.space, other.sag.space
+            same = same and (mesh.kv_u, mesh.kv_v) == (others.kv_u, others.kv_v)
         if not same or (base.sag is None and other.sag is not None):
             raise UserError(
                 f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "

@@ -39,7 +39,7 @@ TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
-EVEN_DETAIL = 0.05  # the same of even light, which has an outline but no texture
+UNIFORM_DETAIL = 0.05  # the same of uniform light, which has an outline but no texture
 INSIDE = 0.97  # of z_freedom
 ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a little more
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
@@ -122,7 +122,7 @@ class TransportStart:
 
     def level(self, least: int, finest: int) -> int:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
-        (EVEN_DETAIL where even light is asked for).
+        (UNIFORM_DETAIL where uniform light is asked for).
 
         That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
         slopes' misfit.  Slopes that no surface has remain in all of them.
@@ -132,7 +132,7 @@ class TransportStart:
         throw = np.degrees(1.0) if target.far_field else target.settings.distance
         moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
-        detail = DETAIL if target.even_region is None else EVEN_DETAIL
+        detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
 
     def within(self, fit: TransportFit) -> bool:

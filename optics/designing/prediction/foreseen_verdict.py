@@ -27,7 +27,7 @@ def foreseen_misses(
     blur : what the blur leaves of the picture, where there is one.
     """
     sentences = [*_of_the_error(system, expected, blur)]
-    region, limits, screen = system.target.even_region, system.problem.verify, system.target.screen()
+    region, limits, screen = system.target.uniform_region, system.problem.verify, system.target.screen()
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
         wide = spot_rms(system, system.lens, backend)
         found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=wide, grid=limits.grid)
@@ -46,7 +46,7 @@ def foreseen_misses(
 
 def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
-    limits, even = system.problem.verify, system.target.even_region is not None
+    limits, uniform = system.problem.verify, system.target.uniform_region is not None
     known = [
         (WILL, blur.least if blur else None, "the blur allows"),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
@@ -59,8 +59,8 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
         of_contrast = contrast_error({"rel_l2_debiased": value, "rel_l2_error": 0.0}, target)[
             "contrast_error"
         ]
-        rows = [("rel_l2", value, picture_limit(limits, even))]
-        if not even and of_contrast is not None:
+        rows = [("rel_l2", value, picture_limit(limits, uniform))]
+        if not uniform and of_contrast is not None:
             rows.append(("contrast_error", of_contrast, limits.contrast_error))
         for key, found, limit in rows:
             if found > limit:

@@ -9,7 +9,7 @@ from math import prod
 from time import perf_counter
 from typing import cast
 
-from optics.base.runtime import Moment, Phase, Progress
+from optics.base.runtime import Phase, Progress, ProgressEvent
 from optics.designing.optimisation import Row, Stage, stage_seconds
 from optics.designing.progress.progress_bar import Bar, Lines, drawing
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, per_level
@@ -112,11 +112,11 @@ USUAL_ITERATIONS = 60
 class DesignProgress:
     """The progress of a design; its phases are named in the order of the run.
 
-    show : called with every Moment; by default it is drawn on stderr.  clock : seconds.
+    show : called with every ProgressEvent; by default it is drawn on stderr.  clock : seconds.
     """
 
     def __init__(
-        self, show: Callable[[Moment], None] | None = None, clock: Callable[[], float] = perf_counter
+        self, show: Callable[[ProgressEvent], None] | None = None, clock: Callable[[], float] = perf_counter
     ) -> None:
         self._drawing = None if show else drawing(sys.stderr)
         self._size = USUAL
@@ -145,7 +145,7 @@ class DesignProgress:
         self._size = replace(size, automatic=self._size.automatic)
         self._progress.expect([*self._size.earlier(), *self._stages(plan, 0), *self._size.later(size.dof)])
         if self._drawing:
-            self._drawing.keep_alive(self._progress.tell)
+            self._drawing.keep_alive(self._progress.report)
 
     def over(self, phase: str) -> None:
         """Say that a phase of the run is over."""

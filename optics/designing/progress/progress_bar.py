@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from threading import Event, Thread
 from typing import Any, TextIO
 
-from optics.base.runtime import Moment
+from optics.base.runtime import ProgressEvent
 
 REDRAWN = 0.5  # seconds, between two drawings of the bar in a phase that says nothing
 DRAWN = 0.1  # seconds, at least, between two drawings in a phase that says much
@@ -36,26 +36,26 @@ class Lines:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._last: Moment | None = None
+        self._last: ProgressEvent | None = None
         self._said = 0.0
         self._first = True
         self._waiting: list[str] = []
 
-    def __call__(self, moment: Moment) -> None:
-        last, self._last = self._last, moment
-        if last and (moment.phase != last.phase or moment.fraction == 1.0):
-            over = moment if moment.phase == last.phase else last
-            self._write(over, f", {over.seconds:.1f} s", moment)
-        elif moment.detail and moment.fraction >= self._said + SAID:
-            self._write(moment, "", moment)
+    def __call__(self, event: ProgressEvent) -> None:
+        last, self._last = self._last, event
+        if last and (event.phase != last.phase or event.fraction == 1.0):
+            over = event if event.phase == last.phase else last
+            self._write(over, f", {over.seconds:.1f} s", event)
+        elif event.detail and event.fraction >= self._said + SAID:
+            self._write(event, "", event)
 
-    def keep_alive(self, tell: Callable[[], None]) -> None:
+    def keep_alive(self, report: Callable[[], None]) -> None:
         """Do nothing: a phase that says nothing has no lines."""
 
     def close(self) -> None:
         """Do nothing: the lines are written."""
 
-    def _write(self, of: Moment, seconds: str, now: Moment) -> None:
+    def _write(self, of: ProgressEvent, seconds: str, now: ProgressEvent) -> None:
         self._said = now.fraction
         detail = f": {of.detail}" if of.detail else ""
         left = f", about {time_words(now.left)} left" if now.fraction < 1 else ""
@@ -71,12 +71,12 @@ class Lines:
 class Bar:
     """A bar with the time left and the phase, and a line for every phase with details that is over.
 
-    make : makes the bar, as tqdm does; it is called with the first Moment.  form : of the bar, as of tqdm.
+    make : makes the bar, as tqdm does; called with the first ProgressEvent.  form : of the bar, as of tqdm.
     """
 
     def __init__(self, stream: TextIO, make: Callable[..., Any], form: str = FORM) -> None:
         self._make, self._stream, self._form = make, stream, form
-        self._last: Moment | None = None
+        self._last: ProgressEvent | None = None
         self._ended = Event()
         self._thread: Thread | None = None
 
@@ -84,24 +84,24 @@ class Bar:
     def _bar(self) -> Any:
         return self._make(total=1.0, bar_format=self._form, file=self._stream, mininterval=DRAWN, miniters=0)
 
-    def __call__(self, moment: Moment) -> None:
-        last, self._last = self._last, moment
-        begins = last is None or moment.phase != last.phase
+    def __call__(self, event: ProgressEvent) -> None:
+        last, self._last = self._last, event
+        begins = last is None or event.phase != last.phase
         if last and last.detail and begins:
             self._bar.write(f"{last.phase}: {last.detail}, {last.seconds:.1f} s", file=self._stream)
-        detail = f": {moment.detail}" if moment.detail else ""
-        words = f"about {time_words(moment.left)} left, {moment.phase}{detail}"
-        self._bar.set_description_str(words if moment.fraction < 1 else "done", refresh=False)
-        self._bar.update(moment.fraction - self._bar.n)
-        if begins or moment.fraction == 1:
+        detail = f": {event.detail}" if event.detail else ""
+        words = f"about {time_words(event.left)} left, {event.phase}{detail}"
+        self._bar.set_description_str(words if event.fraction < 1 else "done", refresh=False)
+        self._bar.update(event.fraction - self._bar.n)
+        if begins or event.fraction == 1:
             self._bar.refresh()
 
-    def keep_alive(self, tell: Callable[[], None]) -> None:
+    def keep_alive(self, report: Callable[[], None]) -> None:
         """Draw the bar again and again, in a thread, also while a phase says nothing."""
 
         def redraw() -> None:
             while not self._ended.wait(REDRAWN):
-                tell()
+                report()
 
         self._thread = Thread(target=redraw, daemon=True)
         self._thread.start()

@@ -22,10 +22,10 @@ UNKNOWN = (
 def light_checks(part: PartLight) -> tuple[list[Check], list[str]]:
     """Return the Checks of a part's glass and light, and what is left out."""
     checks, left_out = _proven(part), [FOLLOWED, *_beside_the_proof(part)]
-    checks.append(Check("holes and pads of front and rear where they are lit", len(part.pierced), 0, ""))
+    checks.append(Check.none_of("holes and pads of front and rear where they are lit", len(part.pierced)))
     inside = part.certain_voids
     where = _place({number: part.within[GLASS][number] for number in inside})
-    checks.append(Check(f"faces of the part within the light's glass{where}", len(inside), 0, ""))
+    checks.append(Check.none_of(f"faces of the part within the light's glass{where}", len(inside)))
     if part.system is None:
         left_out.append(UNKNOWN)
         if part.uncovered:  # the areas of front and rear tell
@@ -56,9 +56,9 @@ def _proven(part: PartLight) -> list[Check]:
         checks.append(Check(name, part.most_missing, VOLUME, ""))
     for name, found in part.within.items():
         if not found:
-            checks.append(Check(f"faces of the part in the light {SEGMENTS[name]}, proven", 0, 0, ""))
+            checks.append(Check.none_of(f"faces of the part in the light {SEGMENTS[name]}, proven", 0))
     if part.system is not None and not part.uncovered:
-        checks.append(Check("faces of front and rear that lack what is lit of them, proven", 0, 0, ""))
+        checks.append(Check.none_of("faces of front and rear that lack what is lit of them, proven", 0))
     return checks
 
 
@@ -72,7 +72,7 @@ def _traced(part: PartLight) -> tuple[list[Check], list[str]]:
     name = f"share of the {what} that the part stops, by {rays} rays"
     checks = [Check(name, stopped.share, LOST, "", error=stopped.error)]
     if part.voids:
-        checks.append(Check(f"rays of {rays} that meet a face within the glass", stopped.voided, 0, ""))
+        checks.append(Check.none_of(f"rays of {rays} that meet a face within the glass", stopped.voided))
     words = [
         f"proof of the light {SEGMENTS[name]}: {_faces(found)}, may lie in its hull, so that it is sampled "
         f"by {rays} rays"

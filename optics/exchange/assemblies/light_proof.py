@@ -176,11 +176,11 @@ class PartLight:
             return False
         corners = prism.section(np.zeros(3), np.eye(3)[0], np.eye(3)[1], 4 * self.size)
         x, y, _ = corners.mean(axis=0)
-        return bool(on_face(face, np.array([[x, y, self._height(name, x, y)[0]]]))[0])
+        return bool(on_face(face, np.array([[x, y, self._height(name, x, y)]]))[0])
 
     def _height(self, name: str, x: Floats, y: Floats) -> Floats:
         surface = self.lens.front if name == "front" else self.lens.rear
-        return np.atleast_1d(surface(x, y)) + (self.lens.thickness if name == "rear" else 0.0)
+        return surface(x, y) + (self.lens.thickness if name == "rear" else 0.0)
 
     def _between(self, points: Floats) -> NDArray[np.bool_]:
         """Return which points (n, 3) lie between front and rear."""

@@ -8,8 +8,17 @@ import numpy as np
 
 from optics.base.runtime import Check, UserError
 from optics.exchange.assemblies.proof import part_checks
-from optics.exchange.export import MESHES, READERS, SOLIDS, Labels, read_mesh, require_readers
+from optics.exchange.export import (
+    MESHES,
+    READERS,
+    SOLIDS,
+    Labels,
+    read_mesh,
+    require_readers,
+    triangle_checks,
+)
 from optics.exchange.results import require_writable
+from optics.exchange.verification import state_checks
 from thbcad.cad.exchange import (
     SolidState,
     brep_shape,
@@ -19,13 +28,7 @@ from thbcad.cad.exchange import (
     part_mesh,
     solid_volume,
 )
-from thbcad.cad.parts import (
-    exact_part,
-    mounted_part,
-    placed_lens,
-    placed_step,
-    surface_numbers,
-)
+from thbcad.cad.parts import exact_part, mounted_part, placed_lens, placed_step, surface_numbers
 from thbcad.cad.shapes import Part
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Tessellation
@@ -70,13 +73,9 @@ def export_mounted(
     try:
         proof = require_mount(mount, lens)
         pairs = (("clearance", mount.clearance, proof.clearance), ("wall", mount.wall, proof.wall))
+        short = "least {} of the mount, proven to be {:.6g} mm, short of {:g} mm by"
         checks = [
-            Check(
-                f"least {name} of the mount, proven to be {got:.6g} mm, short of {wanted:g} mm by",
-                max(wanted - got, 0.0),
-                LEAST,
-                "mm",
-            )
+            Check(short.format(name, got, wanted), max(wanted - got, 0.0), LEAST, "mm")
             for name, wanted, got in pairs
         ]
         body = mounted_part(lens, mount)
@@ -92,9 +91,7 @@ def export_mounted(
             return [path], [
                 *checks,
                 Check("chord error as measured", mesh.chord, chord, "mm"),
-                Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
-                Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
-                Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
+                *triangle_checks(read, mesh, by),
                 Check(f"size against the mesh in memory, {by}", float(np.abs(apart).max()), chord, "mm"),
                 Check(f"volume against OCCT's of the solid, {by}", off, chord * read.area, "mm^3"),
             ]
@@ -113,23 +110,14 @@ def _solid(lens: Lens, part: Part, name: str, path: Path, labels: Labels) -> lis
     state = SolidState((iges_shape if name == "iges" else brep_shape)(path))
     by = f"{name.upper()} read back by OCCT"
     placed = placed_lens(state.shape, lens)
-    volume = solid_volume(part.solid, VOLUME)
+    off = abs(state.volume / solid_volume(part.solid, VOLUME) - 1)
     return [
-        Check(f"solids besides the one expected, {by}", abs(state.solids - 1), 0, ""),
-        Check(
-            f"faces besides the {len(part.faces)} expected, {by}", abs(state.faces - len(part.faces)), 0, ""
-        ),
-        Check(f"free edges, {by}", state.free_edges, 0, ""),
-        Check(f"solid not valid, {by}", int(not state.valid), 0, ""),
-        Check(
-            f"volume against the part in memory, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""
-        ),
+        *state_checks(state, by, len(part.faces)),
+        Check(f"volume against the part in memory, relative, {by}", off, VOLUME, ""),
         *(
-            Check(
+            Check.none_of(
                 f"{word} numbers that differ from the lens in memory, {by}",
                 surface_numbers(placed.geometry(word)).differing(surface_numbers(surface)),
-                0,
-                "",
             )
             for word, surface in placed.surfaces.items()
         ),

@@ -75,5 +75,5 @@ def _compared(name: str, found: LandingPoints, wanted: LandingPoints, by_fate: b
     both = lit[0] & lit[1]
     error = float(np.abs(found.points[both] - wanted.points[both]).max()) if both.any() else np.inf
     landing = Check(f"landing points by {name} with the part", error, LANDING, "mm")
-    other = Check(f"rays with another fate by {name} with the part", int((lit[0] != lit[1]).sum()), 0, "")
+    other = Check.none_of(f"rays with another fate by {name} with the part", (lit[0] != lit[1]).sum())
     return [other, landing] if by_fate else [landing]

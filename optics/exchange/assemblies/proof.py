@@ -11,7 +11,7 @@ from optics.exchange.assemblies.light_checks import light_checks
 from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.assemblies.part_rays import landing_checks
 from optics.exchange.assemblies.placement_text import PlacedText, placed_text
-from optics.exchange.verification import same_surface, whole_checks
+from optics.exchange.verification import same_surface, state_checks, whole_checks
 from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, step_bytes, step_shape
 from thbcad.cad.parts import (
@@ -52,19 +52,12 @@ def part_checks(
     checks, left_out = whole_checks(text.solid, OTHER_EDGES)
     checks += _text_checks(text, lens)
     state = SolidState(shape)
-    checks += [
-        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
-        Check("free edges, by OCCT", state.free_edges, 0, ""),
-        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
-        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
-    ]
+    checks += state_checks(state, "by OCCT")
     try:
         placed = placed_lens(shape, lens)
     except ValueError as error:
-        return [
-            *checks,
-            Check(f"front and rear of the lens in the part, by OCCT: {error}", 1, 0, ""),
-        ], left_out
+        checks.append(Check.none_of(f"front and rear of the lens in the part, by OCCT: {error}", 1))
+        return checks, left_out
     apart = float(np.abs(placed.matrix - text.motion).max())
     checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
     # how far the areas of front and rear are from those of the lens, relative
@@ -74,14 +67,8 @@ def part_checks(
         full = 4 * surface.half_width[0] * surface.half_width[1]
         off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
     trimmed = max(off.values()) > AREA
-    checks.append(
-        Check(
-            "tolerance that faces, edges and vertices need to meet",
-            state.tolerance,
-            OTHER_EDGES if trimmed else TOLERANCE,
-            "mm",
-        )
-    )
+    most = OTHER_EDGES if trimmed else TOLERANCE
+    checks.append(Check("tolerance that faces, edges and vertices need to meet", state.tolerance, most, "mm"))
     checks += _face_checks(placed, lens, OTHER_EDGES if trimmed else TRIM)
     if system is None:
         checks += [
@@ -101,7 +88,7 @@ def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
         named = [face for face in text.solid.faces if face.name == name]
         off = abs(len(named) - 1) + sum(not same_surface(face, fresh[name]) for face in named)
         checks.append(
-            Check(f"text of the file: faces named {name} that are not the {name} of the lens", off, 0, "")
+            Check.none_of(f"text of the file: faces named {name} that are not the {name} of the lens", off)
         )
     rotation = text.motion[:, :3]
     mirrored = abs(np.linalg.det(rotation) - 1)
@@ -122,7 +109,7 @@ def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:
         deviation = face_deviation(geometry, surface, vertex)
         edges = edge_deviation(placed.faces[name])
         checks += [
-            Check(f"{name} numbers that differ from the lens in memory, by OCCT", differing, 0, ""),
+            Check.none_of(f"{name} numbers that differ from the lens in memory, by OCCT", differing),
             Check(f"{name} face against the lens in memory, by OCCT", deviation, SURFACE, "mm"),
             Check(f"edges of the {name} and their images, by OCCT", edges, trim, "mm"),
         ]

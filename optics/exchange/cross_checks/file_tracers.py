@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from optics.base.runtime import PRECISIONS, UserError
+from optics.exchange.mitsuba import load_mitsuba
 from optics.exchange.verification import StepFile
 from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
@@ -95,27 +95,17 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     UserError : Mitsuba cannot be loaded.
     OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
     """
+    from optics.exchange.verification import tracer_by_occt, tracer_by_optiland  # OCCT
+
     index, target = index_of(file), system.target.receiver
-    resolution = None
-    coarser: Callable[[Rays], LandingPoints] | None = None
-    trace: Callable[[Rays], LandingPoints]
-    if name == "mitsuba":
-        trace, coarser = _by_mitsuba(file, system, index, nodes)
-        digits = PRECISIONS["single"][2]
-        resolution = float(np.degrees(digits)) if target.far_field else digits * system.target.z
-    elif name == "optiland":
-        trace = _by_optiland(file, index, target)
-    else:
-        trace = _by_occt(file, index, target)
-    heights = [_lowest(face) for face in (file.solid.front, file.solid.rear)]
-    return FileTracer(
-        name=name,
-        trace=trace,
-        coarser=coarser,
-        start=min(heights) - 1.0,
-        index=index,
-        resolution=resolution,
-    )
+    start = min(_lowest(face) for face in (file.solid.front, file.solid.rear)) - 1.0
+    if name != "mitsuba":
+        trace = {"optiland": tracer_by_optiland, "occt": tracer_by_occt}[name](file, index, target)
+        return FileTracer(name, trace, None, start, index, None)
+    fine, coarse = _by_mitsuba(file, system, index, nodes)
+    digits = PRECISIONS["single"][2]
+    resolution = float(np.degrees(digits)) if target.far_field else digits * system.target.z
+    return FileTracer(name, fine, coarse, start, index, resolution)
 
 
 def _lowest(face: OpticalForm) -> float:
@@ -143,34 +133,9 @@ def index_of(file: StepFile) -> float:
 def _by_mitsuba(
     file: StepFile, system: OpticalSystem, index: float, least: int
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
-    from optics.exchange.cross_checks.meshed_file import MeshedLens, optical_nodes
-    from optics.exchange.mitsuba import load_mitsuba
+    from optics.exchange.cross_checks.meshed_file import MeshedLens, optical_nodes  # OCCT
 
     nodes = optical_nodes(file, least)
     load_mitsuba(threads=system.problem.run.threads)
     fine, coarse = (MeshedLens(n, index, system.target.receiver) for n in (nodes, nodes.coarser))
     return fine, coarse
-
-
-def _by_optiland(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
-    from optics.exchange.verification import optiland_trace
-
-    step = file.solid
-
-    def trace(rays: Rays) -> LandingPoints:
-        landing = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, index, target)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
-
-    return trace
-
-
-def _by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
-    from optics.exchange.verification import occt_trace, optical_faces
-
-    optical, shape = optical_faces(file.text), file.solid.shape
-
-    def trace(rays: Rays) -> LandingPoints:
-        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
-
-    return trace

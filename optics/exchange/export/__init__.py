@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         READERS as READERS,
         read_mesh as read_mesh,
         require_readers as require_readers,
+        triangle_checks as triangle_checks,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

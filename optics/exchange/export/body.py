@@ -71,6 +71,7 @@ class Body:
         ------
         ValueError : an aperture, a polygon or a flange that the lens has no room for.
         """
+        # OCCT
         from thbcad.cad.shapes import flanged_part, lens_part, patched_part, polygon_part, trimmed_part
 
         if self.patches:

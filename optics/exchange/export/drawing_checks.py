@@ -36,8 +36,8 @@ def drawing_checks(lens: Lens, sheet: Sheet, path: Path, name: str, body: Body =
     drawn, faults = _read_svg(path) if name == "svg" else _read_dxf(path)
     wanted = sum(len(one.view.curves) for one in sheet.views)
     checks = [
-        Check(f"faults of the file, {by}", faults, 0, ""),
-        Check(f"curves missing or added, {by}", abs(len(drawn) - wanted), 0, ""),
+        Check.none_of(f"faults of the file, {by}", faults),
+        Check.none_of(f"curves missing or added, {by}", abs(len(drawn) - wanted)),
     ]
     limit = sheet.bound + ROUNDING
     surfaces = {"front": (lens.front, 0.0), "rear": (lens.rear, lens.thickness)}

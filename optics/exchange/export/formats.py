@@ -130,12 +130,7 @@ def report_of(out: str) -> Path:
 
 
 def export(
-    lens: Lens,
-    name: str,
-    out: str,
-    chord: float = CHORD,
-    body: Body = PLAIN,
-    labels: Labels | None = None,
+    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = PLAIN, labels: Labels | None = None
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
@@ -249,6 +244,7 @@ def _arrays(lens: Lens) -> bytes:
 
 def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tuple[list[Path], list[Check]]:
     """Write the lens as a solid in a CAD format."""
+    # OCCT
     from thbcad.cad.exchange import brep_text, part_iges, part_step, read_brep, read_iges, read_step
 
     part = body.part(lens)
@@ -271,7 +267,7 @@ def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
 
 def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
     """Write front and rear as loose faces, one to a file."""
-    from thbcad.cad.exchange import read_faces, write_faces
+    from thbcad.cad.exchange import read_faces, write_faces  # OCCT
 
     surfaces, files = dict(zip(("front", "rear"), placed_surfaces(lens))), {}
     with tempfile.TemporaryDirectory() as folder:

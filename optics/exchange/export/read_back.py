@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline, NdBSpline
 from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.wall_distance import wall_distance
+from optics.exchange.verification import state_checks
 from thbcad.doors import pip_command
 from thbcad.io import patched_deviation
 from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation, optical_forms
@@ -54,33 +55,27 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
 
     faces : how many are expected.  volume : mm^3, by quadrature.
     """
-    from optics.exchange.verification import differing_numbers, surface_deviation
+    from optics.exchange.verification import differing_numbers, surface_deviation  # OCCT
 
     by = f"{name.upper()} read back by OCCT"
-    checks = _state_checks(read, by, faces, volume)
+    checks = _whole_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
     for word, face, exact, (surface, vertex) in zip(
         ("front", "rear"), (read.front, read.rear), optical_forms(lens), surfaces
     ):
-        checks.append(
-            Check(
-                f"{word} poles and knots that differ from the lens in memory, {by}",
-                differing_numbers(face, exact),
-                0,
-                "",
-            )
-        )
-        checks.append(
-            Check(f"{word} face, {by}", surface_deviation(face, surface, vertex), SOLID_SURFACE[name], "mm")
-        )
+        differing, off = differing_numbers(face, exact), surface_deviation(face, surface, vertex)
+        checks += [
+            Check.none_of(f"{word} poles and knots that differ from the lens in memory, {by}", differing),
+            Check(f"{word} face, {by}", off, SOLID_SURFACE[name], "mm"),
+        ]
     return checks
 
 
 def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
     """Return the Checks of a STEP file whose front and rear are patches."""
-    from thbcad.cad.exchange import SolidState, step_shape
+    from thbcad.cad.exchange import SolidState, step_shape  # OCCT
 
-    checks = _state_checks(SolidState(step_shape(path)), "STEP read back by OCCT", faces, lens.volume())
+    checks = _whole_checks(SolidState(step_shape(path)), "STEP read back by OCCT", faces, lens.volume())
     return [*checks, Check("front and rear, text of the file", patched_deviation(path, lens), SURFACE, "mm")]
 
 
@@ -88,27 +83,20 @@ def face_checks(
     word: str, exact: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
 ) -> list[Check]:
     """Return the Checks of a file with one loose face."""
-    from optics.exchange.verification import differing_numbers
+    from optics.exchange.verification import differing_numbers  # OCCT
 
-    by = f"{name.upper()} read back by OCCT"
+    by, differing = f"{name.upper()} read back by OCCT", differing_numbers(read[0], exact)
     return [
-        Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
-        Check(
-            f"{word} poles and knots that differ from the lens in memory, {by}",
-            differing_numbers(read[0], exact),
-            0,
-            "",
-        ),
+        Check.none_of(f"faces besides the one expected, {by}", len(read) - 1),
+        Check.none_of(f"{word} poles and knots that differ from the lens in memory, {by}", differing),
     ]
 
 
-def _state_checks(state: SolidState, by: str, faces: int, volume: float) -> list[Check]:
+def _whole_checks(state: SolidState, by: str, faces: int, volume: float) -> list[Check]:
+    off = abs(state.volume / volume - 1)
     return [
-        Check(f"solids besides the one expected, {by}", abs(state.solids - 1), 0, ""),
-        Check(f"faces besides the {faces} expected, {by}", abs(state.faces - faces), 0, ""),
-        Check(f"free edges, {by}", state.free_edges, 0, ""),
-        Check(f"solid not valid, {by}", int(not state.valid), 0, ""),
-        Check(f"volume against the closed form, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""),
+        *state_checks(state, by, faces),
+        Check(f"volume against the closed form, relative, {by}", off, VOLUME, ""),
     ]
 
 
@@ -123,16 +111,10 @@ def mesh_checks(
     """
     read = read_mesh(path, name)
     by = f"{name.upper()} read back by {READERS[name][0]}"
+    off = abs(read.volume - body.volume(lens))
     checks = [
-        Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
-        Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
-        Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
-        Check(
-            f"volume against the closed form, {by}",
-            abs(read.volume - body.volume(lens)),
-            chord * read.area,
-            "mm^3",
-        ),
+        *triangle_checks(read, mesh, by),
+        Check(f"volume against the closed form, {by}", off, chord * read.area, "mm^3"),
     ]
     if checks[0].ok:
         corners = read.vertices.view(np.ndarray)
@@ -145,14 +127,8 @@ def mesh_checks(
             # in z, and in x and y beside the rectangle
             x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
             error = points - np.column_stack([x, y, vertex + surface(x, y)])
-            checks.append(
-                Check(
-                    f"{word} against the exact surface, {by}",
-                    float(np.linalg.norm(error, axis=1).max()),
-                    chord,
-                    "mm",
-                )
-            )
+            farthest = float(np.linalg.norm(error, axis=1).max())
+            checks.append(Check(f"{word} against the exact surface, {by}", farthest, chord, "mm"))
         walls = (
             (word, _samples(corners, read.faces[faces == face]))
             for face, word in enumerate(mesh.names)
@@ -161,6 +137,15 @@ def mesh_checks(
         edges = wall_distance(lens, body, walls)
         checks.append(Check(f"edges against the exact surfaces, {by}", edges, chord, "mm"))
     return checks
+
+
+def triangle_checks(read: Any, mesh: Tessellation, by: str) -> list[Check]:
+    """Return the Checks that a trimesh.Trimesh has all triangles of a mesh, closed and oriented."""
+    return [
+        Check.none_of(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles))),
+        Check.none_of(f"mesh not watertight, {by}", not read.is_watertight),
+        Check.none_of(f"mesh not consistently oriented, {by}", not read.is_winding_consistent),
+    ]
 
 
 def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) -> list[Check]:
@@ -172,16 +157,11 @@ def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) ->
     z, zx, zy, zxy = rows[..., :4].transpose(2, 1, 0)
     mid_x, mid_y = ((a[:-1] + a[1:]) / 2 for a in (x, y))
     lines, slopes = (CubicHermiteSpline(x, f, fx, axis=0)(mid_x) for f, fx in ((z, zx), (zy, zxy)))
-    between = CubicHermiteSpline(y, lines, slopes, axis=1)(mid_y)
+    between = CubicHermiteSpline(y, lines, slopes, axis=1)(mid_y) - surface.grid(mid_x, mid_y)
     by = "DAT read back by numpy"
     return [
         Check(f"{word} sags at the points, {by}", _greatest(z - surface.grid(x, y)), SURFACE, "mm"),
-        Check(
-            f"{word} sags between the points, bicubic, {by}",
-            _greatest(between - surface.grid(mid_x, mid_y)),
-            chord,
-            "mm",
-        ),
+        Check(f"{word} sags between the points, bicubic, {by}", _greatest(between), chord, "mm"),
     ]
 
 
@@ -190,15 +170,11 @@ def cloud_checks(word: str, surface: FreeformSurface, vertex: float, path: Path)
     x, y, z, *normal = np.loadtxt(path).T
     outward = 1 if word == "rear" else -1
     exact = np.array([-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)]) * outward
+    turned = np.array(normal) - exact / np.linalg.norm(exact, axis=0)
     by = "XYZ read back by numpy"
     return [
         Check(f"{word} points, {by}", _greatest(z - vertex - surface(x, y)), SURFACE, "mm"),
-        Check(
-            f"{word} normals, {by}",
-            _greatest(np.array(normal) - exact / np.linalg.norm(exact, axis=0)),
-            SURFACE,
-            "",
-        ),
+        Check(f"{word} normals, {by}", _greatest(turned), SURFACE, ""),
     ]
 
 
@@ -212,14 +188,8 @@ def array_checks(lens: Lens, path: Path) -> list[Check]:
             x, y = (np.unique(k) for k in knots)
             x, y = (np.unique(np.concatenate([a, a[:-1] + np.diff(a) / 3])) for a in (x, y))
             z = spline(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
-            checks.append(
-                Check(
-                    f"{word}, NPZ read back by numpy and scipy",
-                    _greatest(z - surface.grid(x, y)),
-                    SURFACE,
-                    "mm",
-                )
-            )
+            off = _greatest(z - surface.grid(x, y))
+            checks.append(Check(f"{word}, NPZ read back by numpy and scipy", off, SURFACE, "mm"))
     return checks
 
 

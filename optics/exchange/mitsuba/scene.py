@@ -110,7 +110,7 @@ def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, 
         raise UserError("Mitsuba has no light of ray and luminaire files; take another source.kind there")
     if not source.from_afar and source.cone < 90:
         raise UserError(
-            "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "
+            "Mitsuba's area emitters light the whole half-space: source.half_angle must be 90, got "
             f"{source.cone:g}"
         )
     if source.diverging:

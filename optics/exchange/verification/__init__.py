@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.verification.independent_checks import text_and_occt_checks as text_and_occt_checks
+    from optics.exchange.verification.independent_checks import (
+        text_and_occt_checks as text_and_occt_checks,
+        tracer_by_occt as tracer_by_occt,
+    )
     from optics.exchange.verification.lone_file import bare_checks as bare_checks
     from optics.exchange.verification.occt_tracer import (
         occt_trace as occt_trace,
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
         optiland_trace as optiland_trace,
+        tracer_by_optiland as tracer_by_optiland,
     )
     from optics.exchange.verification.prescription import prescription_checks as prescription_checks
     from optics.exchange.verification.reference_tracer import last_step as last_step, trace_step as trace_step
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from optics.exchange.verification.step_file import (
         ExportedStep as ExportedStep,
         StepFile as StepFile,
+        state_checks as state_checks,
         text_volume_check as text_volume_check,
         volume_check as volume_check,
     )

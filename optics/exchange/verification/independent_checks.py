@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import StepFile, text_volume_check
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
+from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace
@@ -37,27 +38,21 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    solid = file.text
-    shape, optical = file.solid.shape, optical_faces(solid)
-
-    def by_occt(rays: Rays) -> LandingPoints:
-        arriving = occt_trace(
-            shape, optical, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
-        )
-        return LandingPoints(arriving.points, arriving.flux * rays.flux)
-
+    by_occt = tracer_by_occt(file, lens.index, system.target.receiver)
     difference = compared(system, lens, backend, RAYS, by_occt)
-    return [
-        *text_checks(solid, lens),
-        *measure_checks(solid, file.solid)[0],
-        Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
-        Check(
-            "landing points by OCCT's intersections with the file",
-            difference.landing,
-            system.problem.verify.landing,
-            difference.unit,
-        ),
-    ]
+    fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
+    return [*text_checks(file.text, lens), *measure_checks(file.text, file.solid)[0], fates, landing]
+
+
+def tracer_by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
+    """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
+    optical, shape = optical_faces(file.text), file.solid.shape
+
+    def trace(rays: Rays) -> LandingPoints:
+        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
+        return LandingPoints(landing.points, landing.flux * rays.flux)
+
+    return trace
 
 
 def text_checks(solid: Brep, lens: Lens) -> list[Check]:
@@ -76,9 +71,9 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
     }
     return [
         *whole_checks(solid)[0],
-        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        Check.none_of("text of the file: faces besides the six expected", abs(len(solid.faces) - 6)),
         *(
-            Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
+            Check.none_of(f"text of the file: {name} that differ from the lens in memory", value)
             for name, value in counts.items()
         ),
         text_volume_check(solid, lens),

@@ -11,7 +11,7 @@ from optics.base.runtime import Check
 from optics.exchange.verification.occt_tracer import optical_form
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
-from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.step_file import StepFile, state_checks
 from thbcad.cad.exchange import conic_faces, spline_faces
 from thbcad.io import Brep
 from thbcad.lens import FreeformSurface, require_sound_graphs
@@ -53,16 +53,11 @@ def bare_checks(file: StepFile) -> BareChecks:
     by_text = [*splines, *conics]
     unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
     checks = [
-        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
-        Check("free edges, by OCCT", state.free_edges, 0, ""),
-        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
-        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+        *state_checks(state, "by OCCT"),
         Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
-        Check(
+        Check.none_of(
             "text of the file: numbers of surfaces that differ from those that OCCT reads",
             unequal + abs(len(by_occt) - len(by_text)),
-            0,
-            "",
         ),
     ]
     return BareChecks(
@@ -104,7 +99,7 @@ def _net_checks(solid: Brep) -> tuple[list[Check], list[BSplineSurface]]:
             graphs.append(_conic_graph(form))
     name = "text of the file: poles of front and rear beside the grid of the others in x and y"
     graphs.sort(key=lambda graph: float(np.median(graph.coefficients)))
-    return [Check(name, sum(beside), 0, "")] if beside else [], graphs
+    return [Check.none_of(name, sum(beside))] if beside else [], graphs
 
 
 def _conic_graph(conic: PlacedConic) -> BSplineSurface:
@@ -150,5 +145,5 @@ def _crossing_checks(graphs: list[BSplineSurface]) -> list[Check]:
     try:
         require_sound_graphs(front, rear)
     except ValueError as error:
-        return [Check(f"{name}: {error}", 1, 0, "")]
-    return [Check(name, 0, 0, "")]
+        return [Check.none_of(f"{name}: {error}", 1)]
+    return [Check.none_of(name, 0)]

@@ -14,7 +14,7 @@ tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -64,39 +64,24 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     ------
     ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    step = file.solid
-
-    def by_optiland(rays: Rays) -> LandingPoints:
-        arriving = optiland_trace(
-            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.receiver
-        )
-        return LandingPoints(arriving.points, arriving.flux * rays.flux)
-
+    by_optiland = tracer_by_optiland(file, lens.index, system.target.receiver)
     difference = compared(system, lens, backend, RAYS, by_optiland)
-    return [
-        Check("rays with another fate by optiland's trace of the file", difference.mismatched, 0, ""),
-        Check(
-            "landing points by optiland's trace of the file",
-            difference.landing,
-            system.problem.verify.landing,
-            difference.unit,
-        ),
-        Check(
-            "irradiance by optiland's trace of the file, relative",
-            difference.irradiance,
-            system.problem.verify.irradiance,
-            "",
-        ),
-    ]
+    return difference.checks(system.problem.verify, "optiland's trace of the file")
+
+
+def tracer_by_optiland(file: StepFile, index: float, receiver: Receiver) -> Callable[[Rays], LandingPoints]:
+    """Return the trace of Rays through the faces that OCCT reads in a file, as `optiland_trace`."""
+    faces = file.solid.front, file.solid.rear
+
+    def trace(rays: Rays) -> LandingPoints:
+        landing = optiland_trace(*faces, rays.origin.T, rays.direction.T, index, receiver)
+        return LandingPoints(landing.points, landing.flux * rays.flux)
+
+    return trace
 
 
 def optiland_trace(
-    front: OpticalForm,
-    rear: OpticalForm,
-    origins: Rows,
-    directions: Rows,
-    index: float,
-    target: Receiver,
+    front: OpticalForm, rear: OpticalForm, origins: Rows, directions: Rows, index: float, target: Receiver
 ) -> LandingPoints:
     """Trace rays of 1 W through two faces to a target, by optiland.
 

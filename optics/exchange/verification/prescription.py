@@ -26,7 +26,7 @@ def prescription_checks(problem: Problem, lens: Lens) -> list[Check]:
     """
     different = [pair for pair in _pairs(problem, lens) if pair[1] != pair[2]]
     if not different:
-        return [Check("keys of problem.toml that lens.json contradicts", 0, 0, "")]
+        return [Check.none_of("keys of problem.toml that lens.json contradicts", 0)]
     return [
         Check(
             f"{key} is {asked:.10g} in problem.toml and {found:.10g} in lens.json",

@@ -35,36 +35,27 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
     with np.errstate(all="ignore"):  # absurd numbers give inf or nan, which fail
         distance, uncompared = image_distance(solid)
         turned = turned_faces(solid)
-    schema = solid.labels["schema"]
     names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
     again = sum(names.values()) - len(names)
     middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
+    again += int(len(middle) == 2 and not middle["front"] < middle["rear"])
+    other = not any(word.startswith(SCHEMAS) for word in solid.labels["schema"])
     return [
-        Check(
-            "text of the file: schema that is none of AP203, AP214, AP242",
-            int(not any(word.startswith(SCHEMAS) for word in schema)),
-            0,
-            "",
-        ),
-        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
-        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
-        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+        Check.none_of("text of the file: schema that is none of AP203, AP214, AP242", other),
+        Check.none_of("text of the file: unit of length that is not mm", solid.unit != MILLIMETRE),
+        Check.none_of("text of the file: edges that do not border two faces", solid.unpaired),
+        Check.none_of("text of the file: edges that do not begin where the one before ends", solid.gaps),
         Check(
             "text of the file: edges from their vertices and from their curves in the faces' parameters",
             distance,
             tolerance,
             "mm",
         ),
-        Check("text of the file: faces on the wrong side of their loops", turned, 0, ""),
-        Check(
-            "text of the file: splines closed or crossing by their flags alone", solid.contradictions, 0, ""
+        Check.none_of("text of the file: faces on the wrong side of their loops", turned),
+        Check.none_of(
+            "text of the file: splines closed or crossing by their flags alone", solid.contradictions
         ),
-        Check(
-            "text of the file: faces with a name that belongs to another",
-            again + int(len(middle) == 2 and not middle["front"] < middle["rear"]),
-            0,
-            "",
-        ),
+        Check.none_of("text of the file: faces with a name that belongs to another", again),
     ], [f"distance from curves in the faces' parameters: {what}" for what in uncompared]
 
 
@@ -87,14 +78,9 @@ def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[st
         swept = any(face.extrusion is not None for face in solid.faces)
         if not swept:
             pairs.append(("area", state.area, area))
+        by_text = "by OCCT against quadrature over the text of the file, relative"
         return [
-            Check(
-                f"{name} by OCCT against quadrature over the text of the file, relative",
-                abs(by_occt / by_text - 1),
-                MEASURE,
-                "",
-            )
-            for name, by_occt, by_text in pairs
+            Check(f"{name} {by_text}", abs(found / wanted - 1), MEASURE, "") for name, found, wanted in pairs
         ], [EXTRUDED] * swept
 
 

@@ -29,7 +29,7 @@ def export_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
     """Write the STEP file of a lens, and return the check of its bytes."""
     written = step_bytes(lens, system.product, system.problem.export.schema)
     write_bytes(path, written)
-    return [Check("file differs from what was written", int(path.read_bytes() != written), 0, "")]
+    return [Check.none_of("file differs from what was written", path.read_bytes() != written)]
 
 
 def read_back_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
@@ -58,12 +58,12 @@ def solid_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Chec
     """Return the checks of faces, edges, tolerances and numbers."""
     step = file.solid
     return [
-        Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
-        Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
-        Check("free edges", step.free_edges, 0, ""),
+        Check.none_of("solids besides the one expected", abs(step.solids - 1)),
+        Check.none_of("faces besides the six expected", abs(step.faces - 6)),
+        Check.none_of("free edges", step.free_edges),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
-        Check("shell not closed", int(not step.closed), 0, ""),
-        Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
+        Check.none_of("shell not closed", not step.closed),
+        Check.none_of("solid not valid (OCCT)", not step.valid),
         *_geometry(system, lens, file.solid),
     ]
 
@@ -73,7 +73,7 @@ def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]
     limit, checks = system.problem.verify.surface, []
     for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), optical_forms(lens)):
         count = differing_numbers(read, wanted)
-        checks.append(Check(f"{name} poles and knots that differ from the lens in memory", count, 0, ""))
+        checks.append(Check.none_of(f"{name} poles and knots that differ from the lens in memory", count))
     for name, read, surface, vertex in (
         ("front", step.front, lens.front, 0.0),
         ("rear", step.rear, lens.rear, lens.thickness),

@@ -43,7 +43,7 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it is no STEP file.
         """
-        from thbcad.cad.exchange import SolidState, step_shape
+        from thbcad.cad.exchange import SolidState, step_shape  # OCCT
 
         return SolidState(step_shape(self.path))
 
@@ -55,7 +55,7 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
         """
-        from thbcad.cad.exchange import read_step
+        from thbcad.cad.exchange import read_step  # OCCT
 
         return read_step(self.path)
 
@@ -75,7 +75,7 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
-        from optics.exchange.verification.occt_tracer import optical_faces  # which loads OCCT
+        from optics.exchange.verification.occt_tracer import optical_faces  # OCCT
 
         optical_faces(self.text)
         return self.text, self.solid
@@ -93,6 +93,21 @@ class ExportedStep:
     checks: list[Check]
     front: OpticalForm
     rear: OpticalForm
+
+
+def state_checks(state: SolidState, by: str, faces: int | None = None) -> list[Check]:
+    """Return the Checks that a shape is one whole solid.
+
+    by : what read the shape.  faces : how many it must have; without a number its shell must be closed.
+    """
+    counts = {"solids besides the one expected": abs(state.solids - 1)}
+    if faces is not None:
+        counts[f"faces besides the {faces} expected"] = abs(state.faces - faces)
+    counts["free edges"] = state.free_edges
+    if faces is None:
+        counts["shell not closed"] = not state.closed
+    counts["solid not valid"] = not state.valid
+    return [Check.none_of(f"{name}, {by}", count) for name, count in counts.items()]
 
 
 VOLUME = 1e-10  # relative

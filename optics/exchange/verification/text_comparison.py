@@ -47,8 +47,8 @@ def same_checks(solid: Brep, fresh: Brep) -> list[Check]:
     words = [label for label, texts in fresh.labels.items() if solid.labels[label] != texts]
     which = f" ({', '.join(words)})" if words else ""
     return [
-        Check("text of the file: faces and edges that differ from a fresh export of the lens", parts, 0, ""),
-        Check(f"text of the file: words that are not those of the problem{which}", len(words), 0, ""),
+        Check.none_of("text of the file: faces and edges that differ from a fresh export of the lens", parts),
+        Check.none_of(f"text of the file: words that are not those of the problem{which}", len(words)),
     ]
 
 

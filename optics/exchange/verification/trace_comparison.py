@@ -10,6 +10,7 @@ import numpy as np
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, deposit, trace_step
 from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.problem import Verify
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -32,6 +33,14 @@ class Comparison:
     irradiance: float
     mismatched: int
     unit: str
+
+    def checks(self, limits: Verify, by: str) -> list[Check]:
+        """Return the Checks of fates, landing points and irradiance.  by : the other trace, in words."""
+        return [
+            Check.none_of(f"rays with another fate by {by}", self.mismatched),
+            Check(f"landing points by {by}", self.landing, limits.landing, self.unit),
+            Check(f"irradiance by {by}, relative", self.irradiance, limits.irradiance, ""),
+        ]
 
 
 def compared(
@@ -80,7 +89,7 @@ def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend:
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
     return [
-        Check("rays with another fate in the independent trace", seen.mismatched, 0, ""),
+        Check.none_of("rays with another fate in the independent trace", seen.mismatched),
         Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
         Check("irradiance, independent trace of the file, relative", seen.irradiance, limits.irradiance, ""),
     ]

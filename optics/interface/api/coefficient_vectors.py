@@ -32,8 +32,7 @@ def space_rows(spaces: Spaces, wanted: Sequence[THBSpace]) -> tuple[THBSpace, ..
     if len(rows) != len(wanted) or not all(isinstance(space, THBSpace) for space in rows):
         raise UserError(f"space must be {_wanted(len(wanted), 'THBSpace')}, got {spaces!r}")
     for name, space, own in zip(NAMES[len(rows)], rows, wanted):
-        pairs = zip((space.kv_u, space.kv_v), (own.kv_u, own.kv_v))
-        if not all(a.degree == b.degree and np.array_equal(a.knots, b.knots) for a, b in pairs):
+        if (space.kv_u, space.kv_v) != (own.kv_u, own.kv_v):
             raise UserError(
                 f"the space of the {name} must refine the problem's own: take system.space(level=0) and "
                 "refine it"

@@ -30,14 +30,10 @@ class DesignFigures:
         self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens)
 
     def draw_light(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        measurement: Measurement,
-        backend: Backend,
+        self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
         """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        from optics.reporting.figures import scene_paths
+        from optics.reporting.figures import scene_paths  # matplotlib
 
         placed = not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}

@@ -75,7 +75,7 @@ class _Export:
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
     """Write the result folder of a design and return its path."""
-    clock = RunClock(DesignProgress(lambda moment: None))
+    clock = RunClock(DesignProgress(lambda event: None))
     with folder.taken(design.asked, force), helpers() as (solids, drawing), DEVICE:
         write_result(design, folder, clock, solids, DesignFigures(drawing, design.system))
     return folder.path

@@ -20,6 +20,7 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
+from optics.interface.relighting import other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page
@@ -27,7 +28,7 @@ from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
-if TYPE_CHECKING:  # these and what methods import are loaded by few designs
+if TYPE_CHECKING:
     from optics.reporting.figures import OverviewFigure
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
@@ -48,6 +49,12 @@ class Design(DesignRecord):
     """A lens for a problem.  What it delivers is measured when it is first asked for, and once.
 
     Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
+
+    Examples
+    --------
+    >>> optical = System(problem).optical  # of the problem in the example of Problem
+    >>> Design(asked=problem, system=optical, lens=optical.lens)  # not optimised yet
+    Design('lens', 100 degrees of freedom)
     """
 
     @classmethod
@@ -93,7 +100,7 @@ class Design(DesignRecord):
             lens=lens,
             history=history,
             notes=Notes(map(str, record.get("notes", ()))),
-            moved=_moved(system, history),
+            moved=_started_from_transport(system, history),
             levels=read_levels(results.path, levels, system),
         )
         loaded.__dict__["measurement"] = _read_measurement(results.path, system, loaded.lens)
@@ -136,8 +143,6 @@ class Design(DesignRecord):
         ------
         UserError : other words, or light that does not go with the lens.
         """
-        from optics.interface.relighting import other_source, relit
-
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
             measurement = relit(self.problem, self.lens, light, self.system.backend)
@@ -145,7 +150,7 @@ class Design(DesignRecord):
 
     def tool(self, order: ToolOrder) -> ToolFindings:
         """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
-        from optics.tolerancing.machining import tool_findings
+        from optics.tolerancing.machining import tool_findings  # few designs ask
 
         with DEVICE:
             return tool_findings(self.system, self.lens, order, self.system.backend)
@@ -167,6 +172,7 @@ class Design(DesignRecord):
         ------
         UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
+        # few designs ask
         from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
 
         side = surface or default_side(self.lens)
@@ -178,13 +184,13 @@ class Design(DesignRecord):
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""
-        from optics.reporting.figures import overview_figure
+        from optics.reporting.figures import overview_figure  # matplotlib
 
         return overview_figure(self.system, self.measurement)
 
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
-        from optics.reporting.figures import scene_paths
+        from optics.reporting.figures import scene_paths  # matplotlib
 
         plain = OpticalSystem(self.problem)
         with DEVICE:
@@ -196,12 +202,12 @@ class Design(DesignRecord):
 
     def _repr_html_(self) -> str:
         """Return pictures and the main numbers, for notebooks."""
-        from optics.reporting.figures import overview_html
+        from optics.reporting.figures import overview_html  # matplotlib
 
         return overview_html(self.system, self.measurement, self.metrics, self.notes)
 
 
-def _moved(system: OpticalSystem, history: Sequence[Row]) -> bool:
+def _started_from_transport(system: OpticalSystem, history: Sequence[Row]) -> bool:
     """Return whether a history is that of a design which started from an optimal-transport map.
 
     Its stages then have other levels than those of a flat start.
@@ -219,7 +225,7 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
         irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
     own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
-    if system.target.even_region is None:
+    if system.target.uniform_region is None:
         own = contrast_error(own, target) | own
     elif "grid" not in own.get("uniformity", {}):
         with DEVICE:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from optics.base.runtime import Moment, UserError
+from optics.base.runtime import ProgressEvent, UserError
 from optics.designing.optimisation import Interrupted, Listener, State, shape_lens, stages
 from optics.designing.progress import DesignProgress, Notes, RunClock, Size
 from optics.interface.api.design_result import Design
@@ -16,7 +16,7 @@ from optics.light.engines import Engine
 from optics.scene.problem import Problem
 from optics.scene.system import advice, solvable_system
 
-Show = Callable[[Moment], None]
+Show = Callable[[ProgressEvent], None]
 
 
 def design(
@@ -25,7 +25,7 @@ def design(
     """Shape the lens of a problem and return the Design.
 
     progress : True draws a bar in terminals and notebooks; a function is called with every
-        `optics.base.runtime.Moment`.
+        `optics.base.runtime.ProgressEvent`.
     engine : a name as of `optimizer.engine`, an `optics.light.engines.Engine`, or None for the problem's own.
 
     Ctrl-C ends the work.  The design then holds the best lens so far, and `interrupted` is true; where no
@@ -68,8 +68,8 @@ def designed(
     for sentence in advice(system):
         notes(sentence)
     traced, chosen = shaping_by(engine, system, backend)
-    moved = state.started_from_transport if state else system.problem.optimizer.start == "transport"
-    clock.progress.planned(Size.of(system), stages(traced, moved))
+    mapped = state.started_from_transport if state else system.problem.optimizer.start == "transport"
+    clock.progress.planned(Size.of(system), stages(traced, mapped))
     clock.lap("setup")
     levels = LevelKeeper(system, traced, chosen)
     listener = Listener(clock.progress, keep, notes)
@@ -89,7 +89,7 @@ def _progress(progress: bool | Show | None) -> DesignProgress:
     if progress is True:
         return DesignProgress()
     if progress is None or progress is False:
-        return DesignProgress(lambda moment: None)
+        return DesignProgress(lambda event: None)
     if not callable(progress):
-        raise UserError(f"progress must be True, None or a function of a Moment, got {progress!r}")
+        raise UserError(f"progress must be True, None or a function of a ProgressEvent, got {progress!r}")
     return DesignProgress(progress)

@@ -52,7 +52,7 @@ def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backe
         raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")
     if engine == "exact":
         return ExactEngine(backend)
-    from optics.exchange.mitsuba import mitsuba_engine
+    from optics.exchange.mitsuba import mitsuba_engine  # few designs ask
 
     return mitsuba_engine(engine, system.problem.run.threads)
 

@@ -49,7 +49,7 @@ def mitsuba_scene(design: DesignRecord) -> dict[str, Any]:
     UserError : Mitsuba is not installed, a target in the far field, pixels that are not square, or a source
         that Mitsuba does not have.
     """
-    from optics.exchange.mitsuba import scene_dictionary
+    from optics.exchange.mitsuba import scene_dictionary  # few designs ask
 
     if not isinstance(design, DesignRecord):
         raise UserError(f"mitsuba_scene takes a Design, got {design!r}; optics.design makes one")

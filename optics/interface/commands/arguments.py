@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
 
-from optics.base.runtime import UserError
 from optics.interface.commands.command_examples import examples_text
-from optics.interface.commands.known_words import refused_choice, require_known, require_paths
+from optics.interface.commands.command_parser import CommandParser
+from optics.interface.commands.known_words import require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
     force_option,
@@ -20,17 +18,6 @@ from optics.interface.commands.making_options import (
 )
 from optics.scene.problem import ENGINES, STARTS
 from thbcad import __version__
-
-
-class CommandParser(argparse.ArgumentParser):
-    """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message}; {refused_choice(message) or f'{self.prog} --help says more'}")
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        """Print help or version; argparse would pass over an OSError."""
-        print(message, end="", file=file or sys.stderr, flush=True)
 
 
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
@@ -75,8 +62,8 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     return options
 
 
-def _common_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", action="store_true", help="print the result as JSON")
+def _common_options(command: CommandParser) -> None:
+    command.switch("--json", "print the result as JSON")
     amount = command.add_mutually_exclusive_group()
     amount.add_argument(
         "-v",
@@ -90,65 +77,54 @@ def _common_options(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _design_options(command: argparse.ArgumentParser) -> None:
+def _design_options(command: CommandParser) -> None:
     problem_options(command)
-    command.add_argument(
-        "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
-    )
+    command.option("--out", "DIR", "result folder (default: exports/NAME of the problem file)")
     force_option(command)
-    command.add_argument(
+    command.option(
         "--engine",
-        choices=ENGINES,
-        metavar="NAME",
-        help=f"what traces the light while optimising: {', '.join(ENGINES)}; "
+        "NAME",
+        f"what traces the light while optimising: {', '.join(ENGINES)}; "
         "short for --set optimizer.engine=NAME",
+        choices=ENGINES,
     )
-    command.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on from the checkpoint in the result folder, or from its finished result",
-    )
-    command.add_argument(
+    command.switch("--resume", "go on from the checkpoint in the result folder, or from its finished result")
+    command.option(
         "--iterations",
+        "N",
+        "with --resume: iterations on each level that is left, or more on the last one",
         type=int,
-        metavar="N",
-        help="with --resume: iterations on each level that is left, or more on the last one",
     )
-    command.add_argument(
-        "--from",
-        dest="earlier",
-        metavar="DIR",
-        help="start from the free surfaces of an earlier design, on their meshes",
+    command.option(
+        "--from", "DIR", "start from the free surfaces of an earlier design, on their meshes", dest="earlier"
     )
 
 
-def _check_options(command: argparse.ArgumentParser) -> None:
+def _check_options(command: CommandParser) -> None:
     problem_options(command)
-    command.add_argument(
-        "--explain", action="store_true", help="also list what tracing skips on this problem, and why"
-    )
+    command.switch("--explain", "also list what tracing skips on this problem, and why")
 
 
-def _new_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
+def _new_options(command: CommandParser) -> None:
+    command.option(
         "--kind",
+        "NAME",
+        f"of the task: {', '.join(STARTS)} (default: collimated)",
         choices=tuple(STARTS),
         default="collimated",
-        metavar="NAME",
-        help=f"of the task: {', '.join(STARTS)} (default: collimated)",
     )
 
 
-def _completion_options(command: argparse.ArgumentParser) -> None:
+def _completion_options(command: CommandParser) -> None:
     command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="that shall complete")
 
 
-def _verify_options(command: argparse.ArgumentParser) -> None:
+def _verify_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design, or a STEP file")
-    command.add_argument(
+    command.option(
         "--lens",
-        metavar="LENS",
-        help="of a STEP file: the result folder, or lens.json, of the lens that the part in it holds; only "
+        "LENS",
+        "of a STEP file: the result folder, or lens.json, of the lens that the part in it holds; only "
         "the folder knows the light",
     )
     command.add_argument(
@@ -162,26 +138,20 @@ def _verify_options(command: argparse.ArgumentParser) -> None:
         choices=("mitsuba", "optiland", "occt"),
         help="also let this program make the light of the STEP file, and compare it with ours",
     )
-    command.add_argument(
-        "--rays",
-        metavar="N",
-        help="with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)",
+    command.option(
+        "--rays", "N", "with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)"
     )
-    command.add_argument(
-        "--out", metavar="DIR", help="with --light: folder to write (default: RESULT/verify_light)"
-    )
+    command.option("--out", "DIR", "with --light: folder to write (default: RESULT/verify_light)")
     force_option(command)
 
 
-def _export_options(command: argparse.ArgumentParser) -> None:
+def _export_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design, or a lens.json")
-    command.add_argument(
-        "--out", metavar="FILE", required=True, help="file to write (dat and xyz: FILE_front and FILE_rear)"
-    )
-    command.add_argument(
+    command.option("--out", "FILE", "file to write (dat and xyz: FILE_front and FILE_rear)", required=True)
+    command.option(
         "--format",
-        metavar="NAME",
-        help="step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
+        "NAME",
+        "step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
         "xml: Mitsuba scene; ies, ldt: intensity of the light behind the lens)",
     )
     command.add_argument(
@@ -205,101 +175,86 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         metavar=("WIDTH", "LOW", "HIGH"),
         help="planar flange from z = LOW to HIGH, mm",
     )
-    command.add_argument(
-        "--mount",
-        metavar="FILE",
-        help="mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens",
+    command.option(
+        "--mount", "FILE", "mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens"
     )
-    command.add_argument(
-        "--patches", action="store_true", help="one face per patch of same-level cells (step)"
-    )
-    command.add_argument(
-        "--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear"
-    )
+    command.switch("--patches", "one face per patch of same-level cells (step)")
+    command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
     command.add_argument(
         "--light",
         choices=("rear", "target"),
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
-    command.add_argument(
-        "--rays", type=int, default=1_000_000, metavar="N", help="of light, about (default: 1000000)"
-    )
-    command.add_argument(
+    command.option("--rays", "N", "of light, about (default: 1000000)", type=int, default=1_000_000)
+    command.option(
         "--step",
+        "DEGREES",
+        "of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
         type=float,
         default=2.5,
-        metavar="DEGREES",
-        help="of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
     )
-    command.add_argument(
+    command.option(
         "--chord",
+        "MM",
+        "error that meshes and drawings may have, in mm (default: 1e-3)",
         type=float,
         default=1e-3,
-        metavar="MM",
-        help="error that meshes and drawings may have, in mm (default: 1e-3)",
     )
     force_option(command)
 
 
-def _trace_options(command: argparse.ArgumentParser) -> None:
+def _trace_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.add_argument("--rays", type=int, default=513, metavar="N", help="N x N rays (default: 513)")
+    command.option("--rays", "N", "N x N rays (default: 513)", type=int, default=513)
     command.add_argument(
         "--precision",
         choices=("double", "single"),
         default="double",
         help="of the sequential trace (default: double)",
     )
-    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
+    command.option("--out", "DIR", "folder to write (default: RESULT/trace)")
     force_option(command)
 
 
-def _etendue_options(command: argparse.ArgumentParser) -> None:
+def _etendue_options(command: CommandParser) -> None:
     problem_options(command)
-    command.add_argument(
+    command.option(
         "--efficiency",
+        "FRACTION",
+        "of the light on the target (default: one pass through two uncoated faces)",
         type=float,
-        metavar="FRACTION",
-        help="of the light on the target (default: one pass through two uncoated faces)",
     )
-    command.add_argument(
-        "--measure",
-        metavar="RESULT",
-        help="also measure the images of the source that a designed lens throws",
-    )
-    command.add_argument(
-        "--out", metavar="FILE.png", help="picture of target, both rungs and the source's image"
-    )
+    command.option("--measure", "RESULT", "also measure the images of the source that a designed lens throws")
+    command.option("--out", "FILE.png", "picture of target, both rungs and the source's image")
     force_option(command)
 
 
-def _relight_options(command: argparse.ArgumentParser) -> None:
+def _relight_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.add_argument(
+    command.option(
         "--source",
-        metavar="LIGHT",
+        "LIGHT",
+        "sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
         required=True,
-        help="sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
     )
-    command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
+    command.option("--out", "FILE.png", "picture: asked for, as designed, in other light")
     force_option(command)
 
 
-def _bench_options(command: argparse.ArgumentParser) -> None:
+def _bench_options(command: CommandParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
-    command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
-    command.add_argument("--quick", action="store_true", help="a small version (of thesis or others)")
-    command.add_argument("--only", type=int, metavar="N", help="one study (of thesis) or lens (of gallery)")
-    command.add_argument("--resume", action="store_true", help="run only what is missing (of thesis)")
-    command.add_argument(
+    command.switch("--store", "also keep the results in docs/data/NAME.json")
+    command.switch("--quick", "a small version (of thesis or others)")
+    command.option("--only", "N", "one study (of thesis) or lens (of gallery)", type=int)
+    command.switch("--resume", "run only what is missing (of thesis)")
+    command.switch(
         "--markdown",
-        action="store_true",
-        help="run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
+        "run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
     )
 
 
 # by name: what the command does, and what adds its options
-COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
     "design": ("shape the lens, write the STEP solid, verify it, report", _design_options),
     "new": ("print a commented problem file to start from", _new_options),
     "check": ("read the problem and say what lens to expect, without optimising", _check_options),

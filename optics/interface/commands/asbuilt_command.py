@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +37,7 @@ def asbuilt(options: Namespace) -> Outcome:
     )
     way: Way = "best fit" if options.align == "best-fit" else "datums"
     built = design.as_built(options.measured, frame, options.surface, way)
-    from io import BytesIO
-
-    from optics.reporting.figures import height_error_figure, made_light_figure
+    from optics.reporting.figures import height_error_figure, made_light_figure  # matplotlib
 
     arrays: dict[str, Any] = {
         "made": built.measurement.irradiance,
@@ -56,7 +55,7 @@ def asbuilt(options: Namespace) -> Outcome:
     write_files({folder / name: content for name, content in contents.items()})
     remove_files(folder, [STEP])
     if options.step:
-        from thbcad.cad import write_step
+        from thbcad.cad import write_step  # OCCT
 
         write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)
 

@@ -24,9 +24,11 @@ from optics.base.workers import lacks_memory
 from optics.interface.commands.arguments import parsed
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.stop_signals import stop_signals
-from thbcad.doors import missing_packages, pip_command
+from thbcad.doors import MissingPackage, missing_packages, pip_command
+from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
+FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
 DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
 
@@ -65,15 +67,13 @@ def _stoppable(options: Namespace) -> int:
 
 def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
-    missing = missing_packages("optics")
+    missing = [] if options.command in FREE else missing_packages("optics")
     if missing:
         verb = "is" if len(missing) == 1 else "are"
         raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with _silence() if options.quiet else nullcontext():
         outcome: Outcome = getattr(command, options.command)(options)
-    from thbcad.io import json_text
-
     lines = "\n".join(outcome.lines).split("\n")
     with _printing():
         print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
@@ -94,6 +94,8 @@ def _failed(error: Exception, verbose: bool) -> int:
     """
     if isinstance(error, UserError | NumericalError):
         sentence, code = str(error), error.exit_code
+    elif isinstance(error, MissingPackage):
+        sentence, code = str(error), UserError.exit_code
     elif lacks_memory(error):
         sentence, code = f"out of memory; {_more_room()}", NumericalError.exit_code
     elif isinstance(error, OSError):

@@ -56,6 +56,7 @@ def design(options: Namespace) -> Outcome:
 
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
+    # a problem that is refused needs none of it
     from optics.interface.api import DesignFigures, designed, helpers, prepared, write_result
 
     with run.clock.progress, ExitStack() as stack:

@@ -30,6 +30,7 @@ from optics.designing.etendue import (
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import picture_path, system_of
+from optics.light.blur import patch_images
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_bytes
@@ -93,7 +94,7 @@ def etendue(options: Namespace) -> Outcome:
         data["measured"], more = _measured(system, options.measure)
         lines += more
     if out:
-        from optics.reporting.figures import bound_figure
+        from optics.reporting.figures import bound_figure  # matplotlib
 
         write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
         lines.append(f"wrote {out}")
@@ -131,8 +132,6 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
 
 def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
     """Return the bound for images as a designed lens throws them, for --json and as lines."""
-    from optics.light.blur import patch_images
-
     start = perf_counter()
     lens = ResultFolder(result).read_lens()
     half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
@@ -149,7 +148,7 @@ def _resolved_base(system: OpticalSystem) -> OpticalSystem:
     """Return the system with numbers for a base lens that is left to the program."""
     if not system.problem.lens.automatic:
         return system
-    from optics.designing.prediction import resolved
+    from optics.designing.prediction import resolved  # few problems ask
 
     return resolved(system, system.backend)[0]
 

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from optics.base.runtime import Check, UserError, check_lines, verification
-from optics.exchange.export import Labels
-from optics.exchange.results import HASHES, hashes
-from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light
-from optics.interface.commands.outcome import OF_GRADES, Outcome
-from thbcad.io import json_text, write_files, write_text
+from optics.base.runtime import Check, UserError
+from optics.exchange.export import (
+    Body,
+    Labels,
+    export as run,
+    format_of,
+    labelled_lens,
+    require_free,
+    require_free_files,
+)
+from optics.exchange.mitsuba import (
+    current_mitsuba,
+    irradiance_of_one,
+    scene_checks,
+    scene_file_names,
+    scene_files,
+)
+from optics.exchange.results import ResultFolder
+from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light, reported
+from optics.interface.commands.outcome import Outcome
+from optics.scene.system import OpticalSystem
+from thbcad.io import write_files
 from thbcad.lens import Flange, Lens, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
@@ -20,8 +36,6 @@ SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # op
 
 def export(options: Namespace) -> Outcome:
     """Write the lens for other programs, check the file and store the checks beside it."""
-    from optics.exchange.export import Body, export as run, format_of, labelled_lens, report_of, require_free
-
     if options.light or is_luminaire(options):
         _require_whole_lens("light is that of", options)
         return rays_of_light(options) if options.light else intensity_of_light(options)
@@ -41,17 +55,7 @@ def export(options: Namespace) -> Outcome:
         files, checks = run(lens, name, options.out, options.chord, body, labels)
     else:
         files, checks = _mounted(lens, name, options, labels)
-    report = report_of(options.out)
-    data = {
-        "format": name,
-        "files": [str(file) for file in files],
-        "chord_mm": options.chord,
-        **verification(checks),
-        HASHES: hashes(report.parent, [file.name for file in files]),
-    }
-    write_text(report, json_text(data))
-    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(data, [*check_lines(data), *written], OF_GRADES[data["grade"]])
+    return reported(options.out, name, files, checks, {"chord_mm": options.chord}, _sizes(files))
 
 
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
@@ -61,7 +65,7 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
     ------
     UserError : another option of the solid beside it; as `mount_from` and `export_mounted`.
     """
-    from optics.exchange.assemblies import export_mounted, mount_from
+    from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
     shapes = [name for name in SHAPES if name != "mount"]
     if any(getattr(options, name) for name in shapes):
@@ -78,19 +82,6 @@ def _scene(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, Mitsuba is not installed or cannot express the problem.
     """
-    from pathlib import Path
-
-    from optics.exchange.export import report_of, require_free_files
-    from optics.exchange.mitsuba import (
-        current_mitsuba,
-        irradiance_of_one,
-        scene_checks,
-        scene_file_names,
-        scene_files,
-    )
-    from optics.exchange.results import ResultFolder
-    from optics.scene.system import OpticalSystem
-
     out, folder = Path(options.out), Path(options.result)
     _require_whole_lens("a scene holds", options)
     if not folder.is_dir():
@@ -101,25 +92,19 @@ def _scene(options: Namespace) -> Outcome:
     system = OpticalSystem(problem)
     files = scene_files(system, lens, out)
     write_files(files)
-    checks, report = scene_checks(lens, out), report_of(options.out)
-    data = {
-        "format": "mitsuba",
-        "files": [str(file) for file in files],
-        **verification(checks),
-        HASHES: hashes(report.parent, [file.name for file in files]),
-    }
-    write_text(report, json_text(data))
-    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     density = system.density
     one = density.factor * irradiance_of_one(system)
     lines = [
-        *check_lines(data),
-        *written,
+        *_sizes(files),
         f"render it with: mitsuba {out}, the light on the screen",
         f"or with: mitsuba -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
     ]
-    return Outcome(data, lines, OF_GRADES[data["grade"]])
+    return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
+
+
+def _sizes(files: Iterable[Path]) -> list[str]:
+    return [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:

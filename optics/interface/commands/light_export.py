@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, reading, verification
-from optics.exchange.results import HASHES, hashes
+from optics.exchange.export import report_of, require_free_files
+from optics.exchange.results import HASHES, ResultFolder, hashes
 from optics.interface.commands.outcome import OF_GRADES, Outcome
-from optics.light.outgoing import OnTarget
-from optics.scene.luminaires import Luminaire
+from optics.light.blur import spot_rms
+from optics.light.outgoing import OnTarget, StepsOnTarget, outgoing_intensity, outgoing_rays
+from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
+from optics.scene.photometry import units_of
+from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
 from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, write_text
 from thbcad.lens import Lens
@@ -40,10 +44,6 @@ def rays_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, another suffix, --format, or too many rays.
     """
-    from optics.light.outgoing import outgoing_rays
-    from optics.scene.photometry import units_of
-    from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
-
     out = Path(options.out)
     if options.format is not None:
         raise UserError(f"the suffix of {out} says how rays are written: leave out --format")
@@ -59,7 +59,7 @@ def rays_of_light(options: Namespace) -> Outcome:
     checks = [Check("numbers of the rays that differ", differ, 0, "")]
     written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
     data = {"rays": len(rays), units_of(rays.unit).key("flux"): rays.total}
-    return _reported(out, checks, data, [written])
+    return reported(options.out, out.suffix[1:].lower(), [out], checks, data, [written])
 
 
 def intensity_of_light(options: Namespace) -> Outcome:
@@ -69,9 +69,6 @@ def intensity_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
     """
-    from optics.light.outgoing import outgoing_intensity
-    from optics.scene.luminaires import LUMINAIRE_WRITERS, read_luminaire
-
     step = options.step
     low, high = STEPS
     within = low <= step <= high and round(step, DECIMALS) == step
@@ -109,7 +106,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
         _on_target(shown),
         "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
     ]
-    return _reported(out, checks, data, lines)
+    return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)
 
 
 def _light_of(result: str) -> NDArray[np.float64] | None:
@@ -126,12 +123,9 @@ def _shown(
     system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace, backend: Backend
 ) -> dict[str, OnTarget]:
     """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
-    from optics.light.blur import spot_rms
-    from optics.light.outgoing import StepsOnTarget
-
     if (of_lens := _light_of(options.result)) is None:
         return {}
-    blur = 0.0 if system.target.even_region is None else spot_rms(system, lens, backend)
+    blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, backend)
     beside = StepsOnTarget(system, lens, of_lens, blur)
     finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
     alone = {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
@@ -160,10 +154,6 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     ------
     UserError : see `rays_of_light`.
     """
-    from optics.exchange.export import require_free_files
-    from optics.exchange.results import ResultFolder
-    from optics.scene.system import OpticalSystem
-
     if not 1 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
     if not Path(options.result).is_dir():
@@ -174,17 +164,22 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     return system, lens, system.backend
 
 
-def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines: Sequence[str]) -> Outcome:
-    """Write the report beside a file of light, and return the outcome."""
-    from optics.exchange.export import report_of
-
-    report = report_of(str(out))
+def reported(
+    out: str,
+    form: str,
+    files: Collection[Path],
+    checks: Sequence[Check],
+    numbers: dict[str, Any],
+    lines: Sequence[str],
+) -> Outcome:
+    """Write the report beside files that were exported, and return the outcome.  form : their format."""
+    report = report_of(out)
     data = {
-        "format": out.suffix[1:].lower(),
-        "files": [str(out)],
+        "format": form,
+        "files": [str(file) for file in files],
         **numbers,
         **verification(checks),
-        HASHES: hashes(report.parent, [out.name]),
+        HASHES: hashes(report.parent, [file.name for file in files]),
     }
     write_text(report, json_text(data))
     return Outcome(data, [*check_lines(data), *lines], OF_GRADES[data["grade"]])

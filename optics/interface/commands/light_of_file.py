@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from optics.base.runtime import Backend, Check, UserError, note, reading
+from optics.base.runtime import Backend, Check, UserError, note, reading, verification
 from optics.exchange.results import HASHES, hashes, require_own, writable_folder
 from optics.exchange.verification import StepFile
 from optics.scene.system import OpticalSystem
+from thbcad.io import json_text, write_bytes, write_text
 from thbcad.lens import Lens
 
 
@@ -55,16 +56,14 @@ class LightRequest:
         ------
         UserError : the file cannot be read, or is no lens; as `file_tracer`.
         """
-        from optics.base.runtime import verification
-        from optics.exchange.cross_checks import (
+        from optics.exchange.cross_checks import (  # OCCT
             compare_light,
             file_tracer,
             light_comparison_checks,
             light_comparison_lines,
         )
-        from optics.reporting.figures import two_lights_figure
-        from optics.reporting.report import check_page
-        from thbcad.io import json_text, write_bytes, write_text
+        from optics.reporting.figures import two_lights_figure  # matplotlib
+        from optics.reporting.report import check_page  # few runs ask
 
         note(f"{self.tracer} traces {self.rays} rays through the STEP file")
         with reading(file.path):
@@ -103,7 +102,7 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
             "--light compares with the light of a design: give its result folder, got the file "
             f"{options.result}"
         )
-    from optics.exchange.cross_checks import require_tracer
+    from optics.exchange.cross_checks import require_tracer  # few runs ask
 
     rays = require_tracer(options.light, None if options.rays is None else _count(options.rays))
     if not (Path(options.result) / "problem.toml").exists():

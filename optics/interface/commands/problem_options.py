@@ -10,7 +10,7 @@ from typing import Any
 from optics.base.runtime import UserError, printable, speaking_of
 from optics.exchange.results import require_own, require_writable
 from optics.scene.problem import Problem, assignment
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, load_system, skip_lines
 
 
 def changes_of(options: Namespace) -> dict[str, Any]:
@@ -28,8 +28,6 @@ def changes_of(options: Namespace) -> dict[str, Any]:
 
 def system_of(options: Namespace) -> OpticalSystem:
     """Return the OpticalSystem of the problem file and its changes; --verbose says what tracing skips."""
-    from optics.scene.system import load_system, skip_lines
-
     system = load_system(options.problem, changes_of(options))
     if options.verbose:
         for line in skip_lines(system.skips):

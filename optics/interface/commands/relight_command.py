@@ -31,7 +31,7 @@ def relight(options: Namespace) -> Outcome:
         words = [number_text(numbers[key], ".4f") for numbers in data.values()]
         lines.append(f"{key:15} {words[0]:>12} {words[1]:>12}")
     if out:
-        from optics.reporting.figures import relit_figure
+        from optics.reporting.figures import relit_figure  # matplotlib
 
         write_bytes(out, relit_figure(own, other, design.system.target.screen(), options.source))
         lines.append(f"wrote {out}")

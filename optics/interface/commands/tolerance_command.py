@@ -14,7 +14,7 @@ from optics.exchange.results import HASHES, hashes, require_own, run_id, writabl
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
-from optics.reporting.report import PageSection
+from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
 from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
@@ -142,8 +142,7 @@ def _study(
 
 def _page(study: _Study) -> str:
     """Return tolerance.html."""
-    from optics.reporting.figures import change_figure, cost_figure
-    from optics.reporting.report import PageSection, section_page
+    from optics.reporting.figures import change_figure, cost_figure  # matplotlib
 
     budget, design = study.budget, study.design
     screen, ranked = design.system.target.screen(), budget.by_cost()
@@ -162,8 +161,7 @@ def _page(study: _Study) -> str:
 
 
 def _of_lenses(study: _Study) -> list[PageSection]:
-    from optics.reporting.figures import made_lens_figures_of
-    from optics.reporting.report import PageSection
+    from optics.reporting.figures import made_lens_figures_of  # matplotlib
 
     if study.made is None:
         return []
@@ -174,8 +172,7 @@ def _of_lenses(study: _Study) -> list[PageSection]:
 
 
 def _of_form(study: _Study) -> PageSection:
-    from optics.reporting.figures import form_figures_of
-    from optics.reporting.report import PageSection
+    from optics.reporting.figures import form_figures_of  # matplotlib
 
     form = study.form
     rows = [] if form is None else form_rows(form)

@@ -8,6 +8,7 @@ from pathlib import Path
 from optics.base.runtime import check_lines, verification
 from optics.exchange.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.reporting.report import check_page
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
 from thbcad.io import json_text, write_files, write_text
@@ -37,8 +38,7 @@ def tool(options: Namespace) -> Outcome:
     findings = tool_findings(system, lens, order, system.backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
-    from optics.reporting.figures import figures_of_tool
-    from optics.reporting.report import check_page
+    from optics.reporting.figures import figures_of_tool  # matplotlib
 
     figures = figures_of_tool(findings)
     page = check_page(f"{problem.title}: tools", data, lines, [(c, p) for _, c, p in figures])

@@ -15,6 +15,7 @@ from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, w
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
 from optics.light.tracing import SENTENCES, path_faults
+from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
@@ -37,7 +38,7 @@ def trace(options: Namespace) -> Outcome:
     writable_folder(folder)
     files = (*FILES, *DIAGRAMS) if system.target.far_field else FILES
     require_own(folder, (*files, RECORD), RECORD, options.force)
-    from optics.reporting.figures import fresnel_figure, phase_space_figure
+    from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
     backend = load_backend(options.precision, problem.run.threads)
     exact = backend if options.precision == "double" else system.backend
@@ -65,8 +66,7 @@ def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: flo
 
     image : the irradiance on the target's pixels.  flux : of the light asked for.
     """
-    from optics.reporting.figures import intensity_figures, irradiance_figure
-    from optics.reporting.report import light_files
+    from optics.reporting.figures import intensity_figures, irradiance_figure  # matplotlib
 
     screen, density = system.target.screen(), system.density
     shown = screen.projection()  # in the far field pictures are intensities

@@ -9,6 +9,7 @@ from optics.base.runtime import Check, UserError, check_lines, note, reading, ve
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.light.analysis import delivery_checks
 from optics.scene.problem import limit_checks
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
@@ -22,15 +23,15 @@ def verify(options: Namespace) -> Outcome:
     if options.lens is not None and not alone:
         raise UserError(f"--lens says which lens the part in a STEP file holds, and {path} is none")
     request = light_request(options, not alone)
-    from optics.exchange.verification import StepFile, bare_checks
+    from optics.exchange.verification import StepFile, bare_checks  # OCCT
 
     notes: list[str] = []
     left_out: list[str] = []
     light: FileLight | None = None
     if options.lens is not None:
-        from optics.exchange.assemblies import part_checks
-        from optics.exchange.export import labelled_lens
-        from optics.exchange.verification import optiland_available
+        from optics.exchange.assemblies import part_checks  # OCCT
+        from optics.exchange.export import labelled_lens  # other files need none of it
+        from optics.exchange.verification import optiland_available  # OCCT
 
         lens, _ = labelled_lens(options.lens)
         designed = Path(options.lens).is_dir()
@@ -56,8 +57,7 @@ def verify(options: Namespace) -> Outcome:
 
 def _light_checks(path: Path) -> list[Check]:
     """Return the checks of the light that a result folder holds; not decided where that is not whole."""
-    from optics.interface.api import Design
-    from optics.light.analysis import delivery_checks
+    from optics.interface.api import Design  # a file by itself needs none of it
 
     try:
         design = Design.load(path)
@@ -70,7 +70,7 @@ def _folder_checks(
     path: Path, by_optiland: bool, request: LightRequest | None
 ) -> tuple[list[Check], list[str], FileLight | None]:
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
-    from optics.exchange.verification import (
+    from optics.exchange.verification import (  # OCCT
         StepFile,
         fresh_export_checks,
         optiland_available,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-from optics.base.runtime import Moment, Phase, Progress, UserError
+from optics.base.runtime import Phase, Progress, ProgressEvent, UserError
 from optics.base.workers import WorkerPool, run_tasks
 from optics.designing.progress import drawing
 from optics.interface.sweeps.sweep_rows import DONE, FAILED, KILLED
@@ -72,21 +72,21 @@ def compute(
 class SweepProgress:
     """How many variants are done and failed.
 
-    show : True draws a bar on stderr, a function is called with every Moment; None is silent.
+    show : True draws a bar on stderr, a function is called with every ProgressEvent; None is silent.
     """
 
-    def __init__(self, show: bool | Callable[[Moment], None] | None, variants: int) -> None:
+    def __init__(self, show: bool | Callable[[ProgressEvent], None] | None, variants: int) -> None:
         if not (show is None or isinstance(show, bool) or callable(show)):
-            raise UserError(f"progress must be True, None or a function of a Moment, got {show!r}")
+            raise UserError(f"progress must be True, None or a function of a ProgressEvent, got {show!r}")
         self._drawing = drawing(sys.stderr) if show is True else None
-        self._show = self._drawing or (show if callable(show) else lambda moment: None)
+        self._show = self._drawing or (show if callable(show) else lambda event: None)
         self._variants, self.done, self.failed = variants, 0, 0
 
     def __enter__(self) -> SweepProgress:
         phases = [Phase("variants", VARIANT * self._variants + TABLES), Phase("tables", TABLES)]
         self._progress = Progress(phases, self._show)
         if self._drawing:
-            self._drawing.keep_alive(self._progress.tell)
+            self._drawing.keep_alive(self._progress.report)
         return self
 
     def __exit__(

@@ -58,7 +58,7 @@ def _axis(sweep: Sweep) -> int:
 
 
 def _plot(key: str, metric: str, lines: dict[str, Line]) -> bytes:
-    from optics.reporting.figures import new_figure, png_bytes
+    from optics.reporting.figures import new_figure, png_bytes  # matplotlib
 
     figure, axes = new_figure()
     shown = list(lines.items())[:MOST_LINES]

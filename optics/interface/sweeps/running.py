@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime import Moment, UserError
+from optics.base.runtime import ProgressEvent, UserError
 from optics.base.workers import require_workers, worker_pool
 from optics.interface.sweeps.computing import SweepProgress, Tasks, compute
 from optics.interface.sweeps.sweep_folder import taken_folder, write_sweep
@@ -43,7 +43,7 @@ def sweep(
     out: str | Path,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: bool | Callable[[Moment], None] | None = None,
+    progress: bool | Callable[[ProgressEvent], None] | None = None,
     resume: bool = False,
     force: bool = False,
     keep_lenses: bool = False,
@@ -57,7 +57,7 @@ def sweep(
 
     workers : processes of this machine, None for as many as cores.  scheduler : address of a dask scheduler
         whose workers are taken instead.
-    progress : True draws a bar; a function is called with every `optics.base.runtime.Moment`.
+    progress : True draws a bar; a function is called with every `optics.base.runtime.ProgressEvent`.
     resume, force, keep_lenses : see `SweepPlan`.
 
     Raises
@@ -72,7 +72,7 @@ def sweep(
 
 def run_sweep(
     plan: SweepPlan,
-    progress: bool | Callable[[Moment], None] | None = None,
+    progress: bool | Callable[[ProgressEvent], None] | None = None,
     function: Callable[[Shared, Work], Designed] = designed,
 ) -> Sweep:
     """Run a sweep and return it, see `sweep`.  function : what computes a variant."""

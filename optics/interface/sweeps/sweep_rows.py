@@ -32,6 +32,11 @@ class SweepRow:
     seconds : of the design.  peak_mb : the most memory that its worker had held until then.
     status : "done", "failed", "killed" (its worker ended, twice) or "invalid" (no problem has these values).
     sentence : why it is not "done".  picture : PNG of the light on the target.
+
+    Examples
+    --------
+    >>> SweepRow((400,), "failed", "no light reaches the target").metrics
+    {}
     """
 
     values: tuple[Any, ...]
@@ -45,7 +50,15 @@ class SweepRow:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A finished sweep.  keys : that were varied.  rows : in the order of the combinations."""
+    """A finished sweep.  keys : that were varied.  rows : in the order of the combinations.
+
+    Examples
+    --------
+    >>> rows = [SweepRow((k,), "done", metrics={"rel_l2_debiased": 1 / k}) for k in (20, 40)]
+    >>> found = Sweep(Path("distances"), ("target.distance",), rows)
+    >>> found.best.values, found.counts()["done"]
+    ((40,), 2)
+    """
 
     folder: Path
     keys: tuple[str, ...]

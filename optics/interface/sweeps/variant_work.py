@@ -14,6 +14,7 @@ from optics.exchange.results import data_of
 from optics.interface.api import Design, design
 from optics.reporting.view import block_means
 from optics.scene.problem import Problem
+from thbcad.io import lens_to_dict
 
 PICTURE = 96  # pixels, at most, of the larger side
 GAMMA = 2.2  # of screens: without it dark parts could not be told apart
@@ -94,6 +95,4 @@ def _picture(made: Design) -> bytes:
 
 
 def _lens_text(made: Design) -> str:
-    from thbcad.io import lens_to_dict
-
     return json.dumps(lens_to_dict(made.lens), separators=(",", ":"))

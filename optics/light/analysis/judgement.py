@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf, isinf
 from typing import Any
 
-from optics.base.runtime import SURE, Check, Grade, grade
+from optics.base.runtime import RESOLVED, Check, Grade, grade
 from optics.light.tracing import SENTENCES
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
@@ -60,18 +60,18 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     ]
 
 
-def picture_limit(limits: Verify, even: bool) -> float:
-    """Return the greatest rel_l2; inf is none.  even : whether the same light is asked for everywhere."""
+def picture_limit(limits: Verify, uniform: bool) -> float:
+    """Return the greatest rel_l2; inf is none.  uniform : whether the same light is asked for everywhere."""
     if not isinstance(limits.rel_l2, str):
         return limits.rel_l2
-    return float("inf") if even else PICTURE_REL_L2
+    return float("inf") if uniform else PICTURE_REL_L2
 
 
 def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
-    even = metrics.get("uniformity")
-    if even is None:
+    uniformity = metrics.get("uniformity")
+    if uniformity is None:
         return
-    symbol = "I" if "box_degrees" in even else "E"
+    symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
         ("min_over_mean", f"uniformity U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
         ("min_over_max", f"uniformity {symbol}_min / {symbol}_max", limits.min_over_max, True),
@@ -80,52 +80,52 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
     for key, name, limit, at_least in rows:
         if (at_least and not limit) or isinf(limit):
             continue
-        value, error = even[key], even[f"{key}_error"]
-        remark = _unless_sure(metrics, value, error, limit) or _why_unknown(metrics, even)
+        value, error = uniformity[key], uniformity[f"{key}_error"]
+        remark = _unless_resolved(metrics, value, error, limit) or _why_unknown(metrics, uniformity)
         yield Check(name, value, limit, "", at_least, error, "light", remark)
 
 
-def _why_unknown(metrics: dict[str, Any], even: dict[str, Any]) -> str:
+def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     """Return why there is no uniformity, and how many rays would tell it; "" where there is."""
-    rays, noise = metrics.get("rays"), even.get("noise", 0.0)
-    if even["min_over_mean"] is None and rays and noise > NOISE:
-        return f"{even['reason']}; about {rays * (noise / NOISE) ** 2:.1e} rays would tell"
-    return str(even["reason"])
+    rays, noise = metrics.get("rays"), uniformity.get("noise", 0.0)
+    if uniformity["min_over_mean"] is None and rays and noise > NOISE:
+        return f"{uniformity['reason']}; about {rays * (noise / NOISE) ** 2:.1e} rays would tell"
+    return str(uniformity["reason"])
 
 
 def _picture_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
-    even = "uniformity" in metrics
-    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, even))]
-    if not even and metrics.get("contrast_error") is not None:
+    uniform = "uniformity" in metrics
+    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, uniform))]
+    if not uniform and metrics.get("contrast_error") is not None:
         rows.append(("contrast_error", "contrast_error_std", CONTRAST_NAME, limits.contrast_error))
     for key, of_error, name, limit in rows:
         if not isinf(limit):
             value, error = metrics[key], metrics[of_error]
-            remark = _unless_sure(metrics, value, error, limit)
+            remark = _unless_resolved(metrics, value, error, limit)
             yield Check(name, value, limit, "", error=error, subject="light", remark=remark)
 
 
 def _flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
     if limits.lit_efficiency:
         value, error = metrics["lit_efficiency"], metrics.get("lit_efficiency_error", 0.0)
-        remark = _unless_sure(metrics, value, error, limits.lit_efficiency)
+        remark = _unless_resolved(metrics, value, error, limits.lit_efficiency)
         name = "light on the lit region, of the source's"
         yield Check(name, value, limits.lit_efficiency, "", True, error, "light", remark)
     if not isinf(limits.stray):
         name = "light beside the target, of the source's"
         value, error = metrics["stray"], metrics.get("stray_error", 0.0)
-        remark = _unless_sure(metrics, value, error, limits.stray)
+        remark = _unless_resolved(metrics, value, error, limits.stray)
         yield Check(name, value, limits.stray, "", error=error, subject="light", remark=remark)
 
 
-def _unless_sure(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:
+def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:
     """Return how many rays would tell on which side of its limit a value lies; "" where that is known."""
     rays, gap = metrics.get("rays"), 0.0 if value is None else abs(value - limit)
-    if value is None or not rays or not error or gap > SURE * error:
+    if value is None or not rays or not error or gap > RESOLVED * error:
         return ""
     if not gap:
         return "no number of rays tells a value from its limit that equals it"
-    return f"about {rays * (SURE * error / gap) ** 2:.1e} rays in place of {rays:.1e} would decide"
+    return f"about {rays * (RESOLVED * error / gap) ** 2:.1e} rays in place of {rays:.1e} would decide"
 
 
 def judged(
@@ -158,10 +158,10 @@ def judged(
 def headline(metrics: dict[str, Any]) -> str:
     """Return the numbers that tell most of the light, in words."""
     off = f"{error_words(metrics)} off"
-    even = metrics.get("uniformity")
-    if even is None or even["min_over_mean"] is None:
+    uniformity = metrics.get("uniformity")
+    if uniformity is None or uniformity["min_over_mean"] is None:
         return off
-    return f"{off}, U0 {even['min_over_mean']:.2f}"
+    return f"{off}, U0 {uniformity['min_over_mean']:.2f}"
 
 
 def error_words(metrics: dict[str, Any]) -> str:

@@ -104,7 +104,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     irradiance, flux = light.irradiance / shown, system.problem.source.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)
-    metrics |= contrast_error(metrics, target) if system.target.even_region is None else {}
+    metrics |= contrast_error(metrics, target) if system.target.uniform_region is None else {}
     sequential = direct.over(shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
@@ -117,7 +117,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
     metrics["stray"] = light.off_target / flux
     metrics["stray_error"] = light.off_error / flux
-    blur = spot_rms(system, lens, backend) if system.target.even_region is not None else 0.0
+    blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     key = system.units.key
     metrics[key("fates")] = flux_by_fate(fates)
@@ -252,7 +252,7 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    if system.target.even_region is None:
+    if system.target.uniform_region is None:
         return found | contrast_error(found, target)
     return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
 

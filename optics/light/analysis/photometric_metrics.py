@@ -27,7 +27,7 @@ def photometric_metrics(
         found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
     else:
         found = {f"target_mean_{density.suffix}": density.factor * float(irradiance.mean())}
-    if system.target.even_region is not None:
+    if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
     return found
 
@@ -40,10 +40,10 @@ def uniformity_metrics(
     irradiance, error, blur : as `photometric_metrics`; no error is None.
     """
     target, screen, density = system.target, system.target.screen(), system.density
-    if target.even_region is None or target.lit_pixels is None:
+    if target.uniform_region is None or target.lit_pixels is None:
         raise ValueError("only a target that asks for the same light everywhere has a uniformity")
     found = uniformity(
-        irradiance, target.even_region, screen.half_width, error, blur, system.problem.verify.grid
+        irradiance, target.uniform_region, screen.half_width, error, blur, system.problem.verify.grid
     )
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
@@ -88,25 +88,25 @@ def photometric_lines(metrics: dict[str, Any], units: Units) -> list[str]:
         per_klm = f" ({beam['peak_cd_per_klm']:.4g} cd/klm)" if units.luminous else ""
         peak = f"peak intensity {beam[f'peak_{density.suffix}']:.4g} {density.shown}{per_klm}"
         lines.append("; ".join([peak, *angles]))
-    if even := metrics.get("uniformity"):
-        lines.append(_uniformity_line(even, units.density("box_degrees" in even)))
+    if found := metrics.get("uniformity"):
+        lines.append(_uniformity_line(found, units.density("box_degrees" in found)))
     return lines
 
 
-def _uniformity_line(even: dict[str, Any], density: Density) -> str:
-    unit = next(unit for unit in (Plane.unit, FarField.unit) if f"box_{unit}" in even)
+def _uniformity_line(found: dict[str, Any], density: Density) -> str:
+    unit = next(unit for unit in (Plane.unit, FarField.unit) if f"box_{unit}" in found)
     symbol = "I" if unit == FarField.unit else "E"
-    across, down = even[f"box_{unit}"]
-    edge = even[f"edge_width_{unit}"]
-    mean = f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown}"
+    across, down = found[f"box_{unit}"]
+    edge = found[f"edge_width_{unit}"]
+    mean = f"mean {found[f'lit_mean_{density.suffix}']:.4g} {density.shown}"
     border = "" if edge is None else f"; edge from 90 to 10 % {edge:.3g} {unit} wide"
-    if even["min_over_mean"] is None:
-        return f"uniformity not known, since {even['reason']}; {mean}{border}"
+    if found["min_over_mean"] is None:
+        return f"uniformity not known, since {found['reason']}; {mean}{border}"
     return (
-        f"uniformity U0 = {symbol}_min/{symbol}_mean {even['min_over_mean']:.3f}, "
-        f"{symbol}_min/{symbol}_max {even['min_over_max']:.3f}, rsd {even['rsd']:.3f} "
-        f"on {even['boxes']} boxes of {across:.3g} x {down:.3g} {unit}, with a noise of {even['noise']:.1%} "
-        f"at most; {mean}{border}"
+        f"uniformity U0 = {symbol}_min/{symbol}_mean {found['min_over_mean']:.3f}, "
+        f"{symbol}_min/{symbol}_max {found['min_over_max']:.3f}, rsd {found['rsd']:.3f} "
+        f"on {found['boxes']} boxes of {across:.3g} x {down:.3g} {unit}, with a noise of "
+        f"{found['noise']:.1%} at most; {mean}{border}"
     )
 
 

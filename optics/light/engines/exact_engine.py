@@ -34,7 +34,7 @@ class ExactEngine:
         path = system.path(lens).with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
-        tracer = Tracer(self.backend, path, rays, sure=False)
+        tracer = Tracer(self.backend, path, rays, proven=False)
         light = float(rays.flux.sum())
         return TracedModel(self.backend, tracer, film.screen, window, mirrors, light)
 

@@ -46,13 +46,13 @@ class Fall:
     """Path lengths, mm, between which f falls through zero for the first time.
 
     They are equal where the ray misses the surface: where it ends, or where it begins if that is behind it.
-    decided : f falls all the way from low to high and is positive before, or the miss is proven.  Else f is
+    resolved : f falls all the way from low to high and is positive before, or the miss is proven.  Else f is
     positive before low, and high is the end of the ray.
     """
 
     low: DrArray
     high: DrArray
-    decided: DrArray
+    resolved: DrArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def first_fall(
 
     along : t -> f, f' and Bounds for boxes of every size.  errors : of rounding, of f and of f'.
     on : the ray starts on the surface, which it leaves; then the next fall counts.
-    A ray that comes so near to the surface that rounding decides is not decided.
+    A ray that comes so near to the surface that rounding decides is not resolved.
     """
     dr = backend.dr
     first, last = interval

@@ -41,7 +41,7 @@ class SearchedHits:
     Newton's method starts at the conic's meeting point.  A step that leaves the bracket of f's signs is
     replaced by halving the bracket.
 
-    Of several meetings the search returns one, as a rule the first.  With `sure` it is the first: rays that
+    Of several meetings the search returns one, as a rule the first.  With `proven` it is the first: rays that
     are flatter than the surface is steep are led to it by steps that are proven to pass none, and are not
     `found` where rounding decides (in single precision nothing is proven).  A ray that comes over the
     rectangle above the surface misses it then.  Without knots the surface is the conic alone.
@@ -56,9 +56,9 @@ class SearchedHits:
         conic: Conic,
         half_width: tuple[float, float],
         knots: Sequence[KnotVector] | None = None,
-        sure: bool = True,
+        proven: bool = True,
     ) -> None:
-        self._sure = sure and knots is not None
+        self._proven = proven and knots is not None
         self._knots = knots or ()
         self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
@@ -81,7 +81,7 @@ class SearchedHits:
         dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, net, power)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
-            t, first, last, decided = self._search(shape, o, d)
+            t, first, last, resolved = self._search(shape, o, d)
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
             jet = shape.jet(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
@@ -89,15 +89,15 @@ class SearchedHits:
                 (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o))
                 & (first <= t)
                 & (t <= last)
-                & decided
+                & resolved
             )
-            dr.eval(t, x, y, jet, hit, speed, decided)
+            dr.eval(t, x, y, jet, hit, speed, resolved)
         if self._table is None and not dr.grad_enabled(origin, direction):
             z, zx, zy, *_ = jet
-            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=decided, hit=hit, leaves=(), at=(x, y), dr=dr)
+            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=resolved, hit=hit, leaves=(), at=(x, y), dr=dr)
         leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
         dr.enable_grad(*leaves)
-        return self._attached(origin, direction, t, (x, y), jet, speed, decided, hit, leaves)
+        return self._attached(origin, direction, t, (x, y), jet, speed, resolved, hit, leaves)
 
     def jet(self, hits: Hits, net: Floats) -> tuple[DrArray, ...]:
         """Return z, zx, zy of a sag net alone at the meeting points."""
@@ -116,9 +116,9 @@ class SearchedHits:
     def _search(
         self, shape: _Shape, o: list[DrArray], d: list[DrArray]
     ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return (ray parameter, t_0, t_1, decided); a decided ray that is not on the surface misses it.
+        """Return (ray parameter, t_0, t_1, resolved); a resolved ray that is not on the surface misses it.
 
-        decided : the search came to an end, and where it is to be sure, it is proven.
+        resolved : the search came to an end; with `proven`, with a proof.
         """
         dr = self._backend.dr
         tolerance = self.settled * self._resolution(o)
@@ -126,13 +126,13 @@ class SearchedHits:
         t = conic_distance(self._backend, self._conic, o, d)
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
-        decided = dr.isfinite(sum(o) + sum(d))
-        if self._sure and shape.net is not None:
+        resolved = dr.isfinite(sum(o) + sum(d))
+        if self._proven and shape.net is not None:
             doubtful = self._may_meet_twice(shape, d) & (first < last)
             if dr.any(doubtful):
                 fall = self._first_fall(shape, o, d, (first, last), doubtful)
                 if self._backend.dtype is np.float64:
-                    decided &= fall.decided | ~doubtful
+                    resolved &= fall.resolved | ~doubtful
                 known = dr.select(doubtful & (fall.low < fall.high), 1, known)
                 ends = (fall.low, low), (fall.high, high), (fall.low, t)
                 low, high, t = (dr.select(doubtful, proven, wide) for proven, wide in ends)
@@ -157,7 +157,7 @@ class SearchedHits:
         t, _, _, _, active, _ = dr.while_loop(
             state, lambda *s: s[4] & (s[5] < self.steps), step, mode="symbolic"
         )
-        return t, first, last, decided & ~active
+        return t, first, last, resolved & ~active
 
     def _may_meet_twice(self, shape: _Shape, d: list[DrArray]) -> DrArray:
         """Return the mask of rays that are flatter than the surface is steep."""

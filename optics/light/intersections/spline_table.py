@@ -49,7 +49,7 @@ class PolynomialTable:
     def power(self, net: Floats) -> DrArray:
         """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
         for knots, known, table in tuple(_RECENT):  # other threads may add to it
-            if np.array_equal(known, net) and all(map(_same, knots, self._knots)):
+            if np.array_equal(known, net) and tuple(knots) == tuple(self._knots):
                 return self._backend.array(table)
         ax, ay = self._maps
         cells = ax @ (ay @ net.T).T
@@ -165,10 +165,6 @@ class Cells:
             passed = (position >= dr.gather(Float, self._breaks, cell + 1)) & (cell + 1 < self._count)
             cell = dr.select(passed, cell + 1, cell)
         return cell
-
-
-def _same(a: KnotVector, b: KnotVector) -> bool:
-    return a.degree == b.degree and np.array_equal(a.knots, b.knots)
 
 
 def _powers(s: DrArray, count: int) -> list[DrArray]:

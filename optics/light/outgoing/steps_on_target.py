@@ -83,7 +83,7 @@ class StepsOnTarget:
         return self._beside(self._relit(grid.luminaire(flux, Opening())))
 
     def _beside(self, light: Floats) -> OnTarget:
-        region, grid = self.system.target.even_region, self.system.problem.verify.grid
+        region, grid = self.system.target.uniform_region, self.system.problem.verify.grid
         found = region and uniformity(
             light, region, self.system.target.settings.half_width, blur=self.blur, grid=grid
         )

@@ -88,7 +88,7 @@ class FixedRear:
         x, y, drop = x + p * height, y + q * height, drop + height
         length = np.sqrt(1 + p * p + q * q)
         along = [p / length, q / length, 1 / length]
-        tilt = [self.conic(x, y, derivative) for derivative in ((1, 0), (0, 1))]
+        tilt = [self.conic.formula(x, y, derivative) for derivative in ((1, 0), (0, 1))]
         dx, dy, dz = refracted(self.index, along, tilt)
         landed = self.receiver.land((x, y, z + drop), (dx, dy, np.maximum(dz, DIFFERENCE)))
         return [landed.u, landed.v]

@@ -89,8 +89,8 @@ class GraphFace:
             low, high = fall.low, fall.high
             ahead = before & (low < high)
             # where f falls to the end of the ray, the meeting may lie beyond
-            found = ahead & fall.decided & ((high < stop) | (f(high)[0] >= 0))
-            doubt = dr.select(ahead & ~fall.decided, low, doubt)
+            found = ahead & fall.resolved & ((high < stop) | (f(high)[0] >= 0))
+            doubt = dr.select(ahead & ~fall.resolved, low, doubt)
         t = last_root(self.backend, f, (low, high), found, self._resolution)
         x, y, _ = rays.at(t)
         _, zx, zy = self.height(x, y)

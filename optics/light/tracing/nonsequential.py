@@ -202,7 +202,7 @@ def trace_paths(
 def _fates(
     gone: Branches, undecided: NDArray[np.bool_], target: TargetArea
 ) -> tuple[NDArray[np.int64], Floats, Floats, NDArray[np.bool_]]:
-    """Return (fates, x, y, crossing) of branches that meet no face, or none for sure.
+    """Return (fates, x, y, crossing) of branches that meet no face, or none that is proven.
 
     x, y : mm, in the target plane.  crossing : the mask of those that cross it.
     """

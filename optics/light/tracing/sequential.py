@@ -51,12 +51,12 @@ class Tracer:
 
     Coefficients are those of the sags, (dim,) each, in the order of the path; None are the path's own.
 
-    sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
+    proven : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
     """
 
-    def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, sure: bool = True) -> None:
-        self._backend, self._path, self._sure = backend, path, sure
+    def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, proven: bool = True) -> None:
+        self._backend, self._path, self._proven = backend, path, proven
         self._emitted = path.share * rays.total
         self._missed = path.share * rays.missed if isinstance(rays, RayGrid) else 0.0
         self._width = rays.flux.size
@@ -248,7 +248,7 @@ class Tracer:
             backend,
             surface,
             (path.media[k], path.media[k + 1]),
-            hits or SearchedHits(backend, shape.conic, shape.half_width, knots, self._sure),
+            hits or SearchedHits(backend, shape.conic, shape.half_width, knots, self._proven),
             path.soft_rim if changes else 0.0,
         )
 

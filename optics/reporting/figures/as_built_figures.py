@@ -6,6 +6,7 @@ import numpy as np
 
 from optics.light.analysis import unit_mean
 from optics.reporting.figures.canvas import new_panels, plane_figure, png_bytes
+from optics.reporting.figures.overview import draw_pictures
 from optics.scene.receivers import Screen
 from optics.tolerancing.metrology import AsBuilt
 
@@ -32,28 +33,17 @@ def height_error_figure(built: AsBuilt) -> bytes:
 def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
     """Draw the light asked for, as designed, as made, on one scale, and the change from design to made."""
     designed, made = built.nominal, built.measurement
-    unit, (hx, hy) = screen.unit, screen.half_width
     mean, asked = float(designed.irradiance.mean()) or 1.0, unit_mean(designed.target)
+    top, change = float(asked.max()), built.change / mean
+    most = float(np.percentile(np.abs(change), CUT)) or 1.0
+    as_designed, fitted = (f"rel_l2 {one.metrics['rel_l2']:.3f}" for one in (designed, made))
     pictures = [
-        ("asked for", asked),
-        (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance / mean),
-        (f"fitted lens: rel_l2 {made.metrics['rel_l2']:.3f}", made.irradiance / mean),
-        ("made - designed", built.change / mean),
+        ("asked for", asked, "gray", 0.0, top),
+        (f"as designed: {as_designed}", designed.irradiance / mean, "gray", 0.0, top),
+        (f"fitted lens: {fitted}", made.irradiance / mean, "gray", 0.0, top),
+        ("made - designed", change, "RdBu_r", -most, most),
     ]
-    most = float(np.percentile(np.abs(pictures[-1][1]), CUT)) or 1.0
     figure, axes = new_panels(len(pictures), PANEL)
-    for k, (panel, (title, image)) in enumerate(zip(axes, pictures)):
-        change = k == len(pictures) - 1
-        shown = panel.imshow(
-            image,
-            cmap="RdBu_r" if change else "gray",
-            vmin=-most if change else 0,
-            vmax=most if change else float(asked.max()),
-            extent=(-hx, hx, -hy, hy),
-            interpolation="nearest",
-        )
-        panel.set_title(title, fontsize=10)
-        panel.set_xlabel(f"x / {unit}")
+    for panel, shown in zip(axes, draw_pictures(axes, pictures, screen.half_width, screen.unit)):
         figure.colorbar(shown, ax=panel, location="bottom", label="light / mean")
-    axes[0].set_ylabel(f"y / {unit}")
     return png_bytes(figure)

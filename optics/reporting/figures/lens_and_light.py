@@ -18,6 +18,7 @@ from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
+from optics.reporting.figures.overview import relative_light
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -30,20 +31,14 @@ SAMPLES = 400  # of a sag, along the longer side
 
 
 def light_figures(
-    system: OpticalSystem,
-    lens: Lens,
-    measurement: Measurement,
-    paths: Mapping[str, Sequence[RayPath]],
+    system: OpticalSystem, lens: Lens, measurement: Measurement, paths: Mapping[str, Sequence[RayPath]]
 ) -> Figures:
     """Return the figures of what a lens delivers, and of rays through it.
 
     paths : fans of rays in the plane x = 0 by name, or none.
     """
-    mean = measurement.target.mean()
-    target, irradiance = measurement.target / mean, measurement.irradiance / mean
-    top = float(target.max())
-    error = irradiance - target
-    span = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    target, irradiance, error, span = relative_light(measurement)
+    mean, top = measurement.target.mean(), float(target.max())
     density, unit = system.density, system.target.unit
     quantity = density.quantity
     label = f"{quantity} / mean"

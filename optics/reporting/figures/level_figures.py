@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from optics.light.analysis import Measurement
 from optics.reporting.figures.canvas import plt, png_bytes
+from optics.reporting.figures.overview import draw_pictures, relative_light
 from optics.scene.system import OpticalSystem
 from thbcad.lens import FreeformSurface, Lens
 
@@ -34,17 +35,14 @@ def level_figure(
     figure, axes = plt.subplots(
         1, 2 + len(free), figsize=(WIDE * (2 + len(free)), HIGH), layout="constrained"
     )
-    mean = measurement.target.mean()
-    target, irradiance = measurement.target / mean, measurement.irradiance / mean
-    error, (hx, hy) = irradiance - target, system.target.settings.half_width
-    span = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    target, irradiance, error, span = relative_light(measurement)
     pictures = (
         ("light / mean", irradiance, "gray", 0.0, float(target.max())),
         ("error", error, "RdBu_r", -span, span),
     )
-    for plane, (title, data, colours, low, high) in zip(axes, pictures):
-        image = plane.imshow(data, cmap=colours, vmin=low, vmax=high, extent=(-hx, hx, -hy, hy))
-        plane.set_title(title)
+    half_width = system.target.settings.half_width
+    shown = draw_pictures(axes, pictures, half_width, fontsize="large", interpolation=None)
+    for plane, image in zip(axes, shown):
         figure.colorbar(image, ax=plane, shrink=0.8)
     for plane, (side, surface), gradient in zip(axes[2:], free, gradients):
         _mesh(plane, surface, gradient)

@@ -1,4 +1,4 @@
-"""Target, irradiance and their difference in one figure, for scripts and notebooks (matplotlib).
+"""Pictures of light side by side, and a design's in one figure for scripts and notebooks (matplotlib).
 
 pyplot and its choice of a backend are left alone: they belong to the script.
 """
@@ -7,26 +7,59 @@ from __future__ import annotations
 
 import io
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from numpy.typing import NDArray
 
 from optics.light.analysis import Measurement, counted_ways
 from optics.scene.system import OpticalSystem
 
+Floats = NDArray[np.float64]
+# title, light, colours, and the ends of their scale
+Picture = tuple[str, NDArray[np.floating[Any]], str, float, float]
+
 SIZE, DPI = (11.0, 3.4), 80
-SHOWN = (
-    "rel_l2_debiased",
-    "psnr_db",
-    "ssim",
-    "efficiency",
-    "stray",
-    "dof",
-    "evaluations",
-)  # metrics
+SHOWN = ("rel_l2_debiased", "psnr_db", "ssim", "efficiency", "stray", "dof", "evaluations")  # metrics
+
+
+def relative_light(measurement: Measurement) -> tuple[Floats, Floats, Floats, float]:
+    """Return target and irradiance over the target's mean, their difference, and where its scale ends."""
+    mean = measurement.target.mean()
+    target, irradiance = measurement.target / mean, measurement.irradiance / mean
+    error = irradiance - target
+    return target, irradiance, error, float(np.quantile(np.abs(error), 0.999)) or 1.0
+
+
+def draw_pictures(
+    axes: Sequence[Axes],
+    pictures: Iterable[Picture],
+    half_width: tuple[float, float],
+    unit: str = "",
+    fontsize: float | str = 10,
+    interpolation: str | None = "nearest",
+) -> list[AxesImage]:
+    """Draw pictures of light over the same rectangle side by side, row 0 at +y; return what has a scale.
+
+    unit : of x and y beside the axes, "" for none.  fontsize : of the titles.
+    """
+    (hx, hy), shown = half_width, []
+    for panel, (title, image, colours, low, high) in zip(axes, pictures):
+        extent = (-hx, hx, -hy, hy)
+        shown.append(
+            panel.imshow(image, colours, vmin=low, vmax=high, extent=extent, interpolation=interpolation)
+        )
+        panel.set_title(title, fontsize=fontsize)
+        if unit:
+            panel.set_xlabel(f"x / {unit}")
+    if unit:
+        axes[0].set_ylabel(f"y / {unit}")
+    return shown
 
 
 class OverviewFigure(Figure):
@@ -40,23 +73,19 @@ class OverviewFigure(Figure):
 
 def overview_figure(system: OpticalSystem, measurement: Measurement) -> OverviewFigure:
     """Return target and irradiance on one scale, and their difference, all relative to the target's mean."""
-    mean = measurement.target.mean()
-    target, irradiance = measurement.target / mean, measurement.irradiance / mean
-    error, top = irradiance - target, float(target.max())
-    span = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    hx, hy = system.target.settings.half_width
-    unit = system.target.unit
+    target, irradiance, error, span = relative_light(measurement)
+    top = float(target.max())
     figure = OverviewFigure(figsize=SIZE, layout="constrained")
     pictures = (
         ("asked for", target, "gray", 0.0, top),
         (f"made ({counted_ways(measurement.metrics)})", irradiance, "gray", 0.0, top),
         ("difference", error, "RdBu_r", -span, span),
     )
-    for axes, (title, data, colours, low, high) in zip(figure.subplots(1, 3), pictures):
-        image = axes.imshow(data, cmap=colours, vmin=low, vmax=high, extent=(-hx, hx, -hy, hy))
-        axes.set_title(title)
-        axes.set_xlabel(f"x / {unit}")
-        figure.colorbar(image, ax=axes, shrink=0.8)
+    panels, half_width = figure.subplots(1, 3), system.target.settings.half_width
+    shown = draw_pictures(panels, pictures, half_width, fontsize="large", interpolation=None)
+    for panel, image in zip(panels, shown):
+        panel.set_xlabel(f"x / {system.target.unit}")
+        figure.colorbar(image, ax=panel, shrink=0.8)
     return figure
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from optics.light.analysis import unit_mean
 from optics.reporting.figures.canvas import new_figure, new_panels, plane_figure, png_bytes
+from optics.reporting.figures.overview import draw_pictures
 from optics.scene.receivers import Screen
 from optics.tolerancing.form_errors import FormErrors, SideCost, height_text
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
@@ -135,17 +136,18 @@ def spread_figure(made: MonteCarlo) -> bytes:
 
 def lights_figure(made: MonteCarlo) -> bytes:
     """Draw the light asked for, of the design, and of the lenses of PARTS, at the same scale."""
-    pictures = {"asked for": made.budget.target, "design": made.budget.irradiance}
+    target = made.budget.target
+    most = float(np.percentile(target, WHITE))
+    lights = {"design": made.budget.irradiance}
     for name, part in PARTS.items():
-        if not np.isfinite(made.batch.quantile(part).value):  # a lens that cannot be traced has no light
-            continue
-        pictures[name] = unit_mean(made.irradiance(part))
+        if np.isfinite(made.batch.quantile(part).value):  # a lens that cannot be traced has no light
+            lights[name] = unit_mean(made.irradiance(part))
+    pictures = [("asked for", target, "gray", 0.0, most)]
+    for name, light in lights.items():
+        error = np.linalg.norm(light - target) / np.linalg.norm(target)
+        pictures.append((f"{name}: rel_l2 {error:.1%}", light, "gray", 0.0, most))
     figure, panels = new_panels(len(pictures), LIGHT_PANEL)
-    hx, hy = made.model.system.target.screen().half_width
-    most = float(np.percentile(made.budget.target, WHITE))
-    for axes, (name, picture) in zip(panels, pictures.items()):
-        axes.imshow(picture, cmap="gray", vmin=0, vmax=most, extent=(-hx, hx, -hy, hy))
-        error = np.linalg.norm(picture - made.budget.target) / np.linalg.norm(made.budget.target)
-        axes.set_title(name if name == "asked for" else f"{name}: rel_l2 {error:.1%}", fontsize=10)
+    draw_pictures(panels, pictures, made.model.system.target.screen().half_width, interpolation=None)
+    for axes in panels:
         axes.set_axis_off()
     return png_bytes(figure)

@@ -11,6 +11,7 @@ from optics.base.runtime import Backend
 from optics.light.analysis import PhaseSpace
 from optics.light.tracing import critical_angle, traced_transmittance, transmittances
 from optics.reporting.figures.canvas import plane_figure, plt, png_bytes
+from optics.reporting.figures.overview import draw_pictures
 from optics.scene.photometry import Density
 from optics.scene.receivers import Screen
 
@@ -56,24 +57,17 @@ def two_lights_figure(
 
     theirs, ours : in the stored unit of `density`.  name : of the program that made the first.
     """
-    (hx, hy), unit = screen.half_width, screen.unit
     theirs, ours = density.factor * theirs, density.factor * ours
     off, peak = theirs - ours, float(max(theirs.max(), ours.max()))
     most = float(np.abs(off).max()) or 1.0
     panels = (
-        (f"{name}, from the STEP file", theirs, "gray", (0.0, peak)),
-        ("ours, from the lens", ours, "gray", (0.0, peak)),
-        ("difference", off, "RdBu_r", (-most, most)),
+        (f"{name}, from the STEP file", theirs, "gray", 0.0, peak),
+        ("ours, from the lens", ours, "gray", 0.0, peak),
+        ("difference", off, "RdBu_r", -most, most),
     )
     figure, axes = plt.subplots(1, len(panels), figsize=(4.6 * len(panels), 4.0), layout="constrained")
-    for panel, (title, image, colours, (low, high)) in zip(axes, panels):
-        shown = panel.imshow(
-            image, cmap=colours, vmin=low, vmax=high, extent=(-hx, hx, -hy, hy), interpolation="nearest"
-        )
-        panel.set_title(title, fontsize=10)
-        panel.set_xlabel(f"x / {unit}")
+    for panel, shown in zip(axes, draw_pictures(axes, panels, screen.half_width, screen.unit)):
         figure.colorbar(shown, ax=panel, label=density.shown, shrink=0.8)
-    axes[0].set_ylabel(f"y / {unit}")
     return png_bytes(figure)
 
 

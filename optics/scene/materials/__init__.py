@@ -1,4 +1,4 @@
-"""What lenses are made of: refractive index by wavelength, absorption, density, and how sure these are."""
+"""What lenses are made of: refractive index by wavelength, absorption, density, and their uncertainty."""
 
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,6 @@ if TYPE_CHECKING:
         find_material as find_material,
         refractive_index as refractive_index,
     )
-    from optics.scene.materials.material_record import (
-        Material as Material,
-        tabulated as tabulated,
-    )
+    from optics.scene.materials.material_record import Material as Material, tabulated as tabulated
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

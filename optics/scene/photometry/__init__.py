@@ -5,10 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.photometry.cie_tables import (
-        ILLUMINANTS as ILLUMINANTS,
-        chromaticity_distance as chromaticity_distance,
-    )
+    from optics.scene.photometry.cie_tables import chromaticity_distance as chromaticity_distance
+    from optics.scene.photometry.illuminant_names import ILLUMINANTS as ILLUMINANTS
     from optics.scene.photometry.intensity_planes import (
         BEAM as BEAM,
         FIELD as FIELD,

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError
+from optics.scene.photometry.illuminant_names import ILLUMINANTS
 from thbcad.checks import Floats
 
-ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 OBSERVER = ("x", "y", "z")
 
 

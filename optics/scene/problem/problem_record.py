@@ -14,7 +14,6 @@ from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
 from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
-from optics.scene.receivers import receiver_at
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
 
@@ -28,8 +27,6 @@ LEAST_MERGED = 4  # pixels each way that merging leaves
 class Problem:
     """What is asked for: source, lens and target, and how to design it.
 
-        Problem(source=Source(kind="collimated", half_width=(9.5, 9.5)), lens=..., target=...)
-
     It is checked when it is made, by the rules of a problem file.  Whole numbers become floats and lists
     become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
     from the current folder.
@@ -38,6 +35,17 @@ class Problem:
     ------
     UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
         together; it names the key.
+
+    Examples
+    --------
+    >>> sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
+    >>> problem = Problem(
+    ...     source=Source(kind="collimated", half_width=(9.5, 9.5)),
+    ...     lens={"index": 1.5, "thickness": 6, **sides},
+    ...     target=Target(kind="tophat", distance=60, half_width=(20, 20), pixels=(32, 32)),
+    ... )
+    >>> problem.with_(**{"target.distance": 400}).target_z  # mm
+    406.0
     """
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
@@ -79,6 +87,8 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
+        from optics.scene.receivers import receiver_at  # loads numpy, which a problem itself does without
+
         source, lens, target = self.source, self.lens, self.target
         receiver = receiver_at(self.target_z)
         far, unit = receiver.far_field, receiver.unit

@@ -19,6 +19,14 @@ GREATEST_STEP = 50.0  # in units of 0.02 z_freedom: the whole of it
 
 @dataclass(frozen=True, kw_only=True)
 class Optimizer:
+    """How the lens is optimised, as the table [optimizer].
+
+    Examples
+    --------
+    >>> problem.with_(**{"optimizer.iterations": 20}).optimizer.iterations  # of every level
+    (20,)
+    """
+
     engine: str = option(
         "exact",
         choices=ENGINES,
@@ -33,10 +41,7 @@ class Optimizer:
         note="iterations per level; the last number goes on; blurred light is sharp in as many before",
     )
     finish: int = option(
-        0,
-        low=0,
-        high=100_000,
-        note="iterations of a last pass on unmerged pixels, in a narrow window",
+        0, low=0, high=100_000, note="iterations of a last pass on unmerged pixels, in a narrow window"
     )
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
     start: str = option(
@@ -82,6 +87,14 @@ class Optimizer:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
+    """What the lens must keep to be made, as the table [limits].
+
+    Examples
+    --------
+    >>> problem.with_(**{"limits.edge_thickness": 2}).limits.edge_thickness  # mm
+    2.0
+    """
+
     thickness: float = option(0.0, low=0, note="mm, least thickness of the lens; 0 is none")
     centre_thickness: float = option(0.0, low=0, note="mm, least thickness on the axis; 0 is none")
     edge_thickness: float = option(0.0, low=0, note="mm, least thickness at the rim; 0 is none")
@@ -114,6 +127,14 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
+    """Which cells get finer splines, as the table [refinement].
+
+    Examples
+    --------
+    >>> problem.with_(**{"refinement.alpha": [0.3, 0.1]}).refinement.alpha  # of level 0, and of all others
+    (0.3, 0.1)
+    """
+
     indicator: str = option(
         "slope",
         choices=("slope", "vertex", "decrease"),
@@ -126,6 +147,14 @@ class Refinement:
 
 @dataclass(frozen=True, kw_only=True)
 class Verify:
+    """What the light must reach and the files must keep, as the table [verify].
+
+    Examples
+    --------
+    >>> problem.with_(**{"verify.min_over_mean": 0.8}).verify.min_over_mean  # E_min / E_mean of uniform light
+    0.8
+    """
+
     rays: int = option(257, low=8, high=2049, note="rays per direction of the independent trace")
     surface: float = option(1e-10, above=0, note="mm, limit of the STEP face's deviation")
     landing: float = option(
@@ -147,10 +176,7 @@ class Verify:
         AUTO, above=0, infinite=True, auto=True, note="greatest error of the light; auto is 0.1 of a picture"
     )
     contrast_error: float = option(
-        0.25,
-        above=0,
-        infinite=True,
-        note="greatest ||E - T|| / ||T - mean T|| of a picture; inf is none",
+        0.25, above=0, infinite=True, note="greatest ||E - T|| / ||T - mean T|| of a picture; inf is none"
     )
     lit_efficiency: float = option(
         0.5, low=0, high=1, note="least flux on the lit region / flux of the source; 0 is none"
@@ -162,6 +188,14 @@ class Verify:
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
+    """The words in the STEP file, as the table [export].
+
+    Examples
+    --------
+    >>> problem.with_(**{"export.schema": "AP203"}).export.schema
+    'AP203'
+    """
+
     schema: str = option("AP242", choices=("AP203", "AP214", "AP242"), note="of the STEP file")
     product: str = option("", note="name of the solid; the title where empty")
     author: str = option("", note="of the STEP file")
@@ -170,6 +204,14 @@ class Export:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
+    """Seed, threads and precision, as the table [run].
+
+    Examples
+    --------
+    >>> problem.with_(**{"run.threads": 2}).run.threads, problem.run.precision
+    (2, 'double')
+    """
+
     seed: int = option(
         0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables"
     )

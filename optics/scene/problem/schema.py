@@ -50,6 +50,14 @@ SOURCES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
+    """The light that comes in, as the table [source] of a problem file.
+
+    Examples
+    --------
+    >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
+    0.2665
+    """
+
     kind: str = option(
         choices=tuple(SOURCES),
         note="parallel rays along +z, a Lambertian emitter, a point, rays or a luminaire of a file",
@@ -130,14 +138,18 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Freeform:
+    """A surface's spline, as the tables [lens.front.freeform] and [lens.rear.freeform].
+
+    Examples
+    --------
+    >>> Freeform(z_freedom=2.0, max_level="auto").finest  # the finest that may be chosen
+    6
+    """
+
     degree: int = option(3, low=2, high=10, note="of the splines")
     spans: tuple[int, int] = option((7, 7), low=1, high=1000, note="knot spans of level 0 in x and y")
     max_level: int | str = option(
-        5,
-        low=0,
-        high=12,
-        note="finest level of refinement; auto takes it from the light's detail",
-        auto=True,
+        5, low=0, high=12, note="finest level of refinement; auto takes it from the light's detail", auto=True
     )
     z_freedom: float | str = option(
         5.0,
@@ -178,6 +190,14 @@ def _slope_rms() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Front:
+    """The surface that light meets first, as the table [lens.front].
+
+    Examples
+    --------
+    >>> problem.lens.front.freeform is None, problem.lens.front.radius  # a plane, unless asked for
+    (True, inf)
+    """
+
     half_width: tuple[float, float] = option(
         low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
     )
@@ -189,6 +209,14 @@ class Front:
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
+    """The surface that light leaves by, as the table [lens.rear]; it is free where nothing else is said.
+
+    Examples
+    --------
+    >>> problem.lens.rear.freeform.degree
+    3
+    """
+
     half_width: tuple[float, float] = option(
         low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
     )
@@ -214,6 +242,14 @@ def freedom_of(surface: Front | Rear) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class LensSpec:
+    """The lens before it is designed, as the table [lens].
+
+    Examples
+    --------
+    >>> [*problem.lens.free]
+    ['rear']
+    """
+
     index: float | str = option(
         AUTO,
         above=1,
@@ -258,6 +294,14 @@ class LensSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
+    """The light that is asked for, as the table [target].
+
+    Examples
+    --------
+    >>> Target(kind="image", image="pearl.png", distance=300, half_width=(100, 100)).placing
+    'crop'
+    """
+
     kind: str = option(
         choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula"
     )

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.receivers.fitted_picture import fit_picture as fit_picture
     from optics.scene.receivers.formula import (
         MAX_LENGTH as MAX_LENGTH,
         SUBPOINTS as SUBPOINTS,
         formula_light as formula_light,
         formula_pixels as formula_pixels,
     )
-    from optics.scene.receivers.picture import fit_picture as fit_picture, read_picture as read_picture
+    from optics.scene.receivers.picture import read_picture as read_picture
     from optics.scene.receivers.receivers import (
         DEGREES as DEGREES,
         FarField as FarField,

@@ -37,7 +37,7 @@ class LightSource(ABC):
     from_afar : it comes along +z from before all of a lens and its mount, so that it has no place.
     from_file : a file tells of the light, and neither its radiance nor its etendue.
     scalable : it is an area that the problem describes, and may be made with another width.
-    glowing : points of an area light all around, so that smooth windows suit the blurred light best.
+    emitter : points of an area that emit all around, so that smooth windows suit the blurred light best.
     axial : it stays the same where it turns about z, whatever its settings.
     spread : how the light of every point of an area spreads around +z.
     """
@@ -47,7 +47,7 @@ class LightSource(ABC):
     from_afar: ClassVar[bool] = False
     from_file: ClassVar[bool] = False
     scalable: ClassVar[bool] = False
-    glowing: ClassVar[bool] = False
+    emitter: ClassVar[bool] = False
     axial: ClassVar[bool] = False
 
     @property

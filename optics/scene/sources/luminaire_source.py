@@ -33,7 +33,7 @@ class LuminaireSource(FileSource):
 
     half_width: tuple[float, float]
     shape: str
-    glowing = True
+    emitter = True
 
     @cached_property
     def directions(self) -> DirectionSampler:

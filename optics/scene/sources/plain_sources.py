@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from optics.base.runtime import speaking_of
-from optics.scene.receivers import read_picture
 from optics.scene.sources.cells import SourceCells, beam_cells, cone_cells, tilted_cells
 from optics.scene.sources.collimated import collimated_beam
 from optics.scene.sources.divergence import PARALLEL, Divergence
@@ -77,6 +76,8 @@ class AreaSource(LightSource):
     def profile(self) -> Profile:
         light = None
         if self.shape == "image":
+            from optics.scene.receivers import read_picture  # needs Pillow
+
             with speaking_of("source.image"):
                 light = read_picture(self.picture, "linear")
         return Profile(self.shape, self.sigma, light)
@@ -139,7 +140,7 @@ class LambertianArea(AreaSource):
     """A Lambertian emitter: the same radiance in all directions of a cone of `half_angle` degrees."""
 
     half_angle: float
-    glowing = True
+    emitter = True
 
     @property
     def spread(self) -> Divergence:

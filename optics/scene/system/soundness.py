@@ -147,7 +147,7 @@ def advice(system: OpticalSystem) -> list[str]:
     """
     problem, lens = system.problem, system.lens
     options, sentences = problem.optimizer, [*system.source.assumed]
-    if system.source.glowing and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
+    if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"

@@ -17,7 +17,6 @@ from optics.scene.receivers import (
     fit_picture,
     formula_light,
     formula_pixels,
-    read_picture,
     receiver_at,
     uniform_region,
 )
@@ -57,6 +56,8 @@ class LightTarget:
             return light
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
+        from optics.scene.receivers import read_picture  # needs Pillow
+
         with speaking_of("target.image"):
             light = read_picture(target.image, target.encoding)
         # column 0 is at -x: on the left for one behind the target, on the right for one at the lens
@@ -73,7 +74,7 @@ class LightTarget:
         return self.light > 1 - WHOLE
 
     @cached_property
-    def even_region(self) -> LitRegion | None:
+    def uniform_region(self) -> LitRegion | None:
         """The region on which the same light is asked for everywhere.
 
         None of a picture, and of a formula whose light varies: that is judged as a picture.

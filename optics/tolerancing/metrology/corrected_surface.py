@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from optics.tolerancing.metrology.alignment import Alignment, Floats
 from thbcad.fitting import NoisyFit, Samples, fit_noisy
-from thbcad.hierarchy import THBSpace
+from thbcad.hierarchy import THBSpace, common_refinement
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -85,9 +85,8 @@ def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:
     """Return designed + correction on the space that is refined where either is."""
     if designed.sag is None:
         return designed.with_sag(correction)
-    own, common = designed.sag.space, correction.space
-    for level, cells in enumerate(own.refined[common.levels - 1 :], common.levels - 1):
-        common = common.refine({level: cells})
+    own = designed.sag.space
+    common = common_refinement(own, correction.space)
     sag = own.prolongation(common) @ designed.sag.coefficients
     added = correction.space.prolongation(common) @ correction.coefficients
     return designed.with_sag(THBSurface(common, sag + added))

@@ -2,10 +2,10 @@
 
 The greatest disc round a place that no point lies in holds
 
-    points in it, at the density of the others > ln n + SURE,
+    points in it, at the density of the others > ln n + CONFIDENCE,
 
-in a gap alone: of n points at random, a disc as empty as that is there by chance in exp(-SURE) of all files,
-and of points on a grid in none.
+in a gap alone: of n points at random, a disc as empty as that is there by chance in exp(-CONFIDENCE) of all
+files, and of points on a grid in none.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 RAYS = 257  # in each direction, by which the lit surface is known
 NEAREST, MEDIAN = 8, 7.67  # the neighbour by which density is told, and the median of points up to it
-SURE = 6.0
+CONFIDENCE = 6.0
 STRIP = 1.5  # distances of points: a narrower strip beside them is as near to them as they to each other
 
 
@@ -37,7 +37,7 @@ def measured_light(points: Floats, lit: LandingResponse, half_width: tuple[float
     tree = cKDTree(single)
     apart = tree.query(single, k=NEAREST + 1)[0][:, -1]
     density = MEDIAN / (pi * float(np.median(apart)) ** 2)
-    most = log(len(single)) + SURE
+    most = log(len(single)) + CONFIDENCE
     known = np.ones(len(lit.x), bool)
     for axis, at in enumerate(
         (lit.x, lit.y)

@@ -1,4 +1,4 @@
-"""What became of many Monte Carlo samples: how good their light is, and how sure that is known."""
+"""What became of many Monte Carlo samples: how good their light is, and how well that is known."""
 
 from __future__ import annotations
 

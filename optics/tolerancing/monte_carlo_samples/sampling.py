@@ -48,7 +48,7 @@ class ErrorModel:
     @cached_property
     def blur(self) -> float:
         """Of the light behind the designed lens, see `blur.spot_rms`; 0 where no verdict needs it."""
-        if self.system.target.even_region is None:
+        if self.system.target.uniform_region is None:
             return 0.0
         return spot_rms(self.system, self.lens, self.light.backend)
 
@@ -102,17 +102,14 @@ def traced(model: ErrorModel, draw: Draw) -> Traced:
     image, fates = model.light(model.errors(draw))
     error = model.light.error(image)
     metrics = delivered(model.system, image, error, fates.on_target, fates.off_target, model.blur)
-    # the most likely values count: what is not sure of one lens evens out over many
+    # the most likely values count: what is uncertain of one lens evens out over many
     checks = delivery_checks(metrics, model.system.problem.verify)
     made = grade(replace(check, error=0.0) for check in checks) == "made"
     return Traced(rel_l2(image, model.target), metrics["efficiency"], made)
 
 
 def sample_lenses(
-    model: ErrorModel,
-    samples: int,
-    pool: WorkerPool,
-    progress: Callable[[int, int], None] | None = None,
+    model: ErrorModel, samples: int, pool: WorkerPool, progress: Callable[[int, int], None] | None = None
 ) -> Sampled:
     """Return the light of `samples` lenses made with errors at random.
 

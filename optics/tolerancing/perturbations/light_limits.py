@@ -61,7 +61,7 @@ class LightJudge:
     @property
     def uniform(self) -> bool:
         """Whether the same light is asked for everywhere in a region."""
-        return self.light.system.target.even_region is not None
+        return self.light.system.target.uniform_region is not None
 
     def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
         """Return the numbers of light, (rows, columns).  on_target : its flux there."""

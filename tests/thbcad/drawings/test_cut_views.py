@@ -139,7 +139,7 @@ def test_everything_stands_on_the_paper_twice_the_same(body):
 def test_the_sheet_says_what_the_body_measures():
     said = [label.text for label in lens_sheet(WAVY, Product(), **BODIES["round with a flange"]).labels]
     assert {"\u00d8 7", "\u00d8 11", "0.5", "diameter 7 mm"} <= set(said)
-    edge = 3 + WAVY.rear(0, 3.5)[0]
+    edge = 3 + WAVY.rear(0, 3.5)
     assert f"{edge:.4f}".rstrip("0") in said
     said = [label.text for label in lens_sheet(WAVY, **BODIES["beside the axis"]).labels]
     assert {"A-A   x = 2.5", "B-B   y = 2", "3", "2", "polygon of 3 corners within 3 x 2 mm"} <= set(said)

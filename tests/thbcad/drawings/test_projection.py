@@ -75,14 +75,14 @@ def test_every_corner_lies_in_each_view_where_its_projection_is(lens):
         assert len(edges) == len(corners)
         for (x, y), place in zip(POLYGON, on_page):
             (edge,) = (e for e in edges if abs(e[0, axis] - place[axis]) < 1e-9)
-            z = [float(lens.front(x, y)[0]), lens.thickness + float(lens.rear(x, y)[0])]
+            z = [float(lens.front(x, y)), lens.thickness + float(lens.rear(x, y))]
             wanted = one.origin[level] + sign * sheet.scale * np.array(z)
             np.testing.assert_allclose(np.sort(edge[:, level]), np.sort(wanted), atol=1e-9)
 
 
 def test_the_sheet_states_one_thickness_on_the_axis():
     """The distance of the vertices of the base surfaces is none of the part, where a sag moves them."""
-    thickness = WIDER.thickness + WIDER.rear(0, 0)[0] - WIDER.front(0, 0)[0]
+    thickness = WIDER.thickness + WIDER.rear(0, 0) - WIDER.front(0, 0)
     said = [label.text for label in lens_sheet(WIDER).labels]
     assert said.count(f"{thickness:.4f}".rstrip("0")) == 1
     assert not any("apart" in text for text in said)

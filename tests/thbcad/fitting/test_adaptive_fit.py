@@ -16,7 +16,8 @@ from thbcad.fitting.least_squares_fit import Samples, robust_weights
 from thbcad.fitting.normal_equations import Underdetermined
 from thbcad.fitting.quasi_interpolant import quasi_interpolate
 from thbcad.hierarchy import THBSpace
-from thbcad.splines import KnotVector
+from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
 
 EXAMPLE = EXAMPLES / "height_map.py"
@@ -56,6 +57,34 @@ def test_a_spline_of_the_space_is_reached_at_once():
     target = THBSurface(space, np.random.default_rng(0).normal(size=(space.dim, 3)))
     found = fit(space, target, 1e-12)
     assert (found.outcome, len(found.history)) == ("reached", 1)
+
+
+def test_the_error_of_a_spline_and_of_a_conic_is_a_bound():
+    fine = refined(2, 12, 5)
+    spline = THBSurface(fine, np.random.default_rng(0).uniform(-1, 1, (fine.dim, 2)))
+    x = np.linspace(0, 1, 401)
+    for target, tolerance in ((spline, 0.05), (spline.to_bspline(), 0.05), (Conic(1.5), 1e-4)):
+        found = fit(tensor(3, 3), target, tolerance)
+        assert (found.outcome, found.certified) == ("reached", True)
+        apart = found.surface.grid(x, x) - target.grid(x, x)
+        assert np.linalg.norm(apart.reshape(401, 401, -1), axis=2).max() <= found.error <= tolerance
+        assert "error <= " in repr(found)
+
+
+def test_a_peak_between_the_points_is_seen_where_the_error_is_a_bound():
+    kv = KnotVector.uniform(3, 200)
+    narrow = np.zeros((kv.dim, kv.dim))
+    narrow[23, 151] = 1  # of height 4 / 9
+    peak = BSplineSurface(kv, kv, narrow)
+    bound, sampled = (fit(tensor(3, 2), target, 1e-3) for target in (peak, lambda u, v: peak(u, v)))
+    assert (bound.certified, bound.outcome) == (True, "no progress")
+    assert bound.error >= 0.4
+    assert (sampled.certified, sampled.outcome) == (False, "reached")
+
+
+def test_progress_is_told_after_every_fit():
+    steps = []
+    assert fit(tensor(3, 4), bump, 1e-3, progress=steps.append).history == tuple(steps)
 
 
 def test_the_greatest_level_stops_the_fit():

@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting import smoothing_choice as choice
 from thbcad.fitting.least_squares_fit import Samples, least_squares
-from thbcad.fitting.normal_equations import Underdetermined, thin_plate
+from thbcad.fitting.normal_equations import NormalEquations, Underdetermined, thin_plate
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 
@@ -66,6 +66,32 @@ def test_the_chosen_smoothing_has_the_least_v(exact, monkeypatch):
     # V is flat: 2 % of the smoothing move the fit by 1e-3, an estimated trace by a little more
     assert abs(found - wanted).max() <= (2e-3 if exact else 2e-2)
     assert abs(least_squares(space, samples, 1e-6).coefficients - wanted).max() > 0.2
+
+
+def test_v_between_the_smoothings_that_were_solved_is_v_by_definition():
+    space, samples = refined(3), noisy()
+    collocation = space.collocation(samples.u, samples.v)
+    equations = NormalEquations.of(space, collocation, thin_plate(space), samples.values, samples.weights)
+    curve = choice._Curve(equations)
+    for exponent in (-4.0, -2.0, -1.0, 0.0):
+        assert curve.add(exponent)
+    units = equations.height**2 * equations.unit
+    assert units * curve.value(-2.0) == pytest.approx(dense_v(space, samples, 1e-2), rel=1e-9)
+    # midway in a decade the best fraction with both poles errs by 0.6 %, ((10^(1/4) - 1) / (10^(1/4) + 1))^4,
+    # which V has three times: in the misfit, and in the square of n - tr H
+    for exponent in (-1.7, -1.5, -1.3, -0.7, -0.5):
+        assert units * curve.value(exponent) == pytest.approx(
+            dense_v(space, samples, 10**exponent), rel=18e-3
+        )
+
+
+def test_few_fits_find_the_smoothing_and_are_told():
+    told = []
+    least_squares(tensor(3, 24), noisy(), "auto", progress=lambda done, most: told.append((done, most)))
+    assert told == [(k + 1, choice.MOST_FITS) for k in range(len(told))]
+    assert 4 <= len(told) <= 9
+    least_squares(tensor(3, 8), noisy(), "discrepancy", progress=lambda done, most: told.append((done, most)))
+    assert told[-1][0] <= told[-1][1]
 
 
 @pytest.mark.parametrize("spans", [8, 24])

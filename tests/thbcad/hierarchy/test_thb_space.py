@@ -257,8 +257,11 @@ def test_spaces_need_knot_vectors(arguments):
         ({0: [(np.nan, 0)]}, "must be pairs"),
         ({0: "ab"}, "must be pairs"),
         ({0: np.array([(2**63, 0)], dtype=np.uint64)}, "pairs .* below 2.63, got 9223372036854775808"),
-        ([(0, 0)], r"cells must be a mapping \{level: .*\}, got list"),
+        ([(0, 0)], r"mapping \{level: .*\} or rows \[level, i, j\] .* got list of shape \(1, 2\)"),
         (None, "cells must be a mapping .*, got NoneType"),
+        ([[0.0, 0.0, 0.0]], "got list of shape .* and type float64"),
+        ([[0, 0, 0], [0, 1, 2]], r"cell \(1, 2\) of level 0 is refined already"),
+        ([True] * 66, r"mask must hold a bool for each of the 67 leaf cells, got shape \(66,\)"),
     ],
 )
 def test_cells_are_refused(cells, message):
@@ -267,28 +270,13 @@ def test_cells_are_refused(cells, message):
         space.refine(cells)
 
 
-def test_other_spaces_are_refused():
-    space = uniform_space().refine({0: [(1, 2)]})
-    space = space.refine({0: [(3, 3)]})
-    for other in (
-        uniform_space(),
-        uniform_space().refine({0: [(2, 1)]}),
-        uniform_space().refine({0: [(1, 2), (4, 4)]}),
-    ):
-        with pytest.raises(ValueError, match="not a refinement of this one"):
-            space.prolongation(other)
-    for other in (uniform_space(2), uniform_space(3, 4), uniform_space(3, 8, 2.0), 5):
-        with pytest.raises(ValueError, match="must be a THBSpace over the same two knot vectors"):
-            space.prolongation(other)
-
-
 @pytest.mark.parametrize(
     ("u", "v", "message"),
     [
-        ([0.1, 0.2], [0.1], r"two rows of equal length, got shapes \(2,\) and \(1,\)"),
-        ([[0.1]], [[0.1]], "two rows of equal length"),
-        ([1.1], [0.5], r"parameter 1\.1 lies outside the domain"),
-        ([0.5], [np.nan], "parameter nan lies outside the domain"),
+        ([0.1, 0.2], [0.1, 0.2, 0.3], r"must have shapes that broadcast, got \(2,\) and \(3,\)"),
+        ([[0.1]], [[0.1]], r"u and v must be rows of points, got shape \(1, 1\)"),
+        ([1.1], [0.5], r"u = 1\.1 lies outside the domain"),
+        ([0.5], [np.nan], "v = nan lies outside the domain"),
     ],
 )
 def test_points_are_refused(u, v, message):

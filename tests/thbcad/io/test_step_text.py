@@ -11,10 +11,11 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeTorus
 
 from tests.cases import ROOT
+from tests.thbcad.cad.exchange.cases import CURVES, REFINED, SURFACES, assert_same
 from tests.thbcad.cases import LENSES, assert_same_surface, bits
 from tests.thbcad.io.cases import written
 from thbcad import write_step
-from thbcad.cad.exchange import read_faces, read_step, step_bytes
+from thbcad.cad.exchange import read_faces, read_step, step_bytes, write_curves, write_faces
 from thbcad.cad.shapes import lens_solid
 from thbcad.io.brep_records import MILLIMETRE
 from thbcad.io.step_brep import brep, brep_of_text, length_unit, parse_brep
@@ -28,9 +29,10 @@ from thbcad.io.step_text import (
     header_of_text,
     read_part21,
 )
+from thbcad.io.step_values import curve_of, spline_surface
 from thbcad.lens import Product, optical_forms
 from thbcad.sags import patch_numbers
-from thbcad.splines import BSplineSurface, NURBSSurface
+from thbcad.splines import BSplineSurface, NURBSCurve, NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
 TAIL = "ENDSEC;\nEND-ISO-10303-21;\n"
@@ -246,6 +248,20 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
             assert face.surface_type in ("PLANE", "SPHERICAL_SURFACE")
         elif isinstance(other, BSplineSurface):
             assert_same_surface(face.surface, other)
+
+
+def test_the_text_holds_the_very_loose_surfaces_and_curves(tmp_path):
+    """What the writer of STEP shares no code with reads every number that was written."""
+    faces, curves = [*SURFACES.values(), REFINED.to_bspline()], list(CURVES.values())
+    write_faces([*SURFACES.values(), REFINED], tmp_path / "faces.step")
+    write_curves(curves, tmp_path / "curves.step")
+    entities = read_part21(tmp_path / "faces.step")
+    found = having(entities, "B_SPLINE_SURFACE_WITH_KNOTS")
+    assert_same([spline_surface(entities, entity) for entity in found], faces)
+    entities = read_part21(tmp_path / "curves.step")
+    found = [curve_of(entities, entity) for entity in having(entities, "B_SPLINE_CURVE_WITH_KNOTS")]
+    whole = np.ones(())
+    assert_same([NURBSCurve(c.kv, c.poles, whole if c.weights is None else c.weights) for c in found], curves)
 
 
 @pytest.mark.parametrize("unit", ["INCH", "M", "CM", "UM"])

@@ -64,9 +64,9 @@ def test_doors_refuse_a_lens_that_crosses_itself(door, crossing):
 @pytest.mark.parametrize("crossing", CROSSING)
 def test_nothing_is_written_of_a_lens_that_crosses_itself(crossing, tmp_path):
     lens = Lens(*CROSSING[crossing], 1.5)
-    for write in (write_lens, write_step):
+    for write, suffix in ((write_lens, ".json"), (write_step, ".step")):
         with pytest.raises(ValueError, match=SENTENCE[crossing]):
-            write(lens, tmp_path / "lens")
+            write(lens, tmp_path / f"lens{suffix}")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "lens.json").write_text(json.dumps(lens_to_dict(lens)), "utf-8")
     with pytest.raises(ValueError, match=SENTENCE[crossing]):

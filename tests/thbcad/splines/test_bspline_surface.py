@@ -256,13 +256,13 @@ def test_coefficients_that_are_not_finite_are_refused(bad):
 )
 def test_evaluation_errors(surface):
     for method in (surface, surface.grid):
-        with pytest.raises(ValueError, match=r"parameter 3\.5 lies outside the domain \[0\.0, 3\.0\]"):
+        with pytest.raises(ValueError, match=r"u = 3\.5 lies outside the domain \[0\.0, 3\.0\]"):
             method([3.5], [0.0])
-        with pytest.raises(ValueError, match="parameter nan lies outside"):
+        with pytest.raises(ValueError, match="v = nan lies outside"):
             method([0.5], [np.nan])
         with pytest.raises(ValueError, match="derivative must be a non-negative integer"):
             method([0.5], [0.5], (0, -1))
-    with pytest.raises(ValueError, match="u and v must be two rows of equal length"):
-        surface([0.1, 0.2], [0.1])
+    with pytest.raises(ValueError, match=r"u and v must have shapes that broadcast, got \(2,\) and \(3,\)"):
+        surface([0.1, 0.2], [0.1, 0.2, 0.3])
     with pytest.raises(ValueError, match="one row of numbers"):
         surface.grid([[0.1]], [0.1])

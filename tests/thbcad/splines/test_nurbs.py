@@ -348,7 +348,7 @@ def test_derivative_orders_are_refused(derivative):
 
 
 def test_parameters_outside_are_refused():
-    with pytest.raises(ValueError, match=r"parameter 1\.5 lies outside"):
+    with pytest.raises(ValueError, match=r"u = 1\.5 lies outside"):
         QUARTER([1.5])
 
 

@@ -22,7 +22,12 @@ if TYPE_CHECKING:
         read_iges as read_iges,
     )
     from thbcad.cad.exchange.iges_writing import brep_text as brep_text
-    from thbcad.cad.exchange.loose_faces import read_faces as read_faces, write_faces as write_faces
+    from thbcad.cad.exchange.loose_splines import (
+        read_curves as read_curves,
+        read_faces as read_faces,
+        write_curves as write_curves,
+        write_faces as write_faces,
+    )
     from thbcad.cad.exchange.part_triangles import face_triangles as face_triangles, part_mesh as part_mesh
     from thbcad.cad.exchange.ray_faces import face_hits as face_hits, step_solid as step_solid
     from thbcad.cad.exchange.reading import (

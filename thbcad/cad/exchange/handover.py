@@ -1,51 +1,82 @@
-"""The lens as a solid of build123d and of cadquery.
+"""The lens as a solid of build123d and of cadquery, surfaces as faces, curves as edges.
 
 Both libraries wrap OCCT shapes and share one OCP with this package: the shape is handed over, not
-copied, so that points and knots are those of the lens, bit for bit.
+copied, so that points, weights and knots are the same, bit for bit.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
+from thbcad.cad.exchange.loose_splines import CURVES, edge_of, face_of
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.doors import pip_command
 from thbcad.lens import Lens
+from thbcad.splines import BSplineSurface, NURBSSurface
+from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:  # they take seconds to load
     import build123d
     import cadquery
 
+    from thbcad.cad.exchange.loose_splines import Surface
+    from thbcad.splines import NURBSCurve
+
+GEOMETRY = (Lens, Part, THBSurface, BSplineSurface, NURBSSurface, *CURVES)
 GLASS = (0.65, 0.82, 0.98, 0.35)  # red, green, blue, opacity: pale blue, see-through
 
 
-def to_build123d(lens: Lens | Part, name: str = "lens") -> build123d.Solid:
-    """Return the lens as a build123d solid in mm, with its name as label and a pale blue see-through colour.
+@overload
+def to_build123d(geometry: Lens | Part, name: str = "") -> build123d.Solid: ...
+@overload
+def to_build123d(geometry: Surface, name: str = "") -> build123d.Face: ...
+@overload
+def to_build123d(geometry: NURBSCurve, name: str = "") -> build123d.Edge: ...
+def to_build123d(geometry: Any, name: str = "") -> Any:
+    """Return a lens as a build123d solid, a surface as a face or a curve as an edge, in mm, with a label.
 
-    lens : Lens, or its Part where the faces are wanted by name too (`named_faces`).
-    Front vertex at the origin, z along the optical axis: `build123d.Pos` and `Rot` move the solid.
+    geometry : Lens, or its Part where the faces are wanted by name too (`named_faces`): the front vertex is
+        at the origin, z along the optical axis, the colour a pale blue, see-through.  Or a surface or a curve
+        with points (x, y, z).  `build123d.Pos` and `Rot` move what is returned.
+    name : the label; "" is "lens", "surface" or "curve".
 
     Raises
     ------
     ImportError : build123d is not installed, or beside another OCP.
-    ValueError : something else than a Lens or a Part.
+    ValueError : something else; points without three components.
+    RuntimeError : OCCT refuses the surface or the curve.
     """
     bd = library("build123d")
-    return bd.Solid(_part(lens).solid, label=name, color=bd.Color(*GLASS))
+    require_type("geometry", geometry, *GEOMETRY)
+    if isinstance(geometry, Lens | Part):
+        return bd.Solid(_part(geometry).solid, label=name or "lens", color=bd.Color(*GLASS))
+    if isinstance(geometry, CURVES):
+        return bd.Edge(edge_of(geometry), label=name or "curve")
+    return bd.Face(face_of(geometry), label=name or "surface")
 
 
-def to_cadquery(lens: Lens | Part) -> cadquery.Solid:
-    """Return the lens as a cadquery solid in mm, for `cadquery.Workplane(obj=...)` and
-    `cadquery.Assembly().add(...)`.
+@overload
+def to_cadquery(geometry: Lens | Part) -> cadquery.Solid: ...
+@overload
+def to_cadquery(geometry: Surface) -> cadquery.Face: ...
+@overload
+def to_cadquery(geometry: NURBSCurve) -> cadquery.Edge: ...
+def to_cadquery(geometry: Any) -> Any:
+    """Return a lens as a cadquery solid, a surface as a face or a curve as an edge, in mm.
 
-    Raises
-    ------
-    ImportError : cadquery is not installed, or beside another OCP.
-    ValueError : something else than a Lens or a Part.
+    They are for `cadquery.Workplane(obj=...)` and `cadquery.Assembly().add(...)`.
+
+    geometry : as of `to_build123d`, which also raises.
     """
-    return library("cadquery").Solid(_part(lens).solid)
+    cq = library("cadquery")
+    require_type("geometry", geometry, *GEOMETRY)
+    if isinstance(geometry, Lens | Part):
+        return cq.Solid(_part(geometry).solid)
+    if isinstance(geometry, CURVES):
+        return cq.Edge(edge_of(geometry))
+    return cq.Face(face_of(geometry))
 
 
 def named_faces(lens: Lens | Part) -> dict[str, build123d.Face]:

@@ -28,7 +28,7 @@ from OCP.StepVisual import (
 )
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHAPE, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
@@ -67,9 +67,11 @@ BREP_TABLE = re.compile(rb"^CASCADE Topology V\d.*^TShapes (\d+)", re.MULTILINE 
 BREP_END = re.compile(rb"\*\s+[-+ie]\d+ \d+\s*\Z")
 
 
-def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
-    """Return the faces, edges, ... of a shape in their order."""
-    explorer = TopExp_Explorer(shape, kind)
+def explore(
+    shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, avoided: TopAbs_ShapeEnum = TopAbs_SHAPE
+) -> list[TopoDS_Shape]:
+    """Return the faces, edges, ... of a shape in their order; none that belongs to an avoided kind."""
+    explorer = TopExp_Explorer(shape, kind, avoided)
     shapes = []
     while explorer.More():
         shapes.append(explorer.Current())
@@ -80,6 +82,11 @@ def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
 def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
     """Return the faces of a shape in their order."""
     return [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+
+
+def free_edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
+    """Return the edges of a shape that border no face, in their order."""
+    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE, TopAbs_FACE)]
 
 
 def edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:

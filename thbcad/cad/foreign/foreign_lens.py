@@ -58,6 +58,10 @@ class ForeignLens:
     shape: TopoDS_Shape
 
     def __repr__(self) -> str:
+        return f"ForeignLens({self.path.name}, front {self.front.kind}, rear {self.rear.kind})"
+
+    def __str__(self) -> str:
+        """Return all of it, a line for each part."""
         rows = [
             f"ForeignLens of {self.path.name}, in {self.unit}",
             f"  vertex {_vector(self.frame.shift)} mm, axis {_vector(self.frame.rotation[:, 2])}, "

@@ -114,8 +114,8 @@ def operated(operation: Any, part: LensPart, tool: TopoDS_Shape, name: str) -> L
 
 def _places(lens: Lens) -> dict[str, bd.Location]:
     """Return where the joints are in the frame of the lens, z outward."""
-    front, rear = float(lens.front(0.0, 0.0)[0]), lens.thickness + float(lens.rear(0.0, 0.0)[0])
-    (a, b), (c, d) = ((s.half_width[0], float(s(s.half_width[0], 0.0)[0])) for s in (lens.front, lens.rear))
+    front, rear = float(lens.front(0.0, 0.0)), lens.thickness + float(lens.rear(0.0, 0.0))
+    (a, b), (c, d) = ((s.half_width[0], float(s(s.half_width[0], 0.0))) for s in (lens.front, lens.rear))
     middle = bd.Vector((a + c) / 2, 0, (b + lens.thickness + d) / 2)
     along = bd.Vector(c - a, 0, lens.thickness + d - b)
     return {

@@ -47,7 +47,7 @@ def _operated(operation: Operation, part: Any, tool: Any, name: str) -> Any:
     if hasattr(part, "ctx"):
         return tagged(operation(untagged(part), shape, name), getattr(part.ctx, "lens", None))
     if hasattr(part, "face_names"):
-        from thbcad.cad.parts.build123d_lens import operated  # it loads build123d
+        from thbcad.cad.parts.build123d_lens import operated  # build123d
 
         return operated(operation, part, shape, name or getattr(tool, "label", ""))
     raise ValueError(

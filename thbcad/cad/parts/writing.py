@@ -10,7 +10,7 @@ from thbcad.cad.parts.cadquery_lens import untagged
 from thbcad.cad.parts.own_surfaces import exact_part
 from thbcad.cad.parts.search import is_shape, placed_lens
 from thbcad.cad.shapes import Part
-from thbcad.checks import require_type
+from thbcad.checks import require_suffix, require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
 
@@ -35,10 +35,11 @@ def write_step(
     Raises
     ------
     OSError : the file cannot be written.
-    ValueError : another schema; as `require_sound`; a part without its lens; one whose front or rear is
-        missing, merged with another face or cut into pieces.
+    ValueError : a suffix other than .step and .stp; another schema; as `require_sound`; a part without its
+        lens; one whose front or rear is missing, merged with another face or cut into pieces.
     RuntimeError : OCCT refuses the solid.
     """
+    require_suffix(path, ".step", ".stp")
     if isinstance(part, Lens):
         if lens is not None and lens is not part:
             raise ValueError("lens must be left out where a Lens is written")

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
         TOLERANCE as TOLERANCE,
         geom_surface as geom_surface,
         rational_geom as rational_geom,
+        rational_geom_curve as rational_geom_curve,
+        spline_curve as spline_curve,
         spline_surface as spline_surface,
     )
     from thbcad.cad.shapes.part import Part as Part

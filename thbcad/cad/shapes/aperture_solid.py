@@ -77,7 +77,7 @@ def _conic_face(
         return np.column_stack([x, y, conic(x, y) + 0 * x])
 
     if a == b or conic.kind == "PLANE":
-        ring = wall.level(builder, conic(a, 0.0))
+        ring = wall.level(builder, float(conic(a, 0.0)))
     else:
         ends = (np.array(pair) for pair in wall.ends)
         ring = wall.rim(builder, [fitted_curve(points, pair, np.array([1, 1])) for pair in ends])

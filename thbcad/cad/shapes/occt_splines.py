@@ -14,7 +14,7 @@ from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from thbcad.checks import Floats
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
 
@@ -46,10 +46,17 @@ def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
 
 def geom_curve(kv: KnotVector, poles: Floats) -> Geom_BSplineCurve:
     """Return the spline curve with poles (n, 3) as Geom_BSplineCurve."""
-    array = TColgp_Array1OfPnt(1, len(poles))
-    for k, (x, y, z) in enumerate(poles.tolist(), 1):
-        array.SetValue(k, gp_Pnt(x, y, z))
-    return Geom_BSplineCurve(array, *_knots(kv), kv.degree)
+    return Geom_BSplineCurve(_row_of_points(poles), *_knots(kv), kv.degree)
+
+
+def rational_geom_curve(curve: NURBSCurve) -> Geom_BSplineCurve:
+    """Return a NURBSCurve with points (n, 3) as Geom_BSplineCurve; equal weights make a polynomial one."""
+    if np.ptp(curve.weights) == 0:
+        return geom_curve(curve.kv, curve.points)
+    weights = TColStd_Array1OfReal(1, curve.kv.dim)
+    for k, weight in enumerate(curve.weights.tolist(), 1):
+        weights.SetValue(k, weight)
+    return Geom_BSplineCurve(_row_of_points(curve.points), weights, *_knots(curve.kv), curve.kv.degree)
 
 
 def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
@@ -79,6 +86,29 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
     if not (geom.IsURational() or geom.IsVRational()):
         return BSplineSurface(kv_u, kv_v, points)
     return NURBSSurface(kv_u, kv_v, points, np.array([[geom.Weight(i, j) for j in columns] for i in rows]))
+
+
+def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> NURBSCurve:
+    """Return the piece from `first` to `last` of a Geom_BSplineCurve; the whole has the very numbers of the
+    file."""
+    geom = geom.Copy()
+    if geom.IsPeriodic():
+        geom.SetOrigin(first, TOLERANCE)
+        geom.SetNotPeriodic()
+    clamped = all(geom.Multiplicity(k) == geom.Degree() + 1 for k in (1, geom.NbKnots()))
+    if not clamped or (first, last) != (geom.FirstParameter(), geom.LastParameter()):
+        geom.Segment(first, last)  # clamps the knots; drops spans below 1e-9
+    kv = _knot_vector(geom.Degree(), geom.Knot, geom.Multiplicity, geom.NbKnots())
+    numbers = range(1, geom.NbPoles() + 1)
+    points = np.array([geom.Pole(k).Coord() for k in numbers])
+    return NURBSCurve(kv, points, np.array([geom.Weight(k) for k in numbers]))
+
+
+def _row_of_points(poles: Floats) -> TColgp_Array1OfPnt:
+    array = TColgp_Array1OfPnt(1, len(poles))
+    for k, (x, y, z) in enumerate(poles.tolist(), 1):
+        array.SetValue(k, gp_Pnt(x, y, z))
+    return array
 
 
 def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:

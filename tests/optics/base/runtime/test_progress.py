@@ -20,7 +20,7 @@ class Job:
         return self.progress
 
     def left(self):
-        self.progress.tell()
+        self.progress.report()
         return self.moments[-1].left
 
 
@@ -79,7 +79,7 @@ def test_a_plan_may_change_and_phases_may_be_left_out():
 
 
 STEPS = st.lists(
-    st.tuples(st.floats(0, 50), st.sampled_from(["advance", "tell", "begin"]), st.floats(0, 1.5))
+    st.tuples(st.floats(0, 50), st.sampled_from(["advance", "report", "begin"]), st.floats(0, 1.5))
 )
 
 
@@ -94,7 +94,7 @@ def test_the_fraction_never_falls_never_exceeds_1_and_ends_at_1(steps):
         elif action == "advance":
             progress.advance(part)
         else:
-            progress.tell()
+            progress.report()
     job.progress.finish()
     fractions = [moment.fraction for moment in job.moments]
     assert fractions == sorted(fractions)

@@ -54,7 +54,7 @@ def made_objective(backend, case, charges):
     lens, cells, target_z, screen = case
     lost, dark, shaped = charges
     rays = cells.rays()
-    tracer = tracer_to(backend, lens, rays, target_z, 0.02, sure=False)
+    tracer = tracer_to(backend, lens, rays, target_z, 0.02, proven=False)
     target = asked_for(screen)
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
     shape = shape_penalty(lens, Limits(radius=20.0, thickness=1.0), roughness=0.1) if shaped else None

@@ -63,7 +63,7 @@ def replayed(run, seconds, show):
         for fraction, event, *values in run["events"]:
             while show.now + 0.01 * seconds < fraction * seconds:
                 show.now += 0.01 * seconds
-                progress._progress.tell()
+                progress._progress.report()
             show.now = fraction * seconds
             if event == "planned":
                 progress.planned(Size(**run["size"]), plan)
@@ -76,7 +76,7 @@ def replayed(run, seconds, show):
 
 
 class Seen:
-    """Every Moment with its time."""
+    """Every ProgressEvent with its time."""
 
     def __init__(self):
         self.now, self.all = 0.0, []

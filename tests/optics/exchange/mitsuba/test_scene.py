@@ -149,7 +149,7 @@ def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
     problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
     scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (9, 9)))
     place = np.array(scene.sensors()[0].world_transform().matrix).reshape(4, 4)[:3, 3]
-    assert lens.thickness + lens.rear(10, 10)[0] < place[2] < problem.target_z
+    assert lens.thickness + lens.rear(10, 10) < place[2] < problem.target_z
     assert camera_irradiance(scene, spp=4).shape == (32, 48)
 
 

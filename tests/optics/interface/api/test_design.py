@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import optics
-from optics.base.runtime import Moment
+from optics.base.runtime import ProgressEvent
 from optics.interface.api.design_result import Design
 from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
@@ -27,7 +27,7 @@ def done(tmp_path_factory):
 
 def test_progress_tells_every_phase_and_ends_with_the_whole(done):
     _, moments, _ = done
-    assert all(isinstance(moment, Moment) for moment in moments)
+    assert all(isinstance(moment, ProgressEvent) for moment in moments)
     assert {"setup", "start surface", "level 1"} <= {moment.phase for moment in moments}
     assert moments[-1].fraction == 1.0
 

@@ -101,7 +101,7 @@ def test_bad_ray_files_are_one_sentence_before_light_is_traced(
     capsys, result, tmp_path, monkeypatch, arguments, words
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("optics.light.outgoing.outgoing_rays", None)
+    monkeypatch.setattr("optics.interface.commands.light_export.outgoing_rays", None)
     before = {*tmp_path.iterdir()}
     done = run(capsys, "export", result, "--light", "rear", *arguments)
     assert (done.code, len(done.err.splitlines())) == (2, 1)

@@ -5,7 +5,6 @@ from functools import partial
 
 import pytest
 
-from optics.interface import sweeps
 from optics.interface.commands import main
 from optics.interface.sweeps import run_sweep
 from tests.cases import EXAMPLES
@@ -20,7 +19,8 @@ def by(monkeypatch):
     """Return a function that sets what stands in for the design, on a thread and without plots."""
     monkeypatch.setattr("optics.interface.sweeps.running.worker_pool", thread_pool)
     monkeypatch.setattr("optics.interface.sweeps.sweep_folder.metric_plots", lambda sweep: {})
-    return lambda function: monkeypatch.setattr(sweeps, "run_sweep", partial(run_sweep, function=function))
+    run = "optics.interface.commands.sweep_command.run_sweep"
+    return lambda function: monkeypatch.setattr(run, partial(run_sweep, function=function))
 
 
 def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path, capsys):

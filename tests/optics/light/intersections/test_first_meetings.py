@@ -29,7 +29,7 @@ def test_no_ray_comes_to_another_meeting_than_the_first(backend, name, slope, ra
 
 def test_the_referee_sees_the_rays_that_the_faster_search_leads_astray(backend):
     front = rough_front(2.0)
-    assert disagreeing(backend, front, SOURCES["oblique rays"](front, 1000, 1), sure=False) > 10
+    assert disagreeing(backend, front, SOURCES["oblique rays"](front, 1000, 1), proven=False) > 10
 
 
 @pytest.mark.parametrize("radius", [np.inf, -16.0], ids=["plane", "paraboloid"])

@@ -63,7 +63,9 @@ def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path
     beside = StepsOnTarget(system, system.lens, light)
     assert beside.own.rel_l2 == 0
     half_width = system.target.settings.half_width
-    assert beside.own.min_over_mean == uniformity(light, system.target.even_region, half_width).min_over_mean
+    assert (
+        beside.own.min_over_mean == uniformity(light, system.target.uniform_region, half_width).min_over_mean
+    )
     coarse, default, fine = (beside.by_steps(step) for step in (7.5, 2.5, 0.5))
     assert coarse.rel_l2 > 1.5 * default.rel_l2 > 6 * fine.rel_l2 > 0
     assert coarse.min_over_mean > 1.2 * beside.own.min_over_mean  # waves within a step are gone

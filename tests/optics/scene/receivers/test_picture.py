@@ -12,7 +12,8 @@ from hypothesis import given, settings, strategies as st
 from PIL import EpsImagePlugin, Image
 
 from optics.base.runtime import UserError
-from optics.scene.receivers.picture import LUMINANCE, fit_picture, read_picture
+from optics.scene.receivers.fitted_picture import fit_picture
+from optics.scene.receivers.picture import LUMINANCE, read_picture
 from optics.scene.receivers.screen import Screen
 from optics.scene.system import target_irradiance
 from tests.optics.cases import picture

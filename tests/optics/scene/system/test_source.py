@@ -14,7 +14,7 @@ from tests.optics.cases import write_problem
 from tests.source_tree import PACKAGE_FILES, name, tree
 
 SOURCE = re.compile(r"\b(source|source\.settings|own|keys)\.kind")
-ANSWERS = ("collimated", "extended", "diverging", "from_afar", "from_file", "scalable", "glowing", "axial")
+ANSWERS = ("collimated", "extended", "diverging", "from_afar", "from_file", "scalable", "emitter", "axial")
 SUN = {"source.divergence_profile": "sun"}
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
 POINT = {"source.kind": "point"}
@@ -44,10 +44,10 @@ def test_no_kind_of_source_is_compared_in_the_product():
     [
         ({}, {"collimated", "from_afar", "scalable"}),
         (SUN, {"extended", "diverging", "from_afar", "scalable"}),
-        (LAMP, {"extended", "scalable", "glowing"}),
+        (LAMP, {"extended", "scalable", "emitter"}),
         (POINT, {"axial"}),
         (RAYS, {"extended", "from_file"}),
-        (LUMINAIRE, {"extended", "from_file", "glowing"}),
+        (LUMINAIRE, {"extended", "from_file", "emitter"}),
     ],
     ids=["beam", "sun", "lambertian", "point", "rays", "luminaire"],
 )

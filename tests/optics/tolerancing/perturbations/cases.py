@@ -80,13 +80,13 @@ def traced_by_numpy(lens, p, origin, direction, target_z, source_z):
             x, y, z = own(start + t * ray)
             x, y = (np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width))
             dh = 0.0 if error is None else error.jet(np.array([x]), np.array([y]))[0, 0]
-            return z - vertex - surface(x, y)[0] - dh
+            return z - vertex - surface(x, y) - dh
 
         guess = (vertex - start[2]) / ray[2]
         t = brentq(height, guess - 3, guess + 4, xtol=1e-14, rtol=1e-15)
         start = start + t * ray
         x, y, _ = in_own_frame(start)
-        slope = np.array([surface(x, y, d)[0] for d in ((1, 0), (0, 1))])
+        slope = np.array([surface(x, y, d) for d in ((1, 0), (0, 1))])
         if error is not None:
             slope = slope + error.jet(np.array([x]), np.array([y]))[1:, 0]
         normal = turn.apply(np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + slope @ slope))

@@ -78,7 +78,7 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
             irradiance, _ = PerturbedLight(system, lens, backend)(p)
             e = irradiance / irradiance.mean()
             rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
-            region, half_width = system.target.even_region, system.target.settings.half_width
+            region, half_width = system.target.uniform_region, system.target.settings.half_width
             u0 = uniformity(irradiance, region, half_width).min_over_mean
             ok.append(rel <= limits.get("rel_l2", 9.0) and u0 >= limits.get("min_over_mean", 0.0))
         assert all(ok) is kept

@@ -1,9 +1,21 @@
-"""Curved spline faces, and faces compared bit for bit."""
+"""Spline faces and curves, compared bit for bit."""
 
 import numpy as np
 
+from thbcad.hierarchy import THBSpace
 from thbcad.sags import Conic, meridian
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, circular_arc, line, revolved, ruled
+from thbcad.splines import (
+    BSplineSurface,
+    KnotVector,
+    NURBSCurve,
+    NURBSSurface,
+    circular_arc,
+    conic_arc,
+    line,
+    revolved,
+    ruled,
+)
+from thbcad.surfaces import THBSurface
 
 KINDS = (".step", ".igs", ".brep")
 CUBIC = KnotVector.uniform(3, 3)
@@ -28,17 +40,31 @@ SURFACES = {
     "cylinder": ruled(CIRCLE, CIRCLE.transformed(np.eye(3), [0, 0, 5])),
     "cone": revolved(line([3, 0], [0, 4])),
 }
+SPACE = THBSpace(CUBIC, CUBIC).refine({0: [(0, 0), (0, 1), (1, 0), (1, 1)]})
+REFINED = THBSurface(SPACE, np.random.default_rng(0).uniform(size=(SPACE.dim, 3)))
+TWISTED = np.sin(np.arange(18)).reshape(6, 3)
+CURVES = {
+    "circle": CIRCLE,
+    "arc": circular_arc(2.0, 4.0, 1.0).transformed([[1, 0], [0, 1], [1, 1]]),
+    "hyperbola": conic_arc([0, 0, 0], [1, 2, 3], [2, 0, 1], 3.0),
+    "line": line([0, 0, 0.1], [1, 2, 3]),
+    "twisted": NURBSCurve(CUBIC, TWISTED),
+    "closed": NURBSCurve(CUBIC, np.concatenate([TWISTED[:-1], TWISTED[:1]])),
+    "kinked": NURBSCurve(KnotVector(2, [0, 0, 0, 0.3, 0.3, 1, 1, 1]), TWISTED[:5], 1 + np.arange(5)),
+}
 
 
-def numbers(surface):
-    """Return (points, weights, knots u, knots v)."""
-    nurbs = NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
+def numbers(spline):
+    """Return (points, weights, knots, ...)."""
+    if isinstance(spline, NURBSCurve):
+        return spline.points, spline.weights, spline.kv.knots
+    nurbs = NURBSSurface.from_bspline(spline) if isinstance(spline, BSplineSurface) else spline
     return nurbs.points, nurbs.weights, nurbs.kv_u.knots, nurbs.kv_v.knots
 
 
 def assert_same(read, written):
     assert len(read) == len(written)
     for a, b in zip(read, written):
-        assert (a.kv_u.degree, a.kv_v.degree) == (b.kv_u.degree, b.kv_v.degree)
-        # 0.0 and -0.0 are the same place
+        # of the same shapes, so of the same degrees; 0.0 and -0.0 are the same place
+        assert [x.shape for x in numbers(a)] == [x.shape for x in numbers(b)]
         assert all((x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(numbers(a), numbers(b)))

@@ -9,16 +9,20 @@ import cadquery as cq
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 
 from tests.cases import ROOT, examples
+from tests.thbcad.cad.exchange.cases import CURVES, REFINED, SURFACES, assert_same
 from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.front_and_rear import optical_form
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
-from thbcad.cad.shapes import NAMES, lens_part
+from thbcad.cad.shapes import NAMES, lens_part, spline_surface
 from thbcad.lens import optical_forms
 from thbcad.sags import PlacedConic
+from thbcad.splines import circular_arc
 
 FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
 OUTWARD = {
@@ -58,7 +62,7 @@ def volume(shape, tolerance=1e-6):
 def block(lens, size):
     """Return a cube with its centre on the edge +y, half-way between the rims."""
     hy = lens.front.half_width[1]
-    rims = lens.front(0.0, hy)[0], lens.thickness + lens.rear(0.0, hy)[0]
+    rims = lens.front(0.0, hy), lens.thickness + lens.rear(0.0, hy)
     return bd.Pos(0, hy, sum(rims) / 2) * bd.Box(size, size, size)
 
 
@@ -112,7 +116,7 @@ def test_a_corner_between_named_faces_is_chamfered():
     chamfered = solid.chamfer(0.5, None, corner)
     assert chamfered.is_valid
     assert len(chamfered.faces()) == 7
-    lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t)[0] for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
+    lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t) for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
     # a prism of area 0.5^2 / 2 between planes: exact but for the curvature of the rear, h^2 / R / 8
     assert volume(solid) - volume(chamfered) == pytest.approx(
         0.125 * np.mean(lengths), abs=0.125 * 0.5**2 / 80
@@ -191,9 +195,47 @@ def test_a_missing_library_is_told_in_one_sentence(library, make, monkeypatch):
         make(LENSES["plano"])
 
 
-@pytest.mark.parametrize("make", [to_build123d, to_cadquery, named_faces])
-def test_only_lenses_are_taken(make):
-    with pytest.raises(ValueError, match="lens must be a Lens or Part, got str"):
+@pytest.mark.parametrize("name", CURVES)
+def test_edges_are_the_curves(name):
+    """Points where OCCT evaluates the edge: sums of at most eight terms up to 10."""
+    curve = CURVES[name]
+    edge, other = to_build123d(curve, name), to_cadquery(curve)
+    assert (type(edge), edge.label, type(other)) == (bd.Edge, name, cq.Edge)
+    assert edge.is_valid
+    assert other.isValid()
+    t = np.linspace(curve.kv.start, curve.kv.stop, 9)
+    for wrapped in (edge.wrapped, other.wrapped):
+        found = [BRepAdaptor_Curve(wrapped).Value(x).Coord() for x in t.tolist()]
+        np.testing.assert_allclose(found, curve(t), rtol=0, atol=80 * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_faces_are_the_surfaces(name):
+    face, other = to_build123d(SURFACES[name]), to_cadquery(SURFACES[name])
+    assert (type(face), face.label, type(other)) == (bd.Face, "surface", cq.Face)
+    assert face.is_valid
+    assert other.isValid()
+    for wrapped in (face.wrapped, other.wrapped):
+        assert_same([spline_surface(BRep_Tool.Surface_s(wrapped))], [SURFACES[name]])
+
+
+def test_the_face_of_a_thb_surface_is_its_tensor_product_form():
+    face = to_build123d(REFINED)
+    assert_same([spline_surface(BRep_Tool.Surface_s(face.wrapped))], [REFINED.to_bspline()])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (to_build123d, "geometry must be a Lens or Part or THBSurface or .* or NURBSCurve, got str"),
+        (to_cadquery, "geometry must be a Lens or Part or THBSurface or .* or NURBSCurve, got str"),
+        (named_faces, "lens must be a Lens or Part, got str"),
+        (lambda _: to_build123d(circular_arc(1.0)), r"curve must have points \(x, y, z\)"),
+        (lambda _: to_cadquery(LENSES["plano"].rear.graph()), r"surface must have points \(x, y, z\)"),
+    ],
+)
+def test_other_things_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
         make("lens.json")
 
 

@@ -59,7 +59,7 @@ def heights_apart(lens, refit):
 
 def is_wavy(found, tolerance=TOLERANCE):
     refit = found.refit(1.5, tolerance)
-    middle = WAVY.thickness + WAVY.rear(0, 0)[0] - WAVY.front(0, 0)[0]
+    middle = WAVY.thickness + WAVY.rear(0, 0) - WAVY.front(0, 0)
     assert found.thickness == pytest.approx(middle, abs=1e-9)
     assert max(heights_apart(WAVY, refit)) <= max(refit.deviation) + 1e-9
     return refit
@@ -297,7 +297,7 @@ def test_a_cylinder_lens_is_found(tmp_path, outline, turn):
     assert (found.front.kind, found.rear.kind) == ("plane", "cylinder")
     assert found.thickness == pytest.approx(3, abs=1e-9)
     assert found.rear.radius == pytest.approx(30, abs=1e-9)
-    assert "cylinder of radius 30 mm in 1 face" in repr(found)
+    assert "cylinder of radius 30 mm in 1 face" in str(found)
     if found.rear.outline == "rectangle":
         x = np.linspace(-7, 7, 15)
         curved = x if found.rear.half_width[0] > 9 else 0 * x
@@ -366,7 +366,7 @@ def test_the_record_says_what_was_found(tmp_path):
     path = tmp_path / "lens.step"
     path.write_bytes(part_step(lens_part(WIDER), Product()))
     found = read_lens_solid(path)
-    said = repr(found).splitlines()
+    said = str(found).splitlines()
     assert said[0] == "ForeignLens of lens.step, in millimetre"
     assert re.search(r"front: spline in 1 face, degree 3 x 3, 9 x 8 poles, .* mm from graph form", said[3])
     assert said[4].endswith("rectangle of 16 x 14 mm")

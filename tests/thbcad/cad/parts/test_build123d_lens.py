@@ -42,7 +42,7 @@ def test_only_a_lens_becomes_a_part(wrong):
 def test_joints_sit_at_the_vertices_and_the_rim_and_move_along():
     places = {name: joint.location.position for name, joint in LensPart(LENS).joints.items()}
     assert tuple(places["front vertex"]) == (0, 0, 0)
-    assert LENS.thickness + LENS.rear(0, 0)[0] == places["rear vertex"].Z
+    assert LENS.thickness + LENS.rear(0, 0) == places["rear vertex"].Z
     assert LENS.front.half_width[0] == places["rim"].X
     moved = {name: joint.location.position for name, joint in (PLACE * LensPart(LENS)).joints.items()}
     for name, place in places.items():

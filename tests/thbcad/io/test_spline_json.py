@@ -1,4 +1,4 @@
-"""The native surface file: bit-identical round trips of every kind, and files that are refused."""
+"""The native files of surfaces and curves: bit-identical round trips of every kind, and refusals."""
 
 import json
 
@@ -8,8 +8,17 @@ from hypothesis import given, strategies as st
 
 from tests.thbcad.cases import AWKWARD, coefficients, knot_vectors, spaces
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface
-from thbcad.io.surface_json import read_surface, surface_from_dict, surface_to_dict, write_surface
-from thbcad.splines import NURBSSurface
+from thbcad.io.spline_json import (
+    curve_from_dict,
+    curve_to_dict,
+    read_curve,
+    read_surface,
+    surface_from_dict,
+    surface_to_dict,
+    write_curve,
+    write_surface,
+)
+from thbcad.splines import NURBSCurve, NURBSSurface, circular_arc
 
 
 def same_bits(a, b):
@@ -48,6 +57,52 @@ def test_tensor_product_round_trips(kv_u, kv_v, data):
             assert same_bits(again.weights, surface.weights)
         else:
             assert same_bits(again.coefficients, surface.coefficients)
+
+
+@given(knot_vectors(), st.data(), st.sampled_from([1, 2, 3]))
+def test_curve_round_trip(kv, data, dimensions):
+    curve = NURBSCurve(kv, data.draw(coefficients(kv.dim, dimensions)), 1.5 + data.draw(coefficients(kv.dim)))
+    again = curve_from_dict(json.loads(json.dumps(curve_to_dict(curve))))
+    assert same_bits(again.kv.knots, kv.knots)
+    assert same_bits(again.points, curve.points)
+    assert same_bits(again.weights, curve.weights)
+
+
+def test_a_curve_through_a_file(tmp_path):
+    write_curve(circular_arc(2.0), tmp_path / "c.json")
+    assert same_bits(read_curve(tmp_path / "c.json").points, circular_arc(2.0).points)
+    with pytest.raises(ValueError, match="not a surface file: its schema is not 'thbcad-surface'"):
+        read_surface(tmp_path / "c.json")
+    write_surface(small(), tmp_path / "s.json")
+    with pytest.raises(ValueError, match="not a curve file: its schema is not 'thbcad-curve'"):
+        read_curve(tmp_path / "s.json")
+    with pytest.raises(ValueError, match="curve must be a NURBSCurve, got THBSurface"):
+        write_curve(small(), tmp_path / "s.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 2}, "curve file version 2 is unknown, this program reads version 1"),
+        ({"kind": "thb"}, "the curve file's kind must be 'nurbs', got 'thb'"),
+        ({"colour": "red"}, "the curve file has the unknown key 'colour'"),
+        ({"degree": 2.0}, "degree must be an integer"),
+        ({"knots": [0, 0, "1", 1]}, "the file's knots must hold numbers only"),
+        ({"shape": [7, 3]}, r"the file's coefficients are 14 numbers, which is not the shape \[7, 3\]"),
+        ({"weights": [1.0]}, r"weights must be one number or have shape \(7,\), got \(1,\)"),
+    ],
+)
+def test_other_curves_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        curve_from_dict(curve_to_dict(circular_arc(1.0)) | change)
+
+
+@pytest.mark.parametrize("key", ["kind", "degree", "knots", "shape", "coefficients", "weights"])
+def test_missing_keys_of_curves_are_named(key):
+    data = curve_to_dict(circular_arc(1.0))
+    del data[key]
+    with pytest.raises(ValueError, match=f"the curve file lacks the key '{key}'"):
+        curve_from_dict(data)
 
 
 def test_through_a_file(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.thbcad.cad.exchange.cases import CUBIC, SURFACES, WAVE, assert_same
-from thbcad.cad.exchange.loose_faces import read_faces, write_faces
+from thbcad.cad.exchange.loose_splines import read_faces, write_faces
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 # ---- refused ----
@@ -55,7 +55,7 @@ def test_missing_files_are_os_errors(kind, tmp_path):
 @pytest.mark.parametrize("call", [read_faces, lambda path: write_faces([WAVE], path)])
 def test_other_suffixes_are_refused(call, tmp_path):
     path = tmp_path / "a.stl"
-    with pytest.raises(ValueError, match=re.escape(f"{path} must end in .step, .stp, .iges, .igs, .brep")):
+    with pytest.raises(ValueError, match=re.escape(f"{path} must end in .step, .stp, .iges, .igs or .brep")):
         call(path)
 
 
@@ -68,7 +68,9 @@ def test_surfaces_are_refused(tmp_path):
     ):
         write_faces([WAVE, plane], tmp_path / "a.step")
     small = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, np.where(np.arange(36).reshape(6, 6), 1.0, 1e-10))
-    with pytest.raises(ValueError, match="weights must be at least 1e-09 in IGES, got 1e-10"):
+    with pytest.raises(
+        ValueError, match=r"surfaces\[0\] must have weights of at least 1e-09 in IGES, got 1e-10"
+    ):
         write_faces([small], tmp_path / "a.igs")
     write_faces([small], tmp_path / "a.step")
     assert_same(read_faces(tmp_path / "a.step"), [small])
@@ -139,11 +141,10 @@ def test_a_brep_of_shapes_that_do_not_fit_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("surfaces", "message"),
     [
-        (WAVE, "surfaces must be a list of surfaces, got BSplineSurface"),
-        (None, "surfaces must be a list of surfaces, got NoneType"),
-        ([WAVE, 5], r"surfaces\[1\] must be a BSplineSurface or NURBSSurface, got int"),
+        (None, r"surfaces\[0\] must be a THBSurface or BSplineSurface or NURBSSurface, got NoneType"),
+        ([WAVE, 5], r"surfaces\[1\] must be a THBSurface or BSplineSurface or NURBSSurface, got int"),
     ],
 )
-def test_what_is_no_list_of_surfaces_is_refused(surfaces, message, tmp_path):
+def test_what_is_no_surface_is_refused(surfaces, message, tmp_path):
     with pytest.raises(ValueError, match=message):
         write_faces(surfaces, tmp_path / "a.step")

@@ -1,7 +1,8 @@
-"""The native surface file: THB, B-spline and NURBS surfaces as JSON that keeps every bit."""
+"""The native files of surfaces and curves: THB, B-spline and NURBS as JSON that keeps every bit."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,11 @@ from typing import Any
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.io.json_values import a_list, a_row, cells, read_json, require_keys, require_schema, write_json
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 SCHEMA = "thbcad-surface"
+CURVE_SCHEMA = "thbcad-curve"
 VERSION = 1
 SAG_KEYS = ("degree", "knots", "refined", "coefficients")
 HEAD_KEYS = ("schema", "version", "kind", "shape")
@@ -21,6 +23,7 @@ KEYS = {
     "bspline": (*HEAD_KEYS, "degree", "knots", "coefficients"),
     "nurbs": (*HEAD_KEYS, "degree", "knots", "coefficients", "weights"),
 }
+CURVE_KEYS = {"nurbs": KEYS["nurbs"]}
 MOST_CELLS = 1_000_000  # on level 0, so that a small file cannot ask for all memory
 
 Surface = THBSurface | BSplineSurface | NURBSSurface
@@ -40,6 +43,22 @@ def read_surface(path: str | Path) -> Surface:
     OSError : unreadable; ValueError : not such a file.
     """
     return surface_from_dict(read_json(path, "surface"))
+
+
+def write_curve(curve: NURBSCurve, path: str | Path) -> None:
+    """Write a curve to a native JSON file, atomically."""
+    require_type("curve", curve, NURBSCurve)
+    write_json(curve_to_dict(curve), path)
+
+
+def read_curve(path: str | Path) -> NURBSCurve:
+    """Read a native JSON file of a curve.
+
+    Raises
+    ------
+    OSError : unreadable; ValueError : not such a file.
+    """
+    return curve_from_dict(read_json(path, "curve"))
 
 
 def surface_to_dict(surface: Surface) -> dict[str, Any]:
@@ -71,9 +90,7 @@ def surface_from_dict(data: object) -> Surface:
     """
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
-        kind = table["kind"]
-        if not isinstance(kind, str) or kind not in KEYS:
-            raise ValueError(f"the surface file's kind must be 'thb', 'bspline' or 'nurbs', got {kind!r}")
+        kind = _kind(table, KEYS, "surface")
         require_keys(table, KEYS[kind], "surface")
         net = _shaped(table, "coefficients", a_list(table, "shape"))
         if kind == "thb":
@@ -84,6 +101,42 @@ def surface_from_dict(data: object) -> Surface:
         return NURBSSurface(*_knots_from_dict(table), net, weights)
     except KeyError as error:
         raise ValueError(f"the surface file lacks the key {error}") from None
+
+
+def curve_to_dict(curve: NURBSCurve) -> dict[str, Any]:
+    """Return a curve as plain lists, numbers and strings, as `surface_to_dict`."""
+    return {
+        "schema": CURVE_SCHEMA,
+        "version": VERSION,
+        "kind": "nurbs",
+        "degree": curve.kv.degree,
+        "knots": curve.kv.knots.tolist(),
+        "shape": list(curve.points.shape),
+        "coefficients": curve.points.ravel().tolist(),
+        "weights": curve.weights.tolist(),
+    }
+
+
+def curve_from_dict(data: object) -> NURBSCurve:
+    """Return the curve of `curve_to_dict`; raise as `surface_from_dict`."""
+    table = require_schema(data, CURVE_SCHEMA, VERSION, "curve")
+    try:
+        require_keys(table, CURVE_KEYS[_kind(table, CURVE_KEYS, "curve")], "curve")
+        kv = KnotVector(table["degree"], a_row(table["knots"], "knots"))
+        points = _shaped(table, "coefficients", a_list(table, "shape"))
+        return NURBSCurve(kv, points, a_row(table["weights"], "weights"))
+    except KeyError as error:
+        raise ValueError(f"the curve file lacks the key {error}") from None
+
+
+def _kind(table: dict[str, Any], known: Mapping[str, object], content: str) -> str:
+    """Return the kind of spline in a file; raise ValueError for one that is not known."""
+    kind = table["kind"]
+    if not isinstance(kind, str) or kind not in known:
+        *others, last = (repr(name) for name in known)
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        raise ValueError(f"the {content} file's kind must be {wanted}, got {kind!r}")
+    return kind
 
 
 def sag_to_dict(sag: THBSurface) -> dict[str, Any]:

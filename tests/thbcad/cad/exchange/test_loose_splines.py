@@ -1,4 +1,4 @@
-"""Loose faces in STEP, IGES and BREP: round trips, other programs, units."""
+"""Surfaces as loose faces in STEP, IGES and BREP: round trips, other programs, units."""
 
 import re
 
@@ -15,9 +15,9 @@ from OCP.IGESControl import IGESControl_Writer
 from OCP.Interface import Interface_Static
 
 from tests.cases import examples
-from tests.thbcad.cad.exchange.cases import CUBIC, SURFACES, WAVE, assert_same
+from tests.thbcad.cad.exchange.cases import CUBIC, REFINED, SURFACES, WAVE, assert_same
 from tests.thbcad.cases import nurbs_surfaces
-from thbcad.cad.exchange.loose_faces import FORMATS, read_faces, write_faces
+from thbcad.cad.exchange.loose_splines import FORMATS, read_faces, write_faces
 from thbcad.cad.shapes import rational_geom
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
@@ -82,6 +82,12 @@ def test_equal_weights_come_back_polynomial(kind, tmp_path):
     (read,) = read_faces(path)
     assert isinstance(read, BSplineSurface)
     assert_same([read], [WAVE])
+
+
+def test_a_thb_surface_is_written_as_the_one_face_of_to_faces(kind, tmp_path):
+    write_faces(REFINED, tmp_path / f"thb{kind}")
+    write_faces(REFINED.to_faces(np.inf), tmp_path / f"face{kind}")
+    assert (tmp_path / f"thb{kind}").read_bytes() == (tmp_path / f"face{kind}").read_bytes()
 
 
 @pytest.mark.parametrize("suffix", [*FORMATS, ".STEP", ".IGS", ".Brep"])

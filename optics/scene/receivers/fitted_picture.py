@@ -1,0 +1,43 @@
+"""Pictures as targets: linear light of any size on the target's pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from thbcad.checks import Floats
+
+
+def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str = "crop") -> Floats:
+    """Return the mean light on each of the target's pixels, (rows, columns).
+
+    pixels : (columns, rows).  aspect : width / height of the target.
+    fit : "crop" cuts what does not fit, "pad" adds dark bars, "stretch" distorts.
+    """
+    rows, columns = light.shape
+    if fit != "stretch" and not np.isclose(columns / rows, aspect):
+        wide = columns / rows > aspect
+        if (fit == "crop") == wide:
+            width, height = rows * aspect, float(rows)
+        else:
+            width, height = float(columns), columns / aspect
+    else:
+        width, height = float(columns), float(rows)
+    by_row = _overlap(rows, height, pixels[1])
+    by_column = _overlap(columns, width, pixels[0])
+    return np.ascontiguousarray((by_column @ (by_row @ light).T).T)
+
+
+def _overlap(count: int, extent: float, pixels: int) -> csr_array:
+    """Return the fraction of each target pixel that each source pixel covers, (pixels, count).
+
+    `pixels` equal intervals over `extent` source pixels, centred on the row of `count`.
+    """
+    edges = (count - extent) / 2 + np.linspace(0, extent, pixels + 1)
+    first = np.clip(np.floor(edges[:-1]), 0, count - 1).astype(np.int64)
+    width = int(np.ceil(extent / pixels)) + 1  # source pixels that an interval can touch
+    source = first[:, None] + np.arange(width)
+    covered = np.minimum(edges[1:, None], source + 1) - np.maximum(edges[:-1, None], source)
+    hit = (covered > 0) & (source < count)
+    target = np.nonzero(hit)[0]
+    return csr_array((covered[hit] / (extent / pixels), (target, source[hit])), shape=(pixels, count))
