@@ -1,13 +1,19 @@
-"""One thread for numpy's BLAS, two hypothesis profiles, and a rare search for garbage.
+"""One thread for numpy's BLAS, two hypothesis profiles, a rare search for garbage, and narrow kernels.
 
 The tests run side by side, and so do the programs that they start.  Hypothesis tries the same examples on
 every run, and without a time limit: the machine may be busy.  `make slow` tries more of them.
 """
 
+import ctypes
 import gc
 import os
+from importlib.util import find_spec
+from pathlib import Path
 
 from hypothesis import settings
+
+from optics.base.runtime import load_backend
+from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -18,7 +24,34 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 gc.set_threshold(100_000, 20, 50)
 
 
-def pytest_collection_finish():
+def narrow_kernels():
+    """Compile kernels for 8 numbers at a time, as everywhere but on processors with AVX-512.
+
+    There Dr.Jit takes 16, which are compiled in twice the time, half of that of the tests of light.  The
+    numbers are the same, bit for bit.
+    """
+    core = Path(find_spec("drjit").origin).with_name("libdrjit-core.so")
+    if not core.exists():  # not Linux
+        return
+    load_backend("double", 1)
+    dr = ctypes.CDLL(str(core))  # by the names that C++ gives to functions of drjit-core/jit.h
+    width, cpu, features, choose = (
+        dr[f"_Z{len(name)}{name}{of}"]
+        for name, of in (
+            ("jit_llvm_vector_width", "v"),
+            ("jit_llvm_target_cpu", "v"),
+            ("jit_llvm_target_features", "v"),
+            ("jit_llvm_set_target", "PKcS0_j"),
+        )
+    )
+    cpu.restype = features.restype = ctypes.c_char_p
+    if width() > 8:
+        choose(cpu(), features(), 8)
+
+
+def pytest_collection_finish(session):
     """What is loaded now stays: Python need not look through it again."""
+    if any(not item.path.is_relative_to(ROOT / "tests" / "thbcad") for item in session.items):
+        narrow_kernels()
     gc.collect()
     gc.freeze()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -58,8 +59,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     # a problem that is refused needs none of it
     from optics.interface.api import DesignFigures, designed, helpers, prepared, write_result
 
-    with run.clock.progress, helpers() as (solids, drawing):
-        solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
+    with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
         ready = prepared(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
@@ -69,6 +69,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             ready = replace(ready, system=OpticalSystem(replace(ready.system.problem, optimizer=optimizer)))
         if options.earlier:
             state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
+        solids, drawing = stack.enter_context(helpers())  # not for what is refused
+        solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
         def keep(state: State) -> None:

@@ -1,5 +1,7 @@
 """Tasks on the workers of a dask cluster: the same results and sentences as on processes of this machine."""
 
+from importlib.util import find_spec
+
 import pytest
 
 from optics.base.runtime import UserError
@@ -7,8 +9,10 @@ from optics.base.workers import run_tasks, worker_pool
 from oracles.sweep_programs import cluster
 from tests.optics.base.workers import tasks
 
-pytest.importorskip("distributed")
-pytestmark = pytest.mark.slow
+pytestmark = [  # found, not loaded: that takes a second in every process that collects this file
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -84,8 +84,21 @@ def worst(function, at, gradient, step, count=8):
     return max(errors) / (np.linalg.norm(gradient) / np.sqrt(len(at)))
 
 
-@pytest.mark.parametrize("charges", CHARGES.values(), ids=CHARGES.keys())
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+CHARGED = (
+    "beam, THB rear",
+    "point, both",
+    "beam, both, far",
+)  # in `make test`
+
+
+@pytest.mark.parametrize(
+    ("case", "charges"),
+    [
+        pytest.param(CASES[case], CHARGES[word], id=f"{case}-{word}", marks=() if often else pytest.mark.slow)
+        for case in CASES
+        for word, often in (("fit", True), ("all charges", case in CHARGED))
+    ],
+)
 def test_the_gradient_is_that_of_the_loss(backend, case, charges):
     """No corner meets a rim and no triangle is laid along an edge, so that the loss is smooth but for second
     derivatives, which jump where corners cross pixel lines: a share h / pixel of all corners does, each with

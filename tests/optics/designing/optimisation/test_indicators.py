@@ -157,6 +157,7 @@ FREE_FRONT = {
     "lens.front.freeform.max_level": 1,
     "lens.front.freeform.z_freedom": 0.4,
 }
+LEFT, RIGHT = (-0.45, 0.55), (0.55, -0.45)
 
 
 def refined(folder, backend, start, indicator, place, more):
@@ -177,17 +178,17 @@ def refined(folder, backend, start, indicator, place, more):
     return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in states[0].sags]
 
 
-@pytest.mark.parametrize("place", [(-0.45, 0.55), (0.55, -0.45)], ids=str)
 @pytest.mark.parametrize(
-    ("start", "indicator", "more"),
+    ("start", "indicator", "more", "place"),  # a rule that knows one corner alone fails at half of them
     [
-        ("flat", "vertex", {}),
-        ("flat", "decrease", {}),
-        ("flat", "vertex", FREE_FRONT),
-        ("flat", "decrease", FREE_FRONT),
-        ("transport", "vertex", {}),
-        ("transport", "decrease", {}),
-        ("transport", "slope", {}),
+        ("flat", "vertex", {}, LEFT),
+        ("flat", "decrease", {}, RIGHT),
+        ("flat", "vertex", FREE_FRONT, RIGHT),
+        ("flat", "decrease", FREE_FRONT, LEFT),
+        ("transport", "vertex", {}, LEFT),
+        ("transport", "decrease", {}, RIGHT),
+        ("transport", "slope", {}, LEFT),
+        pytest.param("transport", "slope", {}, RIGHT, marks=pytest.mark.slow),
     ],
 )
 def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicator, place, more):

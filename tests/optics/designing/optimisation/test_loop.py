@@ -218,8 +218,18 @@ def test_only_the_rear_sag_changes(small):
     assert (small.lens.thickness, small.lens.index) == (base.thickness, base.index)
 
 
-@pytest.mark.parametrize("window", ["pixel", "bspline", "gaussian"])
-@pytest.mark.parametrize("front", [np.inf, 60.0])
+@pytest.mark.parametrize(
+    ("window", "front"),
+    [
+        ("pixel", np.inf),
+        ("bspline", 60.0),
+        ("gaussian", 60.0),
+        *(
+            pytest.param(window, front, marks=pytest.mark.slow)
+            for window, front in (("pixel", 60.0), ("bspline", np.inf), ("gaussian", np.inf))
+        ),
+    ],
+)
 def test_windows_and_curved_fronts_design_too(tmp_path, backend, window, front):
     changes = FLAT | {
         "optimizer.window": window,

@@ -163,7 +163,7 @@ TOPHAT = {
     "target.kind": "tophat",
     "target.shape": "ellipse",
     "refinement.alpha": [0.9],
-    "optimizer.iterations": [8],
+    "optimizer.iterations": [4],
     "target.pixels": [48, 40],
     "lens.rear.freeform.spans": [5, 4],
 }

@@ -300,27 +300,32 @@ def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, n
     assert names(tmp_path) == ["lens.json"]
 
 
+ALLOWED = {  # the formats of a body
+    "--patches": ([], ("step",)),
+    "--separate": ([], SOLIDS),
+    "--aperture": ([5, 5, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
+    "--polygon": ([0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
+}
+FORMATS = "iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz", "svg", "dxf"
+
+
 @pytest.mark.parametrize(
-    ("options", "allowed"),
-    [
-        (["--patches"], ("step",)),
-        (["--separate"], SOLIDS),
-        (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
-        (["--polygon", 0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
-    ],
+    ("body", "name"), [(body, name) for body in ALLOWED for name in FORMATS if name not in ALLOWED[body][1]]
 )
-@pytest.mark.parametrize(
-    "name", ["iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz", "svg", "dxf"]
-)
-def test_formats_without_the_body_are_refused(capsys, tmp_path, name, options, allowed):
+def test_formats_without_the_body_are_refused(capsys, tmp_path, body, name):
+    options, allowed = ALLOWED[body]
     write_lens(EQUAL, tmp_path / "lens.json")
-    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", *options)
-    if name in allowed:
-        assert done.code == 0
-        return
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", body, *options)
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert f"{', '.join(allowed)}, got {name}" in done.err
     assert names(tmp_path) == ["lens.json"]
+
+
+@pytest.mark.parametrize(("body", "name"), [("--aperture", "obj"), ("--polygon", "ply")])
+def test_bodies_are_written_as_other_meshes_too(capsys, tmp_path, body, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / f"body.{name}"
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, body, *ALLOWED[body][0]).code == 0
 
 
 # Paths

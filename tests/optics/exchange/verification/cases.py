@@ -46,6 +46,19 @@ LENSES = {
 }
 
 
+# of these each shape once, with every kind of source and target among them
+EVERY_SHAPE = (
+    "plane front",
+    "paraboloid front",
+    "sphere front",
+    "hyperboloid rear",
+    "large rear",
+    "oblong",
+    "totally reflecting corners",
+    "free curved front",
+    "point",
+    "lambertian, free front, far field",
+)
 EVERY_LENS = [
     pytest.param(changes, id=name, marks=[pytest.mark.slow] if name == "dense net" else [])
     for name, changes in LENSES.items()

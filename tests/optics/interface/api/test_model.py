@@ -230,18 +230,27 @@ def test_what_is_no_lens_is_not_measured(tmp_path, lens):
         small_system(tmp_path).measure(lens)
 
 
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda noun: pickle.loads(pickle.dumps(noun)),
+}
+
+
 @pytest.mark.parametrize(
-    "again",
-    [copy.copy, copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))],
-    ids=["copy", "deepcopy", "pickle"],
+    ("name", "way"),  # each once in `make test`
+    [
+        pytest.param(name, way, marks=() if i == j else pytest.mark.slow)
+        for i, name in enumerate(("cells", "two free surfaces", "glowing area"))
+        for j, way in enumerate(COPIES)
+    ],
 )
-@pytest.mark.parametrize("name", ["cells", "two free surfaces", "glowing area"])
-def test_copies_of_systems_and_models_make_the_same_light(tmp_path, name, again):
+def test_copies_of_systems_and_models_make_the_same_light(tmp_path, name, way):
     changes, window = CASES[name]
     system = small_system(tmp_path, changes | {"lens.rear.freeform.z_freedom": "auto"})
     space = system.space(level=1)
     model, c = system.model(space, RAYS, window), at_of(space)
-    other, (whole, part) = again(model), again((system, model))
+    other, (whole, part) = COPIES[way](model), COPIES[way]((system, model))
     assert whole.problem == system.problem
     np.testing.assert_array_equal(other(c), model(c))
     np.testing.assert_array_equal(part.loss(c)[0], model.loss(c)[0])

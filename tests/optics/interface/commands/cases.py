@@ -37,6 +37,15 @@ def strict_json(text):
     return json.loads(text, parse_constant=refuse)
 
 
+# `thbcad` as a process, with few cells for the greatest concentration: they take most of the time of `check`
+COARSE = """
+from optics.light.outgoing import concentration
+concentration.CELLS = 64
+from optics.__main__ import entry
+entry()
+"""
+
+
 def command(*arguments, **options):
     """Start the command line as a process of its own."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

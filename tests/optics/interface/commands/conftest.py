@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+from concurrent.futures import Future
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
@@ -33,6 +35,13 @@ def golden(tmp_path_factory):
     folder = shared_folder(tmp_path_factory, "golden", design_as_a_process)
     ended = json.loads((folder / "ended.json").read_text())
     return SimpleNamespace(path=folder / "result", problem=folder / "problem.toml", **ended)
+
+
+@pytest.fixture
+def no_helpers(monkeypatch):
+    """Helper processes that answer nothing: for runs that end before they are needed."""
+    idle = SimpleNamespace(ask=lambda *_: Future())
+    monkeypatch.setattr("optics.interface.api.helpers", lambda: nullcontext((idle, idle)))
 
 
 @pytest.fixture

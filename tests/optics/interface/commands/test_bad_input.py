@@ -58,6 +58,7 @@ def test_a_conic_that_ends_inside_the_aperture_is_refused(tmp_path, capsys):
     )
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_a_lens_without_light_is_refused(tmp_path, capsys):
     problem = write_problem(tmp_path, {"lens.rear.radius": 0.3, "target.distance": 400.0})
     assert "change the lens prescription" in refused(capsys, "design", problem, "--out", tmp_path / "out")
@@ -72,6 +73,7 @@ def test_a_result_path_that_is_a_file_is_refused(tmp_path, capsys, out):
     assert (tmp_path / "file").read_text() == "keep me"
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, monkeypatch):
     """Interrupted, a folder still holds the problem and the lens of the run before, which belong together."""
     out = copy

@@ -17,6 +17,7 @@ from optics.interface.commands import main
 from optics.interface.commands.outcome import Outcome
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
+from tests.optics.interface.commands.cases import COARSE
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
@@ -29,7 +30,8 @@ def ended(*arguments, closed="", **streams):
     """
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     environment.pop("PYTHONUNBUFFERED", None)
-    words = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-m", "optics", *map(str, arguments)]
+    program = ["-c", COARSE] if "check" in arguments else ["-m", "optics"]
+    words = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, *program, *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.run(words, env=environment, text=True, check=False, **(pipes | streams))
 

@@ -134,12 +134,13 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("key", "value"), WRONG, ids=str)
-def test_a_checkpoint_with_a_wrong_entry_is_refused(stopped_copy, capsys, key, value):
+def test_a_checkpoint_with_a_wrong_entry_is_refused(stopped_copy, capsys):
     problem, out = stopped_copy
     data = json.loads((out / "checkpoint.json").read_text())
-    (out / "checkpoint.json").write_text(json.dumps(data | {key: value}))
-    assert "cannot resume" in refused(capsys, "design", problem, "--out", out, "--resume")
+    for key, value in WRONG:
+        (out / "checkpoint.json").write_text(json.dumps(data | {key: value}))
+        said = refused(capsys, "design", problem, "--out", out, "--resume")
+        assert "cannot resume" in said, (key, value)
 
 
 def test_resume_without_a_checkpoint_is_refused(tmp_path, capsys):
@@ -173,6 +174,7 @@ def test_going_on_from_a_finished_result_keeps_what_was_changed_since(copy, gold
     assert "problem.toml would be replaced" in message
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_resume(
     stopped_copy, capsys, monkeypatch
 ):
@@ -186,6 +188,7 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
     assert "nothing was kept" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("no_helpers")
 def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, capsys, monkeypatch):
     """Also where the problem leaves a number to the program: resolved, it is not what was asked for."""
 

@@ -27,9 +27,11 @@ def variance(folder, changes):
     return (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / PIXELS) ** 2 / 12, measured, system
 
 
-@pytest.mark.parametrize("source", [{}, LAMP], ids=["beam", "lamp"])
-@pytest.mark.parametrize("rms", [0.01, 0.02])
-@pytest.mark.parametrize("surface", ["front", "rear"])
+@pytest.mark.parametrize(
+    ("surface", "rms", "source"),  # every pair
+    [("front", 0.02, {}), ("rear", 0.01, {}), ("front", 0.01, LAMP), ("rear", 0.02, LAMP)],
+    ids=["front, beam", "rear, beam", "front, lamp", "rear, lamp"],
+)
 def test_a_rough_plate_spreads_light_by_its_slopes(tmp_path, surface, rms, source):
     """Small errors d of the slope turn light by (n - 1) d behind the rear, by (n - 1) d / n behind the front.
 

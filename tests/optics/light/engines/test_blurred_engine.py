@@ -9,6 +9,7 @@ from optics.light.blur import blur_of
 from optics.light.engines import BlurredEngine, ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import slow_unless
 from tests.optics.cases import assert_gradient_of_loss, coefficients, rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -60,13 +61,15 @@ def test_derivatives_are_differences(tmp_path, backend, case):
     assert along == pytest.approx(float(np.vdot(bar, slope)), rel=1e-10)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", slow_unless(("rough, of a point", "sun before a free front").__contains__, CASES)
+)
 def test_gradient_is_that_of_the_loss(tmp_path, case):
     """Along the gradient the sums over pixels smooth their borders: differences of 1e-6 mm err by 4e-10."""
     assert_gradient_of_loss(optics.System(load_problem(write_problem(tmp_path, CASES[case]))), (97, 97))
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_unless(lambda case: "on rough" not in case, CASES))
 def test_the_blurred_image_is_what_beams_measure(tmp_path, backend, case):
     """One blur for all of the lens, against beams of all directions: most of what they change is there."""
     model, lens, system = model_of(tmp_path, CASES[case], backend)

