@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
-from optics.reporting.view import Face, Scene, View, caption, corners, placed, solid_faces
+from optics.reporting.view import FAR, Face, Scene, View, caption, corners, placed, solid_faces
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
