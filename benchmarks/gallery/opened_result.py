@@ -15,8 +15,7 @@ from benchmarks.gallery.small_pictures import webp
 from optics.base.runtime import load_backend
 from optics.exchange.results import HASHES, hashes
 from optics.interface.api import Design
-from optics.reporting.figures import scene_paths
-from optics.reporting.view import scene_page
+from optics.reporting.view import scene_page, scene_paths
 from thbcad.io import json_text, write_text
 
 RECORD, REPORT, VIEW = "result.json", "report.html", "view.html"

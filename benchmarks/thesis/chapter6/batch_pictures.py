@@ -12,8 +12,8 @@ from benchmarks.thesis.chapter6.batch_records import SHOWN, unpacked
 from benchmarks.thesis.drawing import few_colours, irradiance, mesh, panels, plt, png, relief
 from benchmarks.thesis.records import Found
 from optics.base.runtime import load_backend
-from optics.reporting.figures import draw_solid, scene_paths, scene_view
-from optics.reporting.view import View, oblique, solid_faces
+from optics.reporting.figures import draw_solid, scene_view
+from optics.reporting.view import View, oblique, scene_paths, solid_faces
 from optics.scene.system import OpticalSystem
 from thbcad import Lens
 
