@@ -7,7 +7,11 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from thbcad.splines.bspline_curve import BSplineCurve as BSplineCurve
     from thbcad.splines.bspline_surface import BSplineSurface as BSplineSurface
-    from thbcad.splines.interpolation import interpolate as interpolate
+    from thbcad.splines.interpolation import (
+        Function as Function,
+        evaluate as evaluate,
+        interpolate as interpolate,
+    )
     from thbcad.splines.knot_vector import UNIT as UNIT, KnotVector as KnotVector
     from thbcad.splines.nurbs import NURBSCurve as NURBSCurve, NURBSSurface as NURBSSurface
     from thbcad.splines.nurbs_shapes import (
@@ -36,6 +40,5 @@ if TYPE_CHECKING:
         tensor_apply as tensor_apply,
     )
     from thbcad.splines.spline_verbs import AnySurface as AnySurface
-    from thbcad.splines.user_functions import Function as Function, evaluate as evaluate
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
