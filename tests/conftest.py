@@ -34,19 +34,15 @@ def narrow_kernels():
     if not core.exists():  # not Linux
         return
     load_backend("double", 1)
-    dr = ctypes.CDLL(str(core))  # by the names that C++ gives to functions of drjit-core/jit.h
-    width, cpu, features, choose = (
-        dr[f"_Z{len(name)}{name}{of}"]
-        for name, of in (
-            ("jit_llvm_vector_width", "v"),
-            ("jit_llvm_target_cpu", "v"),
-            ("jit_llvm_target_features", "v"),
-            ("jit_llvm_set_target", "PKcS0_j"),
-        )
-    )
+    dr = ctypes.CDLL(str(core))
+    # the names that C++ gives to functions of drjit-core/jit.h; in another Dr.Jit they may be others
+    names = ("_Z21jit_llvm_vector_widthv", "_Z19jit_llvm_target_cpuv", "_Z24jit_llvm_target_featuresv")
+    if not all(hasattr(dr, name) for name in (*names, "_Z19jit_llvm_set_targetPKcS0_j")):
+        return
+    width, cpu, features = (dr[name] for name in names)
     cpu.restype = features.restype = ctypes.c_char_p
     if width() > 8:
-        choose(cpu(), features(), 8)
+        dr["_Z19jit_llvm_set_targetPKcS0_j"](cpu(), features(), 8)
 
 
 def pytest_collection_finish(session):
