@@ -12,11 +12,12 @@ EXAMPLES = ROOT / "examples"
 DATA = ROOT / "tests" / "data"
 
 
+THOROUGH = settings.default.max_examples >= 60  # the profile of `make slow`, see tests/conftest.py
+
+
 def examples(most, **options):
     """Return the settings of a property of so many examples; a quarter of them, or 8, in `make test`."""
-    if settings.default.max_examples < 60:  # the profile of tests/conftest.py
-        most = max(min(most, 8), most // 4)
-    return settings(max_examples=most, **options)
+    return settings(max_examples=most if THOROUGH else max(min(most, 8), most // 4), **options)
 
 
 def slow_unless(often, cases):

@@ -251,13 +251,9 @@ def uniform_breaks(spans: SupportsIndex, start: float, stop: float) -> Floats:
     require_integer("spans", spans, 1, MOST_SPANS)
     for name, end in (("start", start), ("stop", stop)):
         require_number(name, end, finite=True)
-    spans, start, stop = (
-        int(spans),
-        float(start),
-        float(stop),
-    )  # differences of integers may be beyond float64
+    count, start, stop = int(spans), float(start), float(stop)  # of integers differences may overflow
     if not start < stop:
         raise ValueError(f"start must be less than stop, got {start} and {stop}")
-    breaks = start + (stop - start) * (np.arange(spans + 1) / spans)
+    breaks = start + (stop - start) * (np.arange(count + 1) / count)
     breaks[-1] = stop
     return breaks

@@ -17,9 +17,11 @@ from scipy.sparse import csr_array
 from benchmarks.kernel.cases import Annulus, annulus, annulus_case, coefficients, refined, tensor_case
 from benchmarks.kernel.peers import NUTILS_DEPTH, PYGISMO_DEPTH, Peer, annulus_peers, tensor_peers
 from benchmarks.rows.row import Row, median_seconds
-from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface
+from thbcad import BSplineSurface, KnotVector, Samples, THBSpace, THBSurface, least_squares
 
 REPEATS = 9
+CALLS = 1000  # of one point
+NOISE = 0.01  # of samples
 AGREEMENT = 1e-12  # with other codes, relative to the greatest value
 # ms of pyiga in an earlier run on another machine
 PYIGA = {"build": 75, "grid": 57, "gradient": 117, "collocation": 3300, "transfer": 276}
@@ -40,6 +42,8 @@ def rows() -> list[Row]:
         *_corner(peers),
         *_diagonal(),
         *_tensor(),
+        *_points(),
+        *_smoothing(),
     ]
 
 
@@ -262,4 +266,36 @@ def _tensor() -> list[Row]:
             10,
         ),
         *_differences(peers, "insert", finer),
+    ]
+
+
+def _points() -> list[Row]:
+    """Return the rows of calls at one point."""
+    kv = KnotVector.uniform(3, 8)
+    bspline = BSplineSurface(kv, kv, np.random.default_rng(0).normal(size=(kv.dim, kv.dim)))
+    rows = []
+    for spline in (bspline, THBSurface(THBSpace(kv, kv), bspline.coefficients)):
+        milliseconds = _ms(lambda spline=spline: [spline(0.3, 0.4) for _ in range(CALLS)])
+        rows.append(
+            Row(f"one point of a bicubic {type(spline).__name__}", 1e3 * milliseconds / CALLS, "us", "", 20)
+        )
+    return rows
+
+
+def _smoothing() -> list[Row]:
+    """Return the rows of a smoothing that 50,000 noisy samples choose."""
+    rng, kv = np.random.default_rng(0), KnotVector.uniform(3, 128)
+    u, v = rng.uniform(size=(2, 50_000))
+    wave, space = np.sin(5 * u) * v, THBSpace(kv, kv)
+    samples = Samples(u, v, wave + NOISE * rng.normal(size=u.size))
+    error = least_squares(space, samples, "auto")(u, v) - wave
+    return [
+        Row(
+            "smoothing chosen for 50,000 samples, 128 x 128 cells",
+            _ms(lambda: least_squares(space, samples, "auto"), 3) / 1e3,
+            "s",
+            "",
+            8,
+        ),
+        Row("   rms of what is left of the noise", float(np.sqrt(np.mean(error**2))) / NOISE, "", "", 0.2),
     ]

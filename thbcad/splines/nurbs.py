@@ -81,12 +81,6 @@ class Rational(Spline, Generic[Twin]):
         net = spline.coefficients
         return cls._made(spline.knot_vectors, net[..., :-1] / net[..., -1:], net[..., -1])
 
-    @classmethod
-    def _made(cls, knot_vectors: Sequence[KnotVector], *values: Floats) -> Self:
-        make: Any = cls
-        spline: Self = make(*knot_vectors, *values)
-        return spline
-
     @cached_property
     def homogeneous(self) -> Twin:
         """The polynomial spline with the coefficients (w_i P_i, w_i), one component more than the points."""

@@ -26,11 +26,17 @@ def band_matrix(first: Integers, values: Floats, columns: int) -> csr_array:
     return csr_rows(values, first[:, None] + np.arange(values.shape[1]), columns)
 
 
+def apply_along(direction: int, operator: csr_array, net: Floats) -> Floats:
+    """Return the net (n_u, ...) or (n_u, n_v, ...) after a linear map along direction 0 or 1."""
+    rows = net.swapaxes(0, direction)
+    mapped = operator @ rows.reshape(len(rows), -1)
+    result: Floats = mapped.reshape(len(mapped), *rows.shape[1:]).swapaxes(0, direction)
+    return result
+
+
 def tensor_apply(a: csr_array, b: csr_array, net: Floats) -> Floats:
     """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
-    by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
-    turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
-    return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)
+    return apply_along(1, b, apply_along(0, a, net))
 
 
 def banded_least_squares(p: csr_array, degree: int, net: Floats) -> Floats:

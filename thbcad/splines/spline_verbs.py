@@ -24,6 +24,7 @@ from thbcad.splines.closest_points import ClosestPoints, closest_points
 from thbcad.splines.knot_removal import thinned
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.region_quadrature import area, length
+from thbcad.splines.sparse_operators import apply_along
 from thbcad.values import Value
 
 Given = TypeVar("Given")
@@ -137,17 +138,22 @@ class Spline(AnySpline):
         """The coefficients on which linear maps act: those of a rational spline are (w_i P_i, w_i)."""
         return self.coefficients
 
+    @classmethod
+    def _made(cls, knot_vectors: Sequence[KnotVector], *values: Floats) -> Self:
+        """Return the spline of this class with these knots and what its constructor takes after them."""
+        make: Any = cls
+        spline: Self = make(*knot_vectors, *values)
+        return spline
+
     def _with(self, knot_vectors: Sequence[KnotVector], net: Floats) -> Self:
         """Return the spline of this class with other knots and net."""
-        make: Any = type(self)
-        spline: Self = make(*knot_vectors, net)
-        return spline
+        return self._made(knot_vectors, net)
 
     def _mapped(self, *maps: Map) -> Self:
         """Return the spline after a linear map in every direction."""
         net = self.net
         for direction, (_, operator) in enumerate(maps):
-            net = _along(direction, operator, net)
+            net = apply_along(direction, operator, net)
         return self._with([kv for kv, _ in maps], net)
 
     def _repeated(self, step: Callable[[KnotVector], Map], counts: Sequence[int]) -> Self:
@@ -156,7 +162,7 @@ class Spline(AnySpline):
         for direction, count in enumerate(counts):
             for _ in range(count):
                 vectors[direction], operator = step(vectors[direction])
-                net = _along(direction, operator, net)
+                net = apply_along(direction, operator, net)
         return self._with(vectors, net)
 
     def _each(self, arguments: Sequence[Given]) -> Iterator[tuple[KnotVector, Given]]:
@@ -215,7 +221,7 @@ class Spline(AnySpline):
     def _cells(self) -> tuple[Floats, Floats]:
         net = self.net
         for direction, kv in enumerate(self.knot_vectors):
-            net = _along(direction, kv.bezier(), net)
+            net = apply_along(direction, kv.bezier(), net)
         (m, p), (n, q) = [*((kv.spans, kv.degree + 1) for kv in self.knot_vectors), (1, 1)][:2]
         cells = np.moveaxis(net.reshape(m, p, n, q, *net.shape[len(self.knot_vectors) :]), 2, 1)
         lines = [np.stack([kv.breaks[:-1], kv.breaks[1:]]) for kv in self.knot_vectors]
@@ -292,10 +298,3 @@ def checked_net(coefficients: ArrayLike, shape: tuple[int, ...]) -> Floats:
     if not np.isfinite(c).all():
         raise ValueError("coefficients must be finite")
     return c
-
-
-def _along(direction: int, operator: csr_array[np.float64], net: Floats) -> Floats:
-    """Return the net after a linear map along a direction."""
-    rows = np.moveaxis(net, direction, 0)
-    mapped = operator @ rows.reshape(len(rows), -1)
-    return np.moveaxis(mapped.reshape(-1, *rows.shape[1:]), 0, direction)

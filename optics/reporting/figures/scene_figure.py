@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
-from optics.reporting.view import FAR, Face, Scene, View, caption, corners, placed, solid_faces
+from optics.reporting.view import (
+    Face,
+    Scene,
+    View,
+    caption,
+    corners,
+    placed,
+    solid_faces,
+    with_far_rays,
+)
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
@@ -36,7 +45,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     faces, _ = solid_faces(lens)
     scene = placed(problem, faces)
     body = corners(scene.lens)
-    target = scene.target if scene.target.size else corners(_behind(scene.lens))
+    target = scene.target if scene.target.size else corners(with_far_rays(scene.lens))
     boxes = [_wider(scene.box(body, scene.source, target), 0.06)]
     if np.ptp(scene.box(body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
         boxes.append(_wider(scene.box(body, scene.source), 0.25))
@@ -77,12 +86,6 @@ def _wider(box: Array, margin: float) -> Array:
     """Return a (2, 2) box with a margin around it, relative to its longer side."""
     room = margin * np.ptp(box, axis=0).max()
     return box + np.array([[-room], [room]])
-
-
-def _behind(lens: Array) -> Array:
-    """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
-    across = 1.5 * lens[:2]
-    return np.stack([*across, lens[2] + [0.0, FAR / 2 * np.ptp(lens[:2], axis=1).max()]])
 
 
 def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:

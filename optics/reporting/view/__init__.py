@@ -8,13 +8,13 @@ if TYPE_CHECKING:
     from optics.reporting.view.glass_camera import lens_sight as lens_sight, photograph as photograph
     from optics.reporting.view.photo_room import photo_caption as photo_caption
     from optics.reporting.view.scene_layout import (
-        FAR as FAR,
         Scene as Scene,
         block_means as block_means,
         caption as caption,
         corners as corners,
         placed as placed,
         scene_paths as scene_paths,
+        with_far_rays as with_far_rays,
     )
     from optics.reporting.view.solid_renderer import (
         Face as Face,

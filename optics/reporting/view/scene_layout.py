@@ -140,3 +140,9 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if target.far_field:
         plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
     return trace_paths(backend, lens, rays, plane)
+
+
+def with_far_rays(lens: Array) -> Array:
+    """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
+    across = 1.5 * lens[:2]
+    return np.stack([*across, lens[2] + [0.0, FAR / 2 * np.ptp(lens[:2], axis=1).max()]])

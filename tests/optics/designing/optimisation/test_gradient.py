@@ -61,7 +61,7 @@ def difference(function, at, direction, step):
     return (function(at + step * direction)[0] - function(at - step * direction)[0]) / (2 * step)
 
 
-def worst(function, at, gradient, step, count=8):
+def worst(function, at, gradient, step, count=20):
     """Return the greatest error of g . d over random unit directions, relative to its usual size |g| /
     sqrt(n)."""
     rng = np.random.default_rng(11)

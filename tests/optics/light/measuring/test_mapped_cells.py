@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from optics.base.runtime import OrderFreeSums, load_backend
 from optics.light.measuring import pixel_lines
 from optics.light.measuring.cut_cells import LEAST_AREA
 from optics.scene.receivers import Screen
-from tests.cases import examples
+from tests.cases import examples, slow_unless
 from tests.optics.cases import THREADS, on_threads
 from tests.optics.light.measuring.cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
@@ -36,10 +37,11 @@ def test_pixels_hold_the_light_of_shuffled_cells(backend, made):
     assert_exact(made, backend)
 
 
-@pytest.mark.parametrize(("seed", "size"), [(0, 0.3), (1, 0.3), (2, 0.9), (3, 0.9), (0, 2.3), (1, 2.3)])
-def test_pixels_that_no_cell_meets_are_exactly_dark(backend, size, seed):
+@pytest.mark.parametrize("case", slow_unless(lambda case: case[0] < 2, product(range(4), (0.3, 0.9, 2.3))))
+def test_pixels_that_no_cell_meets_are_exactly_dark(backend, case):
     """Not what rounding leaves of bright ones beside them; and no pixel is darker than dark.  Slivers leave
     more, within `Sheet.rounding`."""
+    seed, size = case
     made = smooth(whole(30, 26), (10, 9), size, 0.4, seed=seed, centre=(0.13, -0.28))
     found, dark = made.laid(backend), made.exact() == 0
     assert dark.any()

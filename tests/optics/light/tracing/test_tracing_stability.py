@@ -17,7 +17,6 @@ from optics.scene.receivers import BSplineWindow, Screen, receiver_at
 from optics.scene.sources import Profile, Rays, collimated_beam, lambertian_parts
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
-from tests.cases import slow_unless
 from tests.optics.cases import coefficients, hollow_lens, rough, tracer_to
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
 
@@ -35,27 +34,31 @@ def single():
     return load_backend("single", 1)
 
 
-@pytest.mark.parametrize("name", slow_unless(lambda name: not name.startswith(SAMPLED), [*HARD, *QUICK]))
-def test_rays_are_exact_to_the_rounding_of_their_data(backend, name):
-    require_exact(backend, name)
+def asked(names, often):
+    """Return (name, step): every third ray in `make test`; all, exact ones too, in `make slow`."""
+    return [
+        *((name, 3) for name in names if often(name)),
+        *(pytest.param(name, 1, marks=pytest.mark.slow) for name in names),
+    ]
 
 
-@pytest.mark.parametrize("name", slow_unless(lambda name: name in HARD[::3], HARD))
-def test_rays_in_single_precision_are_exact_to_its_rounding(single, name):
-    require_exact(single, name)
+@pytest.mark.parametrize(("name", "step"), asked([*HARD, *QUICK], lambda name: not name.startswith(SAMPLED)))
+def test_rays_are_exact_to_the_rounding_of_their_data(backend, name, step):
+    require_exact(backend, name, step)
 
 
-def some(case):
-    """Return a case with every third of its rays: each is a claim, and the exact ones take the time."""
-    if case.grid is not None or case.name.startswith(SAMPLED):
-        return case
-    setup = case.setup
-    few = {"origin": setup.origin[:, ::3], "direction": setup.direction[:, ::3]}
-    return replace(case, setup=replace(setup, **few))
+@pytest.mark.parametrize(("name", "step"), asked(HARD, HARD[::3].__contains__))
+def test_rays_in_single_precision_are_exact_to_its_rounding(single, name, step):
+    require_exact(single, name, step)
 
 
-def require_exact(backend, name):
-    found = measure(backend, some(CASES[name]))
+def require_exact(backend, name, step):
+    case = CASES[name]
+    if case.grid is None and not name.startswith(SAMPLED):
+        setup = case.setup
+        rays = {"origin": setup.origin[:, ::step], "direction": setup.direction[:, ::step]}
+        case = replace(case, setup=replace(setup, **rays))
+    found = measure(backend, case)
     assert found.points <= LIMIT
     assert found.shares <= LIMIT
     assert (found.wrong, found.unresolved, found.numberless) == (0, 0, 0)
