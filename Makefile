@@ -119,6 +119,7 @@ QUICK = \
 	tests/thbcad/lens/test_product.py \
 	tests/thbcad/meshes \
 	tests/thbcad/mounts \
+	tests/thbcad/outlines \
 	tests/thbcad/pictures \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \

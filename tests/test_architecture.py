@@ -39,7 +39,7 @@ BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first d
 FLOORS = [
     ["thbcad.doors", "thbcad.checks", "thbcad.values"],
     ["thbcad.pictures", "thbcad.poses", "thbcad.splines", "thbcad.toml"],
-    ["thbcad.hierarchy", "thbcad.sags"],
+    ["thbcad.hierarchy", "thbcad.outlines", "thbcad.sags"],
     ["thbcad.surfaces"],
     ["thbcad.certified"],
     ["thbcad.fitting", "thbcad.lens"],

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.lens import Ellipse, Flange, Lens, Polygon, require_aperture, require_clear, require_polygon
+from thbcad.lens import Flange, Lens, require_aperture, require_clear, require_polygon
+from thbcad.outlines import Ellipse, Polygon
 
 Shape = Ellipse | Polygon
 THINNEST = 1e-9  # mm; corners that lie nearer in v are at one

@@ -22,7 +22,8 @@ from thbcad.drawings.views import (
     turned_graphs,
     view_of_pieces,
 )
-from thbcad.lens import ALLOWANCE, Polygon
+from thbcad.lens import ALLOWANCE
+from thbcad.outlines import Polygon
 
 FLANGE = "flange"
 

@@ -27,7 +27,7 @@ from thbcad.sags import Conic
 SCHEMA = "thbcad-lens"
 VERSION = 1
 KEYS = ("schema", "version", "units", "index", "thickness", "front", "rear")
-SURFACE_KEYS = ("half_width", "radius", "conic", "sag")
+SURFACE_KEYS = ("half_width", "radius", "conic", "corners", "sag")
 
 
 def lens_to_dict(lens: Lens) -> dict[str, Any]:
@@ -85,6 +85,8 @@ def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
     conic = surface.conic
     radius = None if conic.is_plane else conic.radius
     out: dict[str, Any] = {"half_width": list(surface.half_width), "radius": radius, "conic": conic.constant}
+    if not surface.outline.is_rectangle:
+        out["corners"] = list(surface.corners)
     if surface.sag is not None:
         out["sag"] = sag_to_dict(surface.sag)
     return out
@@ -94,7 +96,14 @@ def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
     require_keys(data, SURFACE_KEYS, "lens")
     radius = np.inf if data["radius"] is None else a_number(data, "radius")
     sag = sag_from_dict(a_table(data, "sag")) if "sag" in data else None
-    half_width = a_row(data["half_width"], "half_width")
-    if len(half_width) != 2:
-        raise ValueError(f"the file's half_width must be 2 numbers, got {len(half_width)}")
-    return FreeformSurface((half_width[0], half_width[1]), Conic(radius, a_number(data, "conic")), sag)
+    half_width = _pair(data["half_width"], "half_width")
+    corners = _pair(data["corners"], "corners") if "corners" in data else (0.0, 0.0)
+    return FreeformSurface(half_width, Conic(radius, a_number(data, "conic")), sag, corners)
+
+
+def _pair(values: object, key: str) -> tuple[float, float]:
+    """Return two numbers under a key."""
+    row = a_row(values, key)
+    if len(row) != 2:
+        raise ValueError(f"the file's {key} must be 2 numbers, got {len(row)}")
+    return row[0], row[1]

@@ -5,6 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from thbcad.lens.cuts import (
+        aperture_volume as aperture_volume,
+        polygon_volume as polygon_volume,
+        require_aperture as require_aperture,
+        require_polygon as require_polygon,
+    )
     from thbcad.lens.flange import (
         Flange as Flange,
         flanged_volume as flanged_volume,
@@ -20,29 +26,11 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         mass as mass,
     )
-    from thbcad.lens.outlines import (
-        Ellipse as Ellipse,
-        Polygon as Polygon,
-        aperture_volume as aperture_volume,
-        ellipse_integral as ellipse_integral,
-        polygon_integral as polygon_integral,
-        polygon_volume as polygon_volume,
-        require_aperture as require_aperture,
-        require_polygon as require_polygon,
-    )
     from thbcad.lens.product import (
         Product as Product,
         face_colour as face_colour,
         one_line as one_line,
         require_line as require_line,
-    )
-    from thbcad.lens.rim_curves import (
-        DEGREE as DEGREE,
-        TOLERANCE as TOLERANCE,
-        fitted_curve as fitted_curve,
-        kinks as kinks,
-        rim_curve as rim_curve,
-        side_curve as side_curve,
     )
     from thbcad.lens.rims import (
         CORNERS as CORNERS,

@@ -8,10 +8,10 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import require_number, require_type
+from thbcad.lens.cuts import aperture_volume, require_aperture
 from thbcad.lens.lens import Lens
-from thbcad.lens.outlines import LEAST, Ellipse, aperture_volume, require_aperture
-from thbcad.lens.rim_curves import rim_curve
 from thbcad.lens.rims import SIDES, rim, ruled_edges
+from thbcad.outlines import LEAST_SIZE, Ellipse, rim_curve
 from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
 NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
@@ -36,12 +36,12 @@ class Flange:
     high: float
 
     def __post_init__(self) -> None:
-        for name, least in (("width", LEAST), ("low", -np.inf), ("high", -np.inf)):
+        for name, least in (("width", LEAST_SIZE), ("low", -np.inf), ("high", -np.inf)):
             require_number(f"flange {name}", getattr(self, name), least=least, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
-        if self.high - self.low < LEAST:
+        if self.high - self.low < LEAST_SIZE:
             raise ValueError(
-                f"flange high must be at least {LEAST:g} mm above flange low = {self.low:.9g} mm, got "
+                f"flange high must be at least {LEAST_SIZE:g} mm above flange low = {self.low:.9g} mm, got "
                 f"{self.high:.9g} mm"
             )
 
@@ -71,12 +71,12 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     front, rear = lens.graphs()
     top = max(value_range(curve)[1].upper for curve in _rims(front, lens, semi_axes))
     bottom = lens.thickness + min(value_range(curve)[0].lower for curve in _rims(rear, lens, semi_axes))
-    if flange.low < top + LEAST:
+    if flange.low < top + LEAST_SIZE:
         raise ValueError(
             f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
             f"{flange.low:.9g} mm"
         )
-    if flange.high > bottom - LEAST:
+    if flange.high > bottom - LEAST_SIZE:
         raise ValueError(
             f"flange high must lie below the rear's rim, which reaches down to z = {bottom:.9g} mm, got "
             f"{flange.high:.9g} mm"

@@ -1,18 +1,20 @@
 """Freeform surfaces: conic + spline sag.
 
 A surface is the graph z(x, y) = conic(x, y) + sag(x, y) over |x| <= half_width[0],
-|y| <= half_width[1]; z = 0 is the vertex of the conic and positive radii open to +z.
+|y| <= half_width[1]; z = 0 is the vertex of the conic and positive radii open to +z.  Where its corners are
+cut off (`Outline`), conic and spline go on over the whole rectangle.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, coordinates, floats, half_widths, inside, require_orders, require_type
 from thbcad.lens.lens_picture import surface_card
+from thbcad.outlines import Outline
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -29,11 +31,13 @@ class FreeformSurface:
     conic : Conic
     sag : THBSurface or None, scalar coefficients in mm; its parameter domain is mapped
         linearly onto the rectangle
+    corners : (cx, cy) float, mm, semi-axes of the quarter ellipses in the corners: (0, 0) of a rectangle,
+        half_width of an ellipse, see `Outline`
 
     Raises
     ------
     ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic that ends
-        within the rectangle.
+        within the rectangle, corners that the rectangle cannot hold.
 
     Examples
     --------
@@ -46,8 +50,15 @@ class FreeformSurface:
     half_width: tuple[float, float]
     conic: Conic
     sag: THBSurface | None
+    corners: tuple[float, float]
 
-    def __init__(self, half_width: ArrayLike, conic: Conic = PLANE, sag: THBSurface | None = None) -> None:
+    def __init__(
+        self,
+        half_width: ArrayLike,
+        conic: Conic = PLANE,
+        sag: THBSurface | None = None,
+        corners: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         h = half_widths(half_width)
         require_type("conic", conic, Conic)
         require_type("sag", sag, THBSurface, type(None))
@@ -56,18 +67,25 @@ class FreeformSurface:
         if sag is not None and not (sag.space.kv_u.is_clamped and sag.space.kv_v.is_clamped):
             raise ValueError("the sag must have clamped knots")
         conic.require(h)
-        vars(self).update(half_width=h, conic=conic, sag=sag)
+        vars(self).update(half_width=h, conic=conic, sag=sag, corners=Outline(h, corners).corners)
 
     def __repr__(self) -> str:
         a, b = self.half_width
         conic = self.conic
         base = "plane" if conic.is_plane else f"radius {conic.radius:g} mm, K {conic.constant:g}"
         sag = "no sag" if self.sag is None else f"sag of {self.sag.space.dim} coefficients"
-        return f"FreeformSurface({2 * a:g} x {2 * b:g} mm, {base}, {sag})"
+        outline = self.outline
+        shape = "" if outline.is_rectangle else " ellipse" if outline.is_ellipse else " rounded"
+        return f"FreeformSurface({2 * a:g} x {2 * b:g} mm{shape}, {base}, {sag})"
 
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""
         return surface_card(self)
+
+    @property
+    def outline(self) -> Outline:
+        """What the surface fills of its rectangle."""
+        return Outline(self.half_width, self.corners)
 
     @property
     def is_plane(self) -> bool:
@@ -111,7 +129,7 @@ class FreeformSurface:
 
     def with_sag(self, sag: THBSurface) -> FreeformSurface:
         """Return the surface with another sag on the same conic."""
-        return FreeformSurface(self.half_width, self.conic, sag)
+        return replace(self, sag=sag)
 
     def _onto_rim(self, x: ArrayLike, y: ArrayLike) -> list[Floats]:
         """Return positions, those that rounding put beside the rim on it."""

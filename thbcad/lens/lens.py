@@ -10,6 +10,7 @@ from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens_picture import lens_card
+from thbcad.outlines import RELATIVE
 from thbcad.sags import gap_graph, volume_between
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
@@ -23,7 +24,8 @@ class Lens:
 
     Raises
     ------
-    ValueError : index at most 1 or not finite, thickness not positive.
+    ValueError : index at most 1 or not finite, thickness not positive, outlines of front and rear that are
+        not one, scaled with the half-widths.
 
     Examples
     --------
@@ -46,6 +48,11 @@ class Lens:
         for name, above in (("thickness", 0), ("index", 1)):
             require_number(name, getattr(self, name), above=above, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
+        front, rear = (s.outline.relative_corners for s in (self.front, self.rear))
+        if max(abs(a - b) for a, b in zip(front, rear)) > RELATIVE:
+            raise ValueError(
+                f"front and rear must have one outline: corners of {front} and {rear} of the half-widths"
+            )
 
     def __repr__(self) -> str:
         return f"Lens(front={self.front!r}, rear={self.rear!r}, {self.thickness:g} mm, n {self.index:g})"

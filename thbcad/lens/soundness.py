@@ -6,10 +6,9 @@ from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_type
 from thbcad.lens.edge_proof import require_simple_edges
 from thbcad.lens.lens import Lens
+from thbcad.outlines import LEAST_SIZE
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
-
-LEAST_SIZE = 1e-6  # mm: ten times what CAD programs take for one point
 
 
 def require_sound(lens: Lens) -> Lens:

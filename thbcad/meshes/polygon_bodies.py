@@ -17,13 +17,13 @@ from thbcad.checks import EPS, Floats, Integers
 from thbcad.lens import (
     MOST_TRIANGLES,
     Lens,
-    Polygon,
     Tessellation,
     require_apart,
     require_polygon,
     walled_triangles,
 )
 from thbcad.meshes.plans import bounds_of, greatest_circle, on_surfaces, too_many
+from thbcad.outlines import Polygon
 
 ROUNDINGS = 16  # of a turn's two products of differences of coordinates, each up to (2 m)^2 eps for |x| <= m
 # Triangles that replace one: 0, 1, 2 are its corners, 3, 4, 5 the middles of its sides from corner 0, 1, 2.

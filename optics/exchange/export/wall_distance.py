@@ -11,7 +11,8 @@ from scipy.interpolate import BSpline
 
 from optics.exchange.export.body import Body
 from thbcad.checks import Floats
-from thbcad.lens import SIDES, Flange, Lens, Polygon, Side, placed_surfaces, rim
+from thbcad.lens import SIDES, Flange, Lens, Side, placed_surfaces, rim
+from thbcad.outlines import Polygon
 
 
 def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]]) -> float:

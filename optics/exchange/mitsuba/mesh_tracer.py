@@ -141,8 +141,8 @@ class MeshTracer:
         passing = flux * (transmittance if self._fresnel else dr.select(passes, self.backend.Float(1), 0))
         moves = name in self._mesh.free or name == "rear"  # a fixed rear lies behind a free front
         if self._soft_rim and moves:
-            half_width = self._mesh.surfaces[name].surface.half_width
-            passing = passing * rim_fade(self.backend, (x, y), half_width, self._soft_rim)
+            outline = self._mesh.surfaces[name].surface.outline
+            passing = passing * rim_fade(self.backend, (x, y), outline, self._soft_rim)
         return (x, y, z), refracted, dr.select(hit, passing, 0), hit
 
     def _meeting(

@@ -28,7 +28,8 @@ from optics.interface.commands.light_export import intensity_of_light, is_lumina
 from optics.interface.commands.outcome import Outcome
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
-from thbcad.lens import Flange, Lens, Polygon
+from thbcad.lens import Flange, Lens
+from thbcad.outlines import Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body

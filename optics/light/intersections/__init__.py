@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         KnownHits as KnownHits,
         Vector as Vector,
         device_flux as device_flux,
+        gauge as gauge,
         on_device as on_device,
         raised_hits as raised_hits,
         rim_fade as rim_fade,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import ModuleType
 from typing import TypeAlias
 
@@ -25,6 +26,7 @@ from optics.light.intersections.ray_roots import conic_jet
 from optics.scene.paths import HeightError
 from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
+from thbcad.outlines import Outline
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 
@@ -69,7 +71,7 @@ def on_device(backend: Backend, rays: Rays, flux: DrArray) -> DeviceRays:
 class Hits:
     """Meeting points as Dr.Jit arrays: position (x, y, height above the vertex), slopes, masks.
 
-    found : the ray meets the surface or its extension.  hit : within the rectangle.
+    found : the ray meets the surface or its extension.  hit : within the outline.
     leaves : the arrays z, zx, zy that carry gradients.  at : x and y at which these were evaluated.
     dr : the drjit module.
     """
@@ -118,18 +120,40 @@ def raised_hits(
     return replace(hits, z=hits.z + lifted, zx=hits.zx + zx, zy=hits.zy + zy)
 
 
-def rim_fade(
-    backend: Backend, point: Sequence[DrArray], half_width: Sequence[float], width: float
-) -> DrArray:
-    """Return 1 inside a rectangle, falling to 0 at its rim by 3 s^2 - 2 s^3 in each direction.
+def rim_fade(backend: Backend, point: Sequence[DrArray], outline: Outline, width: float) -> DrArray:
+    """Return 1 inside an outline, falling to 0 at its rim by 3 s^2 - 2 s^3: in each direction of a rectangle,
+    else with the gauge.
 
     point : x and y, mm.  width : of the fall, a fraction of the half-width.
     """
     dr, factor = backend.dr, 1.0
-    for a, h in zip(point, half_width):
-        s = dr.clip((h - dr.abs(a)) * (1 / (width * h)), 0, 1)
+    if outline.is_rectangle:
+        depths = [(h - dr.abs(a)) * (1 / (width * h)) for a, h in zip(point, outline.half_width)]
+    else:
+        depths = [(1 - gauge(backend, outline, *point)) * (1 / width)]
+    for depth in depths:
+        s = dr.clip(depth, 0, 1)
         factor = factor * (s * s * (3 - 2 * s))
     return factor
+
+
+def gauge(backend: Backend, outline: Outline, x: DrArray, y: DrArray) -> DrArray:
+    """Return `Outline.gauge` of points on the device, mm."""
+    dr = backend.dr
+    opaque = partial(dr.opaque, backend.Float)  # numbers do not become part of the kernels
+    u, v = (dr.abs(a) * opaque(1 / h) for a, h in zip((x, y), outline.half_width))
+    straight = dr.maximum(u, v)
+    if outline.is_rectangle:
+        return straight
+    rx, ry = outline.relative_corners
+    p, q = (1 - rx) / rx, (1 - ry) / ry
+    a, b = u * opaque(1 / rx), v * opaque(1 / ry)
+    half, squares = a * opaque(p) + b * opaque(q), a * a + b * b
+    at_corner = (v > u * opaque(1 - ry)) & (u > v * opaque(1 - rx))
+    square = half * half - opaque(p * p + q * q - 1) * squares
+    # elsewhere no root of zero may meet a derivative
+    root = dr.sqrt(dr.select(at_corner & (square > 0), square, 1))
+    return dr.select(at_corner, squares / dr.select(at_corner, half + root, 1), straight)
 
 
 class KnownHits:
@@ -146,12 +170,12 @@ class KnownHits:
         backend: Backend,
         beam: RayGrid,
         conic: Conic,
-        half_width: tuple[float, float],
+        outline: Outline,
         knots: Sequence[KnotVector],
     ) -> None:
         dr, self._backend = backend.dr, backend
         self.shape = len(beam.x), len(beam.y)
-        self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
+        self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), outline.half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         # along x: the number of the first function that is not zero, value and slope of each from there on
         (first, values), (_, slopes) = (knots[0].basis(self._points[0], order) for order in (0, 1))
@@ -160,6 +184,9 @@ class KnownHits:
         self._length = dr.opaque(backend.Index, self.shape[1])
         self.x, self.y = (self._on_rays(row, axis) for axis, row in enumerate(self._points))
         self._hit = self._inside((beam.x, beam.y))
+        if not outline.is_rectangle:
+            self._hit &= gauge(backend, outline, self.x, self.y) <= 1
+            dr.eval(self._hit)
         self._base = conic_jet(backend, conic, self.x, self.y)[:3]
 
     def meet(self, net: Floats) -> Hits:

@@ -9,11 +9,12 @@ from functools import partial
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.intersections.hits import Hits, Vector
+from optics.light.intersections.hits import Hits, Vector, gauge
 from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_distance, conic_jet
 from optics.light.intersections.spline_table import PolynomialTable, steepest_along
 from thbcad.checks import Floats
+from thbcad.outlines import Outline
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 
@@ -54,10 +55,12 @@ class SearchedHits:
         self,
         backend: Backend,
         conic: Conic,
-        half_width: tuple[float, float],
+        outline: Outline,
         knots: Sequence[KnotVector] | None = None,
         proven: bool = True,
     ) -> None:
+        half_width = outline.half_width
+        self._outline = outline
         self._proven = proven and knots is not None
         self._knots = knots or ()
         self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
@@ -91,6 +94,8 @@ class SearchedHits:
                 & (t <= last)
                 & resolved
             )
+            if not self._outline.is_rectangle:
+                hit &= gauge(self._backend, self._outline, x, y) <= 1
             dr.eval(t, x, y, jet, hit, speed, resolved)
         if self._table is None and not dr.grad_enabled(origin, direction):
             z, zx, zy, *_ = jet

@@ -22,6 +22,7 @@ from optics.light.intersections import (
     SearchedHits,
     Vector,
     device_flux,
+    gauge,
     on_device,
 )
 from optics.light.tracing.fates import SequentialFates
@@ -70,15 +71,18 @@ class Tracer:
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
-            # meeting points with the second surface are known, so that no ray is beside the plane
+            # meeting points with the second surface are known, and the grid lies within the plane's rectangle
             second, direction = self._surfaces[1].hits, (0.0, 0.0, 1.0)
             assert isinstance(second, KnownHits)
             _, share, _ = self._surfaces[0].turned(direction, (backend.Float(0), backend.Float(0)))
-            entering = self._flux * share
+            outline, hit = path.surfaces[0].shape.outline, True
+            if not outline.is_rectangle:
+                hit = gauge(backend, outline, second.x, second.y) <= 1
+            entering = backend.dr.select(hit, self._flux * share, 0)
             backend.dr.make_opaque(entering)
             origin = second.x, second.y, self._ahead[0].shift[2].item()
             before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
-            self._fixed = [(None, Passage(before, True, True, True, self._flux, entering))]
+            self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering))]
             self._behind = DeviceRays(origin, direction, entering)
             return
         single = rays if isinstance(rays, Rays) else rays.rays(path.before)
@@ -243,12 +247,12 @@ class Tracer:
         shape, knots = surface.shape, knots_of(surface.shape)
         changes = any(s.shape.sag is not None for s in path.surfaces[: k + 1])
         if grid is not None and knots is not None:
-            hits = KnownHits(backend, grid, shape.conic, shape.half_width, knots)
+            hits = KnownHits(backend, grid, shape.conic, shape.outline, knots)
         return TracedSurface(
             backend,
             surface,
             (path.media[k], path.media[k + 1]),
-            hits or SearchedHits(backend, shape.conic, shape.half_width, knots, self._proven),
+            hits or SearchedHits(backend, shape.conic, shape.outline, knots, self._proven),
             path.soft_rim if changes else 0.0,
         )
 

@@ -115,7 +115,7 @@ class TracedSurface:
         """Return 1 inside the surface, falling to 0 at its rim, see `rim_fade`."""
         if not self._soft_rim or isinstance(self.hits, KnownHits):
             return 1.0
-        return rim_fade(self._backend, (hits.x, hits.y), self.surface.shape.half_width, self._soft_rim)
+        return rim_fade(self._backend, (hits.x, hits.y), self.surface.shape.outline, self._soft_rim)
 
 
 def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

@@ -7,7 +7,6 @@ STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # pro
 
 _ONE_LENS = "there is one lens and nothing else that light meets"
 _ON_AXIS = "the target is a plane across the axis, with its middle on it"
-_RECTANGLE = "lenses are designed as rectangles; `thbcad export --aperture` cuts the solid round"
 _BARE = "surfaces are bare: they have no coating and no mirror"
 _ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
@@ -15,7 +14,6 @@ _ALONG_Z = "this source lies on the axis and shines along +z; the light of a fil
 CANNOT = {
     **dict.fromkeys(("element", "lense", "mirror", "reflector", "prism", "stop", "shade"), _ONE_LENS),
     "path": "light goes through the front, then through the rear",
-    **dict.fromkeys(("outline", "clear_aperture", "lens.shape", "lens.aperture"), _RECTANGLE),
     **dict.fromkeys(("reflectance", "coating"), _BARE),
     **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
     "array": "there is one lens before one source",

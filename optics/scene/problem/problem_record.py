@@ -160,6 +160,7 @@ def _require_partners(problem: Problem) -> None:
         _require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
+    _require_outline(lens)
     merge, pixels = problem.optimizer.merge, min(target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
@@ -179,6 +180,28 @@ def _require_partners(problem: Problem) -> None:
         raise UserError(
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
             f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_outline(lens: LensSpec) -> None:
+    """Refuse an outline that the half-widths cannot have."""
+    sizes = {"front": lens.front.half_width, "rear": lens.rear.half_width}
+    for name, (x, y) in sizes.items():
+        if lens.outline == "round" and x != y:
+            raise UserError(
+                f'lens.outline = "round" needs equal half-widths, got lens.{name}.half_width = '
+                f'[{x:g}, {y:g}]; make them equal, or take "ellipse"'
+            )
+    if (lens.outline == "rounded") != (lens.corner_radius > 0):
+        raise UserError(
+            f'lens.corner_radius is that of lens.outline = "rounded", which needs one above 0; got '
+            f"{lens.corner_radius:g} with {lens.outline!r}"
+        )
+    most = min(max(pair) for pair in zip(*sizes.values()))
+    if lens.corner_radius > most:
+        raise UserError(
+            f"lens.corner_radius must be at most {most:g} mm, the least half-width of the larger surface, "
+            f"got {lens.corner_radius:g}"
         )
 
 

@@ -12,6 +12,7 @@ from optics.scene.problem.toml_records import AUTO, option
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
+OUTLINES = ("rectangle", "round", "ellipse", "rounded")
 LEAST_FLUX = 1e-12  # of source.unit
 SUN = 0.2665  # degrees: the mean half-angle of its disk
 
@@ -271,6 +272,15 @@ class LensSpec:
         (), note="[[nm, 1/mm], ...] for other wavelengths; [] is absorption everywhere"
     )
     density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
+    outline: str = option(
+        "rectangle", choices=OUTLINES, note="the largest such shape within each surface's half_width"
+    )
+    corner_radius: float = option(
+        0.0,
+        low=0,
+        high=LONGEST,
+        note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
+    )
     front: Front = option()
     rear: Rear = option()
 
@@ -278,6 +288,14 @@ class LensSpec:
     def known_index(self) -> float:
         """The index; 0 where it is not known yet."""
         return 0.0 if isinstance(self.index, str) else self.index
+
+    def corners(self, half_width: tuple[float, float]) -> tuple[float, float]:
+        """Return the semi-axes of the corners of a surface with these half-widths, mm; 0 of a rectangle."""
+        if self.outline == "rounded":
+            most = [max(pair) for pair in zip(self.front.half_width, self.rear.half_width)]
+            x, y = (self.corner_radius * h / m for h, m in zip(half_width, most))
+            return x, y
+        return (0.0, 0.0) if self.outline == "rectangle" else half_width
 
     @property
     def free(self) -> dict[str, Freeform]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
+from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, base_of
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
@@ -21,7 +21,7 @@ def base_lens(problem: Problem) -> Lens:
     UserError : the prescription makes no lens.
     """
     spec = problem.lens
-    front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
+    front, rear = (_surface(spec, name) for name in ("front", "rear"))
     try:
         return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
     except ValueError as error:
@@ -46,8 +46,9 @@ def freeforms(problem: Problem) -> tuple[Freeform, ...]:
     return tuple(problem.lens.free.values())
 
 
-def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
+def _surface(lens: LensSpec, name: str) -> FreeformSurface:
     """Return a surface of the prescription, with a sag of zeros on the level-0 mesh where it is free."""
+    spec: Front | Rear = getattr(lens, name)
     sag = None
     if spec.freeform is not None:
         kv = [
@@ -57,7 +58,7 @@ def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
         space = THBSpace(*kv)
         sag = THBSurface(space, np.zeros(space.dim))
     try:
-        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag)
+        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag, lens.corners(spec.half_width))
     except ValueError as error:
         raise UserError(
             f"lens.{name}: {error}; make its radius larger in size or its half_width smaller"

@@ -119,7 +119,7 @@ def _bent(surface: FreeformSurface, power: float) -> FreeformSurface:
         return surface
     radius = np.inf if power == -1 else surface.conic.radius / (1 + power)
     conic = Conic(radius, surface.conic.constant)
-    return FreeformSurface(surface.half_width, conic, surface.sag)
+    return replace(surface, conic=conic)
 
 
 def _scaled(surface: FreeformSurface, factor: float) -> FreeformSurface:
@@ -127,6 +127,6 @@ def _scaled(surface: FreeformSurface, factor: float) -> FreeformSurface:
     sag = surface.sag
     if sag is not None:
         sag = THBSurface(sag.space, factor * sag.coefficients)
-    hx, hy = surface.half_width
+    (hx, hy), (cx, cy) = surface.half_width, surface.corners
     conic = Conic(factor * surface.conic.radius, surface.conic.constant)
-    return FreeformSurface((factor * hx, factor * hy), conic, sag)
+    return FreeformSurface((factor * hx, factor * hy), conic, sag, (factor * cx, factor * cy))

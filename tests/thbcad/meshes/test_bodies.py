@@ -17,7 +17,6 @@ from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
 from thbcad.io import obj_bytes, ply_bytes, stl_bytes
 from thbcad.lens import (
     Flange,
-    Polygon,
     Tessellation,
     aperture_volume,
     flanged_volume,
@@ -26,6 +25,7 @@ from thbcad.lens import (
 )
 from thbcad.meshes import glb_bytes
 from thbcad.meshes.polygon_bodies import ears
+from thbcad.outlines import Polygon
 
 FLANGE = Flange(2.0, 0.3, 1.0)
 APERTURE = (4.5, 3.5)

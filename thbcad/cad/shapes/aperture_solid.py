@@ -17,7 +17,8 @@ from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import EllipticWall
 from thbcad.checks import Floats
-from thbcad.lens import Ellipse, Lens, fitted_curve, optical_forms, require_aperture, require_sound, rim_curve
+from thbcad.lens import Lens, optical_forms, require_aperture, require_sound
+from thbcad.outlines import Ellipse, fitted_curve, rim_curve
 from thbcad.sags import PlacedConic
 
 HALVES = ("edge 1", "edge 2")

@@ -16,7 +16,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.topology import new_wire, turned_face
 from thbcad.checks import Floats
-from thbcad.lens import Side, Surfaces, fitted_curve, ruled_edge
+from thbcad.lens import Side, Surfaces, ruled_edge
+from thbcad.outlines import fitted_curve
 from thbcad.splines import BSplineSurface
 
 

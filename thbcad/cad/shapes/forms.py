@@ -26,7 +26,8 @@ from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
 from thbcad.cad.shapes.topology import side_line, turned, turned_face
 from thbcad.checks import Floats
-from thbcad.lens import SIDES, Corner, OpticalForm, Side, fitted_curve, rim
+from thbcad.lens import SIDES, Corner, OpticalForm, Side, rim
+from thbcad.outlines import fitted_curve
 from thbcad.sags import ConicSection, PlacedConic
 from thbcad.splines import BSplineSurface
 

@@ -20,7 +20,8 @@ from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import PlaneWall
 from thbcad.checks import Floats
-from thbcad.lens import Lens, fitted_curve, optical_forms, require_polygon, require_sound, side_curve
+from thbcad.lens import Lens, optical_forms, require_polygon, require_sound
+from thbcad.outlines import fitted_curve, side_curve
 from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT
 

@@ -25,7 +25,8 @@ from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, trace
 from thbcad.cad.shapes.rings import Ring
 from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
 from thbcad.checks import Floats
-from thbcad.lens import CORNERS, SIDES, Ellipse, Side, fitted_curve, kinks
+from thbcad.lens import CORNERS, SIDES, Side
+from thbcad.outlines import Ellipse, fitted_curve, kinks
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 UP = gp_Dir(0, 0, 1)

@@ -83,7 +83,7 @@ def first_fall(lens, origin, direction):
 def searched(backend, lens, origin, direction):
     """Return (ray parameters, hit) of the optimiser's search for the rear, sure of the first meeting."""
     e = lens.rear.sag.space.embedding
-    search = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, (e.kv_u, e.kv_v), True)
+    search = SearchedHits(backend, lens.rear.conic, lens.rear.outline, (e.kv_u, e.kv_v), True)
     at = origin - [0, 0, THICKNESS]
     hits = search.meet(
         *([backend.array(a) for a in v.T] for v in (at, direction)),

@@ -37,7 +37,7 @@ def met(backend, surface, origin, direction):
     if surface.sag is not None:
         e = surface.sag.space.embedding
         knots, net = (e.kv_u, e.kv_v), e.coefficients(surface.sag.coefficients)
-    search = SearchedHits(backend, surface.conic, surface.half_width, knots)
+    search = SearchedHits(backend, surface.conic, surface.outline, knots)
     return search.meet([backend.array(a) for a in origin], [backend.array(a) for a in direction], net)
 
 

@@ -374,7 +374,6 @@ def test_the_readme_lists_what_the_program_cannot_do():
     ("key", "value", "words"),
     [
         ("target.tilt", [0.0, 10.0, 0.0], "target is a plane across the axis"),
-        ("lens.rear.outline", "round", "lenses are designed as rectangles"),
         ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
         ("source.array", {"columns": 3}, "there is one lens before one source"),
         ("lens.kind", "mirror", "there is one lens and nothing else"),

@@ -17,19 +17,8 @@ from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.aperture_solid import trimmed_part
-from thbcad.lens import (
-    DEGREE,
-    TOLERANCE,
-    Ellipse,
-    FreeformSurface,
-    Lens,
-    Product,
-    aperture_volume,
-    ellipse_integral,
-    kinks,
-    optical_forms,
-    rim_curve,
-)
+from thbcad.lens import FreeformSurface, Lens, Product, aperture_volume, optical_forms
+from thbcad.outlines import DEGREE, TOLERANCE, Ellipse, ellipse_integral, kinks, rim_curve
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 

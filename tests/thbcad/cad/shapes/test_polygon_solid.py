@@ -11,17 +11,8 @@ from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes import polygon_part
 from thbcad.io import brep_of_text, image_distance, turned_faces, volume
-from thbcad.lens import (
-    DEGREE,
-    FreeformSurface,
-    Lens,
-    Polygon,
-    Product,
-    optical_forms,
-    polygon_integral,
-    polygon_volume,
-    side_curve,
-)
+from thbcad.lens import FreeformSurface, Lens, Product, optical_forms, polygon_volume
+from thbcad.outlines import DEGREE, Polygon, polygon_integral, side_curve
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import BSplineSurface
 

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from thbcad.checks import Floats, Integers
-from thbcad.lens.outlines import Ellipse, inside, side_crossings
+from thbcad.outlines.ellipse import Ellipse, inside
+from thbcad.outlines.polygon import side_crossings
 from thbcad.splines import BSplineSurface, KnotVector
 
 DEGREE = 5

@@ -1,0 +1,142 @@
+"""Polygons, and what a spline graph holds within.
+
+Between two crossings of knot lines a spline graph z(x, y) of degrees (p, q) is a polynomial of degree
+p + q along a straight side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.checks import Floats, Integers, floats
+from thbcad.outlines.ellipse import LEAST_SIZE, inside
+from thbcad.splines import BSplineSurface, Primitive, gauss_rule
+
+MOST_CORNERS = 1000  # every pair of sides is looked at
+FARTHEST = 1e6  # mm of a corner; rounding is then still far below LEAST_SIZE
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """A polygon in the plane z = 0, convex or not, that does not touch itself.
+
+    corners : at least three (x, y) float, mm; they are stored counter-clockwise
+
+    Raises
+    ------
+    ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that cross or
+        come within 1e-6 mm of each other.
+    """
+
+    corners: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        rows = _corners(self.corners)
+        _require_simple(rows)
+        if _shoelace(rows) < 0:
+            rows = rows[::-1]
+        object.__setattr__(self, "corners", tuple((float(x), float(y)) for x, y in rows))
+
+    @property
+    def area(self) -> float:
+        """The area within, mm^2."""
+        return _shoelace(np.array(self.corners))
+
+    @property
+    def sides(self) -> Floats:
+        """The first and the last corner of every side, (n, 2, 2), counter-clockwise, mm."""
+        corners = np.array(self.corners)
+        return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+
+def _corners(values: object) -> Floats:
+    """Return corners as (n, 2) float; raise ValueError for anything else."""
+    wanted = f"a polygon must have 3 to {MOST_CORNERS} corners (x, y) of finite numbers up to {FARTHEST:g} mm"
+    try:
+        rows = floats(values)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise ValueError(f"{wanted}, got {str(values)[:60]}") from None
+    if rows.ndim != 2 or rows.shape[1] != 2 or not 3 <= len(rows) <= MOST_CORNERS:
+        raise ValueError(f"{wanted}, got an array of shape {rows.shape}")
+    within = (abs(rows) <= FARTHEST).all(axis=1)
+    if not within.all():
+        raise ValueError(f"{wanted}, got {rows[~within][0].tolist()}")
+    return rows
+
+
+def _shoelace(corners: Floats) -> float:
+    """Return the area within corners, negative where they run clockwise."""
+    x, y = (corners - corners[0]).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def _require_simple(corners: Floats) -> None:
+    """Raise ValueError unless every corner lies at least 1e-6 mm from all sides that do not end there, and no
+    sides cross."""
+    count = len(corners)
+    starts, steps = corners, np.roll(corners, -1, axis=0) - corners
+    short = np.flatnonzero(np.hypot(*steps.T) < LEAST_SIZE)
+    if len(short):
+        k = int(short[0])
+        raise ValueError(f"corners {k + 1} and {(k + 1) % count + 1} of the polygon must lie apart")
+    along = np.einsum("ijk,jk->ij", corners[:, None] - starts, steps) / (steps**2).sum(axis=1)
+    feet = starts + np.clip(along, 0, 1)[..., None] * steps
+    apart = np.linalg.norm(corners[:, None] - feet, axis=2)
+    index = np.arange(count)
+    apart[index, index] = apart[(index + 1) % count, index] = np.inf
+    crossed = np.argwhere((apart < LEAST_SIZE) | _crossing(starts, steps))
+    if len(crossed):
+        first, second = (int(k) for k in crossed[0])
+        raise ValueError(
+            f"the polygon must not touch or cross itself, but its sides from corner {first + 1} and from "
+            f"corner {second + 1} do"
+        )
+
+
+def _crossing(starts: Floats, steps: Floats) -> NDArray[np.bool_]:
+    """Return which pairs of sides have their ends on both sides of each other, (n, n)."""
+    to_start = starts[:, None] - starts
+    before = _cross(steps, to_start)
+    after = _cross(steps, to_start + steps[:, None])
+    apart: NDArray[np.bool_] = before * after < 0
+    return apart & apart.T
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def polygon_integral(graph: BSplineSurface, polygon: Polygon) -> float:
+    """Return the integral of a scalar spline z(x, y) over the inside of a polygon within its rectangle."""
+    p, q = graph.kv_u.degree, graph.kv_v.degree
+    lines = graph.kv_u.breaks, graph.kv_v.breaks
+    primitive = Primitive(graph, *lines, (p // 2 + 1, q + 1))
+    total = 0.0
+    for start, stop in polygon.sides:
+        places, _ = side_crossings(start, stop, *lines)
+        # Z has degree p + 1 in x and q in y
+        t, weights = gauss_rule(np.unique(np.r_[0.0, places, 1.0]), (p + q + 1) // 2 + 1)
+        x, y = inside(graph, *(start + t[:, None] * (stop - start)).T)
+        total += float(weights @ primitive(x, y)) * (stop[1] - start[1])
+    return total
+
+
+def side_crossings(start: Floats, stop: Floats, x: Floats, y: Floats) -> tuple[Floats, Integers]:
+    """Return where the straight line from start (0) to stop (1) crosses the lines x = x_i and y = y_j.
+
+    Returns (places, lines): (n,) float within (0, 1) and (n,) int, lines i of x and len(x) + j of y; not
+    sorted.
+    """
+    places = []
+    lines = []
+    first = 0
+    for row, origin, step in zip((x, y), start, stop - start):
+        place = (row - origin) / step if step else np.full(len(row), np.inf)
+        hit = np.flatnonzero((place > 0) & (place < 1))
+        places.append(place[hit])
+        lines.append(first + hit)
+        first += len(row)
+    return np.concatenate(places), np.concatenate(lines)

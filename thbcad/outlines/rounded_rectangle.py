@@ -1,0 +1,125 @@
+"""What of its rectangle a surface fills: a rectangle whose corners are quarters of ellipses.
+
+With half-widths h and semi-axes c of the corners, 0 <= c <= h, the points inside have
+
+    |x| <= hx, |y| <= hy,    sx^2 + sy^2 <= 1,    s = max(0, |x| - (hx - cx)) / cx, and likewise in y.
+
+c = 0 is the rectangle, c = h the ellipse.  The gauge of a point, its Minkowski functional, is the factor by
+which the outline grows until it passes through the point: at most 1 inside, and linear along rays from the
+middle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thbcad.checks import Floats, floats, half_widths
+
+RELATIVE = 1e-12  # of the half-width: corners that differ by less are alike
+TINY = 1e-300  # what is divided by where it is zero
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A rectangle |x| <= hx, |y| <= hy with corners that are quarters of ellipses.
+
+    half_width : (hx, hy) float, mm
+    corners : (cx, cy) float, mm, their semi-axes: (0, 0) of a rectangle, half_width of an ellipse
+
+    Raises
+    ------
+    ValueError : half-widths that are not positive; corners that are negative or wider than these, or of which
+        one alone is zero.
+
+    Examples
+    --------
+    >>> disk = Outline((20.0, 20.0), (20.0, 20.0))
+    >>> disk.is_ellipse, float(disk.gauge(3.0, 4.0)), disk.contains([14.0, 15.0], 14.2).tolist()
+    (True, 0.25, [True, False])
+    >>> round(Outline((10.0, 5.0), (2.0, 2.0)).area, 9)  # 20 x 10 less four corners (1 - pi / 4) 2^2
+    196.566370614
+    """
+
+    half_width: tuple[float, float]
+    corners: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        h, c = half_widths(self.half_width), floats(self.corners)
+        if c.shape != (2,) or not (np.isfinite(c).all() and (c >= 0).all()):
+            raise ValueError(f"corners must be two numbers of at least 0 mm, got {self.corners}")
+        if (c > np.array(h) * (1 + RELATIVE)).any() or (c > 0).sum() == 1:
+            raise ValueError(
+                f"corners must be both 0 or both above it, up to the half-widths {h}, got {tuple(c)}"
+            )
+        object.__setattr__(self, "half_width", h)
+        object.__setattr__(self, "corners", tuple(float(min(a, b)) for a, b in zip(c, h)))
+
+    @property
+    def is_rectangle(self) -> bool:
+        """Whether the corners are sharp."""
+        return self.corners == (0.0, 0.0)
+
+    @property
+    def is_ellipse(self) -> bool:
+        """Whether no side is straight."""
+        return self.corners == self.half_width
+
+    @property
+    def relative_corners(self) -> tuple[float, float]:
+        """Semi-axes of the corners, of the half-widths."""
+        (a, b), (c, d) = self.half_width, self.corners
+        return c / a, d / b
+
+    @property
+    def area(self) -> float:
+        """The area within, mm^2: 4 hx hy - (4 - pi) cx cy."""
+        return float(4 * np.prod(self.half_width) - (4 - np.pi) * np.prod(self.corners))
+
+    def gauge(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """Return the factor by which the outline grows until it passes through points, of their shape."""
+        (hx, hy), (rx, ry) = self.half_width, self.relative_corners
+        u, v = np.broadcast_arrays(abs(floats(x)) / hx, abs(floats(y)) / hy)
+        straight: Floats = np.maximum(u, v)
+        if self.is_rectangle:
+            return straight
+        # (a - k p)^2 + (b - k q)^2 = k^2 of the corner that has grown by k
+        a, b, p, q = u / rx, v / ry, (1 - rx) / rx, (1 - ry) / ry
+        half, squares = a * p + b * q, a * a + b * b
+        root = np.sqrt(np.maximum(half * half - (p * p + q * q - 1) * squares, 0.0))
+        at_corner = (v > u * (1 - ry)) & (u > v * (1 - rx))
+        out: Floats = np.where(at_corner, squares / np.maximum(half + root, TINY), straight)
+        return out
+
+    def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""
+        return np.asarray(self.gauge(x, y) <= 1 + slack)
+
+    def shares(self, x: ArrayLike, y: ArrayLike, fine: int = 8) -> Floats:
+        """Return the share of every cell of a grid that lies inside, (len(x) - 1, len(y) - 1), 0 to 1.
+
+        x, y : borders of the cells, mm, rising.  fine : points each way of cells that the outline may cross.
+        """
+        x, y = floats(x), floats(y)
+        gauges = self.gauge(x[:, None], y)
+        parts = gauges[1:, 1:], gauges[1:, :-1], gauges[:-1, 1:], gauges[:-1, :-1]
+        # the outline is convex: a cell lies inside if its corners do, and outside on one side of both axes
+        out: Floats = (np.maximum.reduce(parts) <= 1).astype(float)
+        i, j = np.nonzero((out == 0) & (self._nearest(x, y) < 1))
+        middles = (np.arange(fine) + 0.5) / fine
+        u = x[i, None, None] + (x[i + 1] - x[i])[:, None, None] * middles[:, None]
+        v = y[j, None, None] + (y[j + 1] - y[j])[:, None, None] * middles
+        out[i, j] = self.contains(u, v).mean(axis=(1, 2))
+        return out
+
+    def scaled(self, half_width: ArrayLike) -> Outline:
+        """Return the outline stretched to other half-widths, mm."""
+        (hx, hy), (rx, ry) = half_widths(half_width), self.relative_corners
+        return Outline((hx, hy), (rx * hx, ry * hy))
+
+    def _nearest(self, x: Floats, y: Floats) -> Floats:
+        """Return the gauge of the point of every cell of a grid that is nearest to both axes."""
+        near = [np.where(a[:-1] * a[1:] <= 0, 0.0, np.minimum(abs(a[:-1]), abs(a[1:]))) for a in (x, y)]
+        return self.gauge(near[0][:, None], near[1])
