@@ -97,29 +97,24 @@ class Outline:
         """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""
         return np.asarray(self.gauge(x, y) <= 1 + slack)
 
-    def shares(self, x: ArrayLike, y: ArrayLike, fine: int = 8) -> Floats:
-        """Return the share of every cell of a grid that lies inside, (len(x) - 1, len(y) - 1), 0 to 1.
+    def shares(self, low: tuple[Floats, Floats], high: tuple[Floats, Floats], fine: int = 8) -> Floats:
+        """Return the share of rectangles that lies inside, 0 to 1, of their shape.
 
-        x, y : borders of the cells, mm, rising.  fine : points each way of cells that the outline may cross.
+        low, high : x and y of their corners, mm, which broadcast.  fine : points each way, of those that the rim may cross.
         """
-        x, y = floats(x), floats(y)
-        gauges = self.gauge(x[:, None], y)
-        parts = gauges[1:, 1:], gauges[1:, :-1], gauges[:-1, 1:], gauges[:-1, :-1]
-        # the outline is convex: a cell lies inside if its corners do, and outside on one side of both axes
-        out: Floats = (np.maximum.reduce(parts) <= 1).astype(float)
-        i, j = np.nonzero((out == 0) & (self._nearest(x, y) < 1))
+        x0, y0, x1, y1 = np.broadcast_arrays(*low, *high)
+        pairs = (x0, x1), (y0, y1)
+        far_x, far_y = (np.maximum(abs(a), abs(b)) for a, b in pairs)
+        near_x, near_y = (np.where(a * b <= 0, 0.0, np.minimum(abs(a), abs(b))) for a, b in pairs)
+        # the outline is convex and symmetric
+        out: Floats = self.contains(far_x, far_y).astype(float)
+        some = np.nonzero((out == 0) & self.contains(near_x, near_y))
         middles = (np.arange(fine) + 0.5) / fine
-        u = x[i, None, None] + (x[i + 1] - x[i])[:, None, None] * middles[:, None]
-        v = y[j, None, None] + (y[j + 1] - y[j])[:, None, None] * middles
-        out[i, j] = self.contains(u, v).mean(axis=(1, 2))
+        x, y = (a[some][:, None] + (b - a)[some][:, None] * middles for a, b in pairs)
+        out[some] = self.contains(x[:, :, None], y[:, None, :]).mean(axis=(1, 2))
         return out
 
     def scaled(self, half_width: ArrayLike) -> Outline:
         """Return the outline stretched to other half-widths, mm."""
         (hx, hy), (rx, ry) = half_widths(half_width), self.relative_corners
         return Outline((hx, hy), (rx * hx, ry * hy))
-
-    def _nearest(self, x: Floats, y: Floats) -> Floats:
-        """Return the gauge of the point of every cell of a grid that is nearest to both axes."""
-        near = [np.where(a[:-1] * a[1:] <= 0, 0.0, np.minimum(abs(a[:-1]), abs(a[1:]))) for a in (x, y)]
-        return self.gauge(near[0][:, None], near[1])
