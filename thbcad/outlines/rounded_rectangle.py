@@ -100,7 +100,8 @@ class Outline:
     def shares(self, low: tuple[Floats, Floats], high: tuple[Floats, Floats], fine: int = 8) -> Floats:
         """Return the share of rectangles that lies inside, 0 to 1, of their shape.
 
-        low, high : x and y of their corners, mm, which broadcast.  fine : points each way, of those that the rim may cross.
+        low, high : x and y of their corners, mm, which broadcast.
+        fine : points each way, of those that the rim may cross.
         """
         x0, y0, x1, y1 = np.broadcast_arrays(*low, *high)
         pairs = (x0, x1), (y0, y1)
