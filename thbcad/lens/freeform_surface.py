@@ -74,8 +74,7 @@ class FreeformSurface:
         conic = self.conic
         base = "plane" if conic.is_plane else f"radius {conic.radius:g} mm, K {conic.constant:g}"
         sag = "no sag" if self.sag is None else f"sag of {self.sag.space.dim} coefficients"
-        outline = self.outline
-        shape = "" if outline.is_rectangle else " ellipse" if outline.is_ellipse else " rounded"
+        shape = "" if self.outline.is_rectangle else f" {self.outline.name}"
         return f"FreeformSurface({2 * a:g} x {2 * b:g} mm{shape}, {base}, {sag})"
 
     def _repr_html_(self) -> str:

@@ -68,6 +68,13 @@ class Outline:
         return self.corners == self.half_width
 
     @property
+    def name(self) -> str:
+        """In a word: rectangle, round, ellipse or rounded."""
+        if not self.is_ellipse:
+            return "rectangle" if self.is_rectangle else "rounded"
+        return "round" if self.half_width[0] == self.half_width[1] else "ellipse"
+
+    @property
     def relative_corners(self) -> tuple[float, float]:
         """Semi-axes of the corners, of the half-widths."""
         (a, b), (c, d) = self.half_width, self.corners
@@ -114,6 +121,14 @@ class Outline:
         x, y = (a[some][:, None] + (b - a)[some][:, None] * middles for a, b in pairs)
         out[some] = self.contains(x[:, :, None], y[:, None, :]).mean(axis=(1, 2))
         return out
+
+    def filled(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Return points of the rectangle moved along rays from the middle, its rim onto that of the outline,
+        mm."""
+        x, y = np.broadcast_arrays(floats(x), floats(y))
+        gauge, (hx, hy) = self.gauge(x, y), self.half_width
+        factor = np.maximum(abs(x) / hx, abs(y) / hy) / np.where(gauge > 0, gauge, 1.0)
+        return factor * x, factor * y
 
     def scaled(self, half_width: ArrayLike) -> Outline:
         """Return the outline stretched to other half-widths, mm."""
