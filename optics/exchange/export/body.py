@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
@@ -17,6 +17,7 @@ from thbcad.lens import (
     polygon_volume,
 )
 from thbcad.meshes import body_mesh
+from thbcad.moulds import UNCHANGED, Factors, enlarged
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
@@ -32,11 +33,12 @@ class Body:
     patches : one face per patch of same-level cells instead of one face for front and rear each
     separate : no solid, but front and rear as loose faces in two files
     polygon : corners (x, y), mm, of an outline; None is no polygon
+    factors : of x, y and z, by which lens and outline are enlarged, so that what has shrunk is the design
 
     Raises
     ------
     UserError : patches or separate together with another option; a polygon together with an aperture or a
-        flange.
+        flange; a flange, whose width is one number, that is enlarged unlike in x and y.
     """
 
     aperture: tuple[float, float] | None = None
@@ -44,6 +46,7 @@ class Body:
     patches: bool = False
     separate: bool = False
     polygon: Sequence[tuple[float, float]] | None = None
+    factors: Factors = UNCHANGED
 
     def __post_init__(self) -> None:
         if self.patches + self.separate + self.shaped > 1:
@@ -52,6 +55,22 @@ class Body:
             raise UserError(
                 "a polygon is an outline by itself: leave out --polygon, or --aperture and --flange"
             )
+        if self.flange is not None and self.factors[0] != self.factors[1]:
+            raise UserError(
+                "a flange is as wide along x as along y: with --flange give --shrinkage one number, or like "
+                "ones of x and y"
+            )
+
+    def enlarged(self, lens: Lens) -> tuple[Lens, Body]:
+        """Return the lens and the options in the size of the mould, and nothing left to enlarge."""
+        if self.factors == UNCHANGED:
+            return lens, self
+        x, y, z = self.factors
+        aperture = self.aperture and (x * self.aperture[0], y * self.aperture[1])
+        flange = self.flange and Flange(x * self.flange.width, z * self.flange.low, z * self.flange.high)
+        polygon = self.polygon and [(x * a, y * b) for a, b in self.polygon]
+        body = replace(self, aperture=aperture, flange=flange, polygon=polygon, factors=UNCHANGED)
+        return enlarged(lens, self.factors), body
 
     @property
     def shaped(self) -> bool:

@@ -138,7 +138,7 @@ def export(
 
     chord : mm, the error that meshes may have, and grid sags between their points
     body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
-        drawings
+        drawings, factors of all
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -157,6 +157,7 @@ def export(
     require_writable(path)
     require_readers(name)
     try:
+        lens, body = body.enlarged(lens)
         if name in MESHES:
             write, single = MESHES[name]
             mesh = body.mesh(lens, chord, single)

@@ -178,6 +178,13 @@ def _export_options(command: CommandParser) -> None:
     command.option(
         "--mount", "FILE", "mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens"
     )
+    command.add_argument(
+        "--shrinkage",
+        type=float,
+        nargs="+",
+        metavar="PERCENT",
+        help="enlarge by 1 + PERCENT / 100, one number, or three for x, y and z: what shrinks is the design",
+    )
     command.switch("--patches", "one face per patch of same-level cells (step)")
     command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
     command.add_argument(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from optics.base.runtime import Check, UserError
 from optics.exchange.export import (
@@ -29,10 +30,12 @@ from optics.interface.commands.outcome import Outcome
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
+from thbcad.moulds import UNCHANGED, Factors, shrinkage_factors
 from thbcad.outlines import Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
-SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
+# options that change the body
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate", "shrinkage")
 
 
 def export(options: Namespace) -> Outcome:
@@ -49,6 +52,7 @@ def export(options: Namespace) -> Outcome:
         options.patches,
         options.separate,
         _polygon(options.polygon),
+        _factors(options.shrinkage),
     )
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
@@ -56,7 +60,13 @@ def export(options: Namespace) -> Outcome:
         files, checks = run(lens, name, options.out, options.chord, body, labels)
     else:
         files, checks = _mounted(lens, name, options, labels)
-    return reported(options.out, name, files, checks, {"chord_mm": options.chord}, _sizes(files))
+    numbers: dict[str, Any] = {"chord_mm": options.chord}
+    lines = _sizes(files)
+    if options.shrinkage is not None:
+        numbers |= {"shrinkage_percent": options.shrinkage, "factors": body.factors}
+        x, y, z = (f"{factor:.10g}" for factor in body.factors)
+        lines.append(f"enlarged for shrinkage, by {x} in x, {y} in y and {z} in z")
+    return reported(options.out, name, files, checks, numbers, lines)
 
 
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
@@ -129,6 +139,19 @@ def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | Non
         return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
     except ValueError as error:
         raise UserError(f"--polygon: {error}") from None
+
+
+def _factors(percent: Sequence[float] | None) -> Factors:
+    """Return the factors of x, y and z that --shrinkage asks for.
+
+    Raises
+    ------
+    UserError : as `shrinkage_factors`.
+    """
+    try:
+        return UNCHANGED if percent is None else shrinkage_factors(percent)
+    except ValueError as error:
+        raise UserError(f"--shrinkage: {error}") from None
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:
