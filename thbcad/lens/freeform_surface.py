@@ -70,7 +70,6 @@ class FreeformSurface:
         vars(self).update(half_width=h, conic=conic, sag=sag, corners=Outline(h, corners).corners)
 
     def __repr__(self) -> str:
-        a, b = self.half_width
         conic = self.conic
         base = "plane" if conic.is_plane else f"radius {conic.radius:g} mm, K {conic.constant:g}"
         sag = "no sag" if self.sag is None else f"sag of {self.sag.space.dim} coefficients"
