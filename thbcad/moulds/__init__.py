@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from thbcad.moulds.inserts import WORDS as WORDS, Insert as Insert
     from thbcad.moulds.shrinkage import (
         UNCHANGED as UNCHANGED,
         Factors as Factors,

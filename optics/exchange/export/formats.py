@@ -150,6 +150,7 @@ def export(
     for option, asked, allowed in (
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
+        ("--cavity needs", body.cavity is not None, SOLIDS),
         ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:
@@ -256,8 +257,9 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
     if body.patches:
         return files, patch_checks(lens, path, len(part.faces))
     read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
-    checks = solid_checks(lens, read, name, len(part.faces), body.volume(lens))
-    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and body.shaped else checks
+    checks = solid_checks(lens, read, name, len(part.faces), body)
+    walled = body.shaped or body.cavity is not None
+    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and walled else checks
 
 
 def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:

@@ -35,7 +35,7 @@ from thbcad.outlines import Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 # options that change the body
-SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate", "shrinkage")
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate", "shrinkage", "cavity", "back")
 
 
 def export(options: Namespace) -> Outcome:
@@ -53,6 +53,8 @@ def export(options: Namespace) -> Outcome:
         options.separate,
         _polygon(options.polygon),
         _factors(options.shrinkage),
+        options.cavity,
+        options.back,
     )
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)

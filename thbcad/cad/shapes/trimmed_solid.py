@@ -92,14 +92,15 @@ def _closed(builder: BRep_Builder, wall: UprightWall | RuledWall, front: Bounded
 
 def upright_faces(builder: BRep_Builder, lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
     """Return front and rear, trimmed by an upright wall, normals outward."""
-    optical = []
-    for k, surface in enumerate(optical_forms(lens)):
-        height = _level(surface, wall.pieces)
-        rims = outline_rims(lens, k, wall.pieces) if height is None else []
-        ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
-        optical.append((_trimmed(builder, lens, k, wall.pieces, rims, ring), ring))
-    front, rear = optical
-    return front, rear
+    return upright_face(builder, lens, 0, wall), upright_face(builder, lens, 1, wall)
+
+
+def upright_face(builder: BRep_Builder, lens: Lens, k: int, wall: UprightWall) -> Bounded:
+    """Return the front (k = 0) or the rear (k = 1), trimmed by an upright wall, its normal outward."""
+    height = _level(optical_forms(lens)[k], wall.pieces)
+    rims = outline_rims(lens, k, wall.pieces) if height is None else []
+    ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
+    return _trimmed(builder, lens, k, wall.pieces, rims, ring), ring
 
 
 def ruled_faces(builder: BRep_Builder, lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
