@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.checks import Floats, floats, half_widths
+from thbcad.outlines.pieces import LEAST_SIZE, Arc, Line, RimPiece
 
 RELATIVE = 1e-12  # of the half-width: corners that differ by less are alike
+ROUND = 1e-12  # relative: semi-axes that differ by less are those of a circle
 TINY = 1e-300  # what is divided by where it is zero
 
 
@@ -57,6 +59,22 @@ class Outline:
         object.__setattr__(self, "half_width", h)
         object.__setattr__(self, "corners", tuple(float(min(a, b)) for a, b in zip(c, h)))
 
+    @classmethod
+    def ellipse(cls, semi_axes: tuple[float, float]) -> Outline:
+        """Return the outline x^2 / a^2 + y^2 / b^2 = 1, mm.
+
+        Raises
+        ------
+        ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
+        """
+        try:
+            axes = half_widths(semi_axes)
+        except ValueError:
+            raise ValueError(f"semi_axes must be two positive numbers, got {semi_axes}") from None
+        if min(axes) < LEAST_SIZE:
+            raise ValueError(f"semi_axes must be at least {LEAST_SIZE:g} mm, got {axes}")
+        return cls(axes, axes)
+
     @property
     def is_rectangle(self) -> bool:
         """Whether the corners are sharp."""
@@ -68,11 +86,9 @@ class Outline:
         return self.corners == self.half_width
 
     @property
-    def name(self) -> str:
-        """In a word: rectangle, round, ellipse or rounded."""
-        if not self.is_ellipse:
-            return "rectangle" if self.is_rectangle else "rounded"
-        return "round" if self.half_width[0] == self.half_width[1] else "ellipse"
+    def is_circle(self) -> bool:
+        """Whether it is an ellipse of equal semi-axes, but for rounding."""
+        return self.is_ellipse and abs(self.half_width[0] / self.half_width[1] - 1) < ROUND
 
     @property
     def relative_corners(self) -> tuple[float, float]:
@@ -84,6 +100,48 @@ class Outline:
     def area(self) -> float:
         """The area within, mm^2: 4 hx hy - (4 - pi) cx cy."""
         return float(4 * np.prod(self.half_width) - (4 - np.pi) * np.prod(self.corners))
+
+    def text(self, digits: int = 6) -> str:
+        """Return its size in words, mm."""
+        (a, b), (c, d) = [
+            [f"{size:.{digits}g}" for size in pair]
+            for pair in ((2 * h for h in self.half_width), self.corners)
+        ]
+        if self.is_ellipse:
+            return f"diameter {a} mm" if self.is_circle else f"ellipse {a} x {b} mm"
+        corners = "" if self.is_rectangle else f", corners {f'R {c}' if c == d else f'{c} x {d}'} mm"
+        return f"{a} x {b} mm{corners}"
+
+    @property
+    def pieces(self) -> tuple[RimPiece, ...]:
+        """The outline as lines and arcs, counter-clockwise: the sides from that at -y on, each with the
+        corner that follows; an ellipse in two halves from its longer semi-axis on.
+
+        Raises
+        ------
+        ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
+        """
+        (hx, hy), (cx, cy) = self.half_width, self.corners
+        if self.is_ellipse:
+            return tuple(Arc((hx, hy), (k * np.pi, (k + 1) * np.pi), hy > hx) for k in (0, 1))
+        sizes = [a for pair in zip(self.half_width, self.corners) for a in (pair[1], 2 * (pair[0] - pair[1]))]
+        if any(0 < size < LEAST_SIZE for size in sizes):
+            raise ValueError(
+                f"sides and corners of an outline must be at least {LEAST_SIZE:g} mm wide, got the "
+                f"half-widths {self.half_width} with corners of {self.corners} mm"
+            )
+        x, y = hx - cx, hy - cy
+        out: list[RimPiece] = []
+        ends = (((-x, -hy), (x, -hy)), ((hx, -y), (hx, y)), ((x, hy), (-x, hy)), ((-hx, y), (-hx, -y)))
+        for k, (start, stop) in enumerate(ends):
+            if start != stop:
+                out.append(Line(start, stop))
+            if cx:
+                # quarter k begins below the x axis, and upright angles lie a quarter turn behind
+                first = (k - 1 - (cy > cx)) % 4
+                turn = (first * np.pi / 2, (first + 1) * np.pi / 2)
+                out.append(Arc((cx, cy), turn, cy > cx, (x if k in (0, 1) else -x, y if k in (1, 2) else -y)))
+        return tuple(out)
 
     def gauge(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return the factor by which the outline grows until it passes through points, of their shape."""
