@@ -150,8 +150,8 @@ def blocked_rays(
     blocked: DrArray | bool = False
     library, number = backend.dr, partial(backend.dr.opaque, backend.Float)
     for stop in stops:
-        takes = stop.takes(rays.origin, rays.direction, reach, library, number, partial(gauge, backend))
-        blocked = takes if blocked is False else blocked | takes
+        length = stop.distance(rays.origin, rays.direction, library, number, partial(gauge, backend))
+        blocked = length < reach if blocked is False else blocked | (length < reach)
     return blocked
 
 

@@ -29,16 +29,15 @@ class Stop:
     hole: bool = True
     name: str = "a stop"
 
-    def takes(
+    def distance(
         self,
         point: Triple,
         direction: Triple,
-        reach: Any,
         library: ModuleType = np,
         number: Callable[[float], Any] = float,
         gauge: Callable[[Outline, Any, Any], Any] = Outline.gauge,
     ) -> Any:
-        """Return the mask of rays that meet the plate before the path length `reach`, mm.
+        """Return the path lengths after which rays meet the plate, mm; inf of those that do not.
 
         point, direction, library, number : as of `Receiver.land`.  gauge : `Outline.gauge` for these arrays.
         """
@@ -46,10 +45,11 @@ class Stop:
         (x, y, z), (p, q, r) = seen_from(self.pose, point, direction, number)
         along = r == 0  # rays beside the plate
         length = choose(along, -1.0, -z / choose(along, 1.0, r))
-        return self.absorbs(x + length * p, y + length * q, gauge) & (length > 0) & (length < reach)
+        taken = self.absorbs(x + length * p, y + length * q, gauge) & (length > 0)
+        return choose(taken, length, library.inf)
 
     def absorbs(self, x: Any, y: Any, gauge: Callable[[Outline, Any, Any], Any] = Outline.gauge) -> Any:
-        """Return the mask of points of its plane, mm, where there is a plate.  gauge : as of `takes`."""
+        """Return the mask of points of its plane, mm, where there is a plate.  gauge : as of `distance`."""
         shape = gauge(self.outline, x, y) <= 1
         if self.inner is not None:
             shape = shape & (gauge(self.inner, x, y) >= 1)

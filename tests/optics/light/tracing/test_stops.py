@@ -5,9 +5,9 @@ import pytest
 
 import optics
 from optics.light.analysis import cell_irradiance
-from optics.light.tracing import Tracer, flux_by_fate
+from optics.light.tracing import TargetArea, Tracer, flux_by_fate, trace_nonsequential, transmittances
 from optics.scene.problem import Problem
-from optics.scene.sources import single_rays
+from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem, solvable_system
 
 BORDER_CELLS = 2000  # of the finest cells across the source
@@ -108,6 +108,50 @@ def test_rays_with_known_meeting_points_are_blocked_like_all_others():
     assert counts == other_counts
     assert counts["blocked"] > 1000
     assert flux_by_fate(fates) == pytest.approx(flux_by_fate(others), abs=1e-13)
+
+
+def all_ways(scene: OpticalSystem):
+    """Return the result of a trace with all reflections."""
+    rays, area = single_rays(scene.source.rays((31, 29)), scene.lens), (12.0, 12.0)
+    target = TargetArea.of(scene.path(scene.lens), area)
+    result = trace_nonsequential(scene.backend, scene.lens, rays, target, threshold=1e-14)
+    np.testing.assert_allclose(result.by_ray.sum(axis=0), rays.flux, rtol=1e-12)
+    return result
+
+
+def test_light_by_front_and_rear_alone_is_blocked_alike_in_both_traces():
+    stops = (
+        {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
+        {"shape": "ellipse", "half_width": (2, 1), "position": (1, 2, 30), "tilt": (40, 0, 0), "hole": False},
+    )
+    scene = system(*stops, **{"lens.clear_aperture": (7, 3)})
+    result = all_ways(scene)
+    tracer = Tracer(scene.backend, scene.path(scene.lens), scene.source.rays((31, 29)))
+    _, landing = tracer.trace()
+    direct = result.landings.flux[result.direct].sum()
+    assert direct == pytest.approx(tracer.fates(landing, (12, 12)).on_target, abs=1e-13)
+
+
+def test_behind_a_plate_all_that_goes_through_is_blocked_and_before_it_nothing_comes_back():
+    """A plate of glass passes 2 n / (n^2 + 1) with all its reflections, and sends the rest back."""
+    wide = {"shape": "rectangle", "half_width": (20, 20), "hole": False}
+    behind = all_ways(system({**wide, "position": (0, 0, 30)})).fates
+    passed = 3 / (1.5**2 + 1)
+    assert behind.blocked == pytest.approx(passed, abs=1e-12)
+    assert behind.back + behind.reflected_outside == pytest.approx(1 - passed, abs=1e-12)
+    assert all_ways(system({**wide, "position": (0, 0, -5)})).fates.blocked == pytest.approx(1, abs=1e-12)
+
+
+def test_what_the_front_reflects_meets_the_plate_from_behind():
+    scene = system({"shape": "ellipse", "half_width": (9, 9), "position": (0, 0, -3)})
+    target = TargetArea.of(scene.path(scene.lens), (12.0, 12.0))
+    direction = np.array([0.5, 0.0, np.sqrt(0.75)])
+    start = np.array([8.0, 0.0, -3.0]) - direction  # through the hole at 8 mm, and back at 11.5 mm
+    ray = Rays(start[:, None], direction[:, None], np.ones(1))
+    fates = trace_nonsequential(scene.backend, scene.lens, ray, target).fates
+    reflected = 1 - np.mean(transmittances(1.0, 1.5, np.pi / 6))
+    assert fates.reflected_outside == 0
+    assert fates.blocked >= reflected - 1e-12
 
 
 def test_nothing_is_said_of_blocked_light_where_nothing_blocks():
