@@ -66,8 +66,15 @@ class FreeformSurface:
             raise ValueError("the sag must have scalar coefficients")
         if sag is not None and not (sag.space.kv_u.is_clamped and sag.space.kv_v.is_clamped):
             raise ValueError("the sag must have clamped knots")
-        conic.require(h)
-        vars(self).update(half_width=h, conic=conic, sag=sag, corners=Outline(h, corners).corners)
+        outline = Outline(h, corners)
+        try:
+            conic.require(h)
+        except ValueError as error:
+            beyond = (
+                "" if outline.is_rectangle else ": surfaces go on over the whole rectangle round an outline"
+            )
+            raise ValueError(f"{error}{beyond}") from None
+        vars(self).update(half_width=h, conic=conic, sag=sag, corners=outline.corners)
 
     def __repr__(self) -> str:
         conic = self.conic

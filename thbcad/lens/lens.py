@@ -62,7 +62,8 @@ class Lens:
         return lens_card(self)
 
     def least_thickness(self) -> Enclosure:
-        """Return certified bounds of the least distance in z, mm, and its position on the rear.
+        """Return certified bounds of the least distance in z inside the outline, mm, and its position on the
+        rear.
 
         Surfaces of different size are compared between points of equal relative position, as
         the ruled edges join them.  The bounds are those of the splines' difference as float64 holds it: its
@@ -72,7 +73,8 @@ class Lens:
 
     @cached_property
     def _least(self) -> Enclosure:
-        return minimum(gap_graph(*self.graphs(), self.thickness), tolerance=1e-12)
+        gap = gap_graph(*self.graphs(), self.thickness)
+        return minimum(gap, tolerance=1e-12, outline=self.rear.outline)
 
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         """Return front and rear as scalar BSplineSurfaces of the same degrees (elevated where needed).

@@ -86,13 +86,6 @@ class Outline:
         return self.corners == self.half_width
 
     @property
-    def name(self) -> str:
-        """In a word: rectangle, round, ellipse or rounded."""
-        if not self.is_ellipse:
-            return "rectangle" if self.is_rectangle else "rounded"
-        return "round" if self.half_width[0] == self.half_width[1] else "ellipse"
-
-    @property
     def is_circle(self) -> bool:
         """Whether it is an ellipse of equal semi-axes, but for rounding."""
         return self.is_ellipse and abs(self.half_width[0] / self.half_width[1] - 1) < ROUND

@@ -78,7 +78,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     """
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    plane = TargetArea(system.target.receiver, half_width)
+    plane = TargetArea.of(system.path(lens), half_width)
     result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
@@ -154,7 +154,7 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
     """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
-    area, out = TargetArea(system.target.receiver, system.target.settings.half_width), {}
+    area, out = TargetArea.of(system.path(lens), system.target.settings.half_width), {}
     for name, sine in (
         ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
         ("equal steps of the sine", np.linspace(-1, 1, FAN) * np.sin(widest)),

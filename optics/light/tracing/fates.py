@@ -15,6 +15,7 @@ SENTENCES = {
     "on_target": "leaves by the rear and meets the target",
     "off_target": "leaves by the rear and passes beside the target",
     "absorbed": "is absorbed in the lens",
+    "blocked": "is blocked by a stop, or beside the clear aperture",
     "reflected_outside": "is reflected at the front and never enters",
     "edges_on_target": "leaves by an edge and meets the target",
     "edges_off_target": "leaves by an edge and passes beside the target",
@@ -33,6 +34,7 @@ class SequentialFates:
     front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
     on_target, off_target : meets the target rectangle, or its plane beside it.
     absorbed : on the way from front to rear.
+    blocked : by stops on the way, and on front and rear beside their clear apertures.
     """
 
     beside_lens: float
@@ -44,6 +46,7 @@ class SequentialFates:
     on_target: float
     off_target: float
     absorbed: float = 0.0
+    blocked: float = 0.0
 
     @property
     def transmitted(self) -> float:
@@ -75,6 +78,7 @@ class Fates:
     trapped: float
     failed: float
     absorbed: float = 0.0
+    blocked: float = 0.0
 
     @property
     def onto(self) -> float:
@@ -88,8 +92,8 @@ class Fates:
 
 
 def flux_by_fate(fates: SequentialFates | Fates) -> dict[str, float]:
-    """Return the flux by the name of its fate, W; absorbed light only where there is some."""
-    return {name: flux for name, flux in asdict(fates).items() if flux or name != "absorbed"}
+    """Return the flux by the name of its fate, W; absorbed and blocked light only where there is some."""
+    return {name: flux for name, flux in asdict(fates).items() if flux or name not in ("absorbed", "blocked")}
 
 
 FATES = tuple(field.name for field in fields(Fates))

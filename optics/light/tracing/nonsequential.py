@@ -18,25 +18,44 @@ from optics.light.tracing.branches import (
     LEFT,
     NEVER,
     OUTSIDE,
+    REAR,
     UNDECIDED,
     Branches,
     ClosedLens,
+    Meetings,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
+from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens."""
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
+
+    stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    """
 
     receiver: Receiver
     half_width: tuple[float, float]
+    stops: tuple[Stop, ...] = ()
+    clear: Outline | None = None
+
+    @classmethod
+    def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
+        """Return what lies around the lens of a path."""
+        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear)
+
+    @property
+    def blocks(self) -> bool:
+        """Whether anything blocks light."""
+        return bool(self.stops) or self.clear is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +121,10 @@ def trace_nonsequential(
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        if target.blocks:
+            blocked = np.isfinite(_blocked_after(branches, meetings, target))
+            account(branches[blocked], FATES.index("blocked"))
+            branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -180,6 +203,12 @@ def trace_paths(
     fates = ["trapped"] * len(points)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        length = _blocked_after(branches, meetings, target)
+        for k in np.flatnonzero(np.isfinite(length)):
+            ray = branches.ray[k]
+            points[ray].append(branches.origin[:, k] + length[k] * branches.direction[:, k])
+            fates[ray] = "blocked"
+        branches, meetings = branches[np.isinf(length)], meetings[np.isinf(length)]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -197,6 +226,25 @@ def trace_paths(
         if generation == bounces or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
+
+
+def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
+    """Return the path lengths after which branches meet a stop, or a holder; inf of others."""
+    first = np.full(len(branches.ray), np.inf)
+    ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    if target.clear is not None:
+        x, y, _ = meetings.point
+        on = np.isin(meetings.face, (FRONT, REAR))
+        first[on] = np.where(target.clear.contains(x[on], y[on]), np.inf, ahead[on])
+    if target.stops:
+        landed = target.receiver.land(branches.origin, branches.direction)
+        ends = landed.met & (landed.length >= 0) & (not target.receiver.far_field)
+        reach = np.where(meetings.face == NEVER, np.where(ends, landed.length, np.inf), ahead)
+        reach = np.where(branches.inside | (meetings.face == UNDECIDED), 0.0, reach)
+        for stop in target.stops:
+            length = stop.distance(branches.origin, branches.direction)
+            first = np.where(length < reach, np.minimum(first, length), first)
+    return first
 
 
 def _fates(

@@ -110,9 +110,7 @@ def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
 
 def _text(lens: Lens, steeper: dict[str, float]) -> str:
     """Return what stands under the picture."""
-    front, rear = (f"{2 * s.half_width[0]:g} x {2 * s.half_width[1]:g} mm" for s in (lens.front, lens.rear))
-    if not lens.front.outline.is_rectangle:
-        front, rear = (f"{size}, {lens.front.outline.name}" for size in (front, rear))
+    front, rear = (s.outline.text() for s in (lens.front, lens.rear))
     sizes = f"front and rear {front}" if front == rear else f"front {front}, rear {rear}"
     middle = lens.thickness + lens.rear(0, 0) - lens.front(0, 0)
     drawn = [
