@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         require_clear as require_clear,
     )
     from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
+    from thbcad.lens.graph_pieces import segment as segment
     from thbcad.lens.lens import Lens as Lens
     from thbcad.lens.manufacture_bounds import (
         NM_PER_MM as NM_PER_MM,

@@ -10,7 +10,7 @@ from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms, requi
 from thbcad.outlines import LEAST_SIZE, Shape, integral_within
 from thbcad.sags import Conic, PlacedConic
 
-WORDS = ("front", "rear")
+FACES = ("front", "rear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class Insert:
         ValueError : as `require_sound`; another word; a back that is not proven to lie at least 1e-6 mm
             outside of the surface.
         """
-        if word not in WORDS:
+        if word not in FACES:
             raise ValueError(f"an insert must be that of front or rear, got {word!r}")
-        number = WORDS.index(word)
+        number = FACES.index(word)
         least, greatest = value_range(require_sound(lens).graphs()[number])
         farthest, outward = (lens.thickness + greatest.upper, 1) if number else (least.lower, -1)
         if back is None:
