@@ -30,6 +30,7 @@ class BodyOptions:
         land, else the middle between the rims of front and rear
     annulus : whether a flat land joins the smaller surface to the outline of the larger
     land : z of that land, mm; None is the smaller surface's rim, 0.1 mm outside of it where it is not level
+    edge_radius : mm, between the wall and the surfaces that it meets at the body's outline; 0 is sharp
 
     Raises
     ------
@@ -40,9 +41,11 @@ class BodyOptions:
     parting: float | None = None
     annulus: bool = False
     land: float | None = None
+    edge_radius: float = 0.0
 
     def __post_init__(self) -> None:
-        require_number("draft", self.draft, least=0.0, finite=True)
+        for name in ("draft", "edge_radius"):
+            require_number(name, getattr(self, name), least=0.0, finite=True)
         if self.draft > MOST_DRAFT:
             raise ValueError(f"draft must be at most {MOST_DRAFT:g} degrees, got {self.draft:g}")
         for name in ("parting", "land"):
@@ -60,12 +63,14 @@ class MouldedBody:
     walls : below and above the parting line, towards front and rear
     inner : the wall between the land and the smaller surface, whose level is the land; None without land
     small : 0 where the front is the smaller surface, 1 where the rear is; None without land
+    edge_radius : mm, round the rims of the surfaces that meet the outer walls
     """
 
     lens: Lens
     walls: tuple[DraftedWall, DraftedWall]
     inner: DraftedWall | None
     small: int | None
+    edge_radius: float
 
     @classmethod
     def of(cls, lens: Lens, options: BodyOptions, clear: Outline | None = None) -> MouldedBody:
@@ -95,9 +100,11 @@ class MouldedBody:
         if parting is None:
             parting = inner.level if inner is not None else _middle(lens, outline)
         pair = tuple(DraftedWall(outline, float(parting), options.draft, side) for side in (-1, 1))
-        body = cls(lens, (pair[0], pair[1]), inner, small)
+        body = cls(lens, (pair[0], pair[1]), inner, small, options.edge_radius)
         body._require_parting()
         body._require_glass()
+        if body.edge_radius:
+            body._require_radius()
         if clear is not None:
             body.require_clear(clear)
         return body
@@ -148,16 +155,55 @@ class MouldedBody:
         frustum = abs(land - self.parting) * (areas[0] + 4 * areas[1] + areas[2]) / 6
         return frustum + held[1] - held[0]
 
-    def require_clear(self, clear: Outline, margin: float = 0.0) -> None:
-        """Raise ValueError unless the rims are proven to lie around an outline, at least a margin in mm away.
+    @property
+    def rounded(self) -> tuple[int, ...]:
+        """Which of front (0) and rear (1) meet the outer wall in an edge that is rounded."""
+        return tuple(k for k in (0, 1) if self.edge_radius and k != self.small)
 
-        Of two convex outlines one lies within the other where its support function is nowhere greater.  That
-        of half-widths h and corners c is |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
+    def _radius_reach(self, number: int) -> tuple[float, float]:
+        """Return bounds of how far a rounded edge reaches in from the wall, and down it from the rim, mm.
+
+        A ball of radius r that rolls along wall and surface, of draft d and slopes up to tan(s), touches the
+        surface at most a = r (1 / cos d + sin s) from the wall, where it is at most a tan(s) lower than its
+        rim; it touches the wall at most r + a tan(s) below the rim.
         """
-        for word, wall, inset in zip(FACES, (self.wall(0), self.wall(1)), self.least_inset):
-            depth = inset + margin
-            held = wall.outline if not depth else wall.outline.inset(depth)
-            if _least_support(held, clear) < 0:
+        surface, graph = (self.lens.front, self.lens.rear)[number], self.lens.graphs()[number]
+        slope = greatest_slope(graph, ROUGH, surface.outline).upper
+        draft, radius = np.radians(self.walls[0].draft), self.edge_radius
+        across = radius * (1 / np.cos(draft) + np.sin(np.arctan(slope)))
+        return float(across * (1 + np.tan(draft) * slope)), float(radius + across * slope)
+
+    def _require_radius(self) -> None:
+        """Raise ValueError where a rounded edge is not proven to fit between its rim and the next edge."""
+        if self.outline.is_rectangle:
+            raise ValueError(
+                "edge_radius needs an outline without sharp corners, where OCCT's roundings meet within "
+                '1e-6 mm: take lens.outline = "rounded" or edge_radius 0'
+            )
+        rims = [self.feet[k].heights[1 - k] for k in (0, 1)]
+        ends = [self.inner.level if self.inner is not None and self.small == k else rims[k] for k in (0, 1)]
+        if self.walls[0].draft:
+            rooms = [abs(end - self.parting) for end in ends]
+        else:
+            rooms = [abs(ends[1] - ends[0]) / max(1, len(self.rounded))] * 2
+        for k in self.rounded:
+            needed = self._radius_reach(k)[1]
+            if needed > rooms[k]:
+                raise ValueError(
+                    f"edge_radius = {self.edge_radius:g} mm needs up to {needed:.6g} mm of the wall at the "
+                    f"{FACES[k]}, which has {rooms[k]:.6g} mm; make it smaller"
+                )
+
+    def require_clear(self, clear: Outline) -> None:
+        """Raise ValueError unless walls and rounded edges are proven to lie around an outline.
+
+        Of two convex outlines one lies a depth within the other where its support function is everywhere less
+        by that depth.  That of half-widths h and corners c is |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
+        """
+        for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
+            wall = self.wall(number)
+            depth = inset + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
+            if _least_support(wall.outline, clear) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
                     f"aperture of half-widths {clear.half_width} mm; make lens.body.draft or edge_radius "

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.Standard import Standard_Failure
+from OCP.StdFail import StdFail_NotDone
+from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import form_of
@@ -14,6 +23,11 @@ from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.trimmed_solid import trimmed_face, upright_face
 from thbcad.cad.shapes.walls import UprightWall
 from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
+
+# of OCCT's roundings: least angle between faces, then mm of spine, traces and splines in space and in the
+# plane, and how far a chord of the spine may lie beside it
+FILLET = (1e-2, 1e-4, 1e-5, 1e-8, 1e-8, 1e-3)
+MOST_TOLERANCE = 1e-6  # mm
 
 
 def insert_part(insert: Insert) -> Part:
@@ -57,7 +71,45 @@ def moulded_part(body: MouldedBody) -> Part:
         faces += added
         names += ["land", *(f"step {k + 1}" for k in range(len(added) - 1))]
     edges = _edges(builder, body, rings)
-    return closed_part((*names, *(f"edge {k + 1}" for k in range(len(edges)))), (*faces, *edges))
+    sharp = closed_part((*names, *(f"edge {k + 1}" for k in range(len(edges)))), (*faces, *edges))
+    return _rounded(sharp, body, [edge for k in body.rounded for edge in rings[k].edges])
+
+
+def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
+    """Return a part with rounded edges; front and rear keep their surfaces.
+
+    Raises
+    ------
+    ValueError : OCCT makes no sound solid within 1e-6 mm.
+    """
+    if not edges:
+        return sharp
+    fillets = BRepFilletAPI_MakeFillet(sharp.solid)
+    fillets.SetParams(*FILLET)
+    for edge in edges:
+        fillets.Add(body.edge_radius, TopoDS.Edge_s(edge))
+    with suppress(StdFail_NotDone, Standard_Failure):
+        fillets.Build()
+    if not fillets.IsDone():
+        raise ValueError(f"OCCT cannot round the edges by {body.edge_radius:g} mm; make edge_radius smaller")
+    solids = TopExp_Explorer(fillets.Shape(), TopAbs_SOLID)
+    solid = TopoDS.Solid_s(solids.Current())
+    off = ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
+    if not BRepCheck_Analyzer(solid).IsValid() or off > MOST_TOLERANCE:
+        raise ValueError(
+            f"OCCT rounds the edges by {body.edge_radius:g} mm only within {off:.3g} mm; change edge_radius"
+        )
+    names: list[str] = []
+    faces: list[TopoDS_Face] = []
+    for name, face in zip(sharp.names, sharp.faces):
+        kept = list(fillets.Modified(face)) or [face]
+        names += [name] * len(kept)
+        faces += map(TopoDS.Face_s, kept)
+    made: list[TopoDS_Face] = []
+    for face in (TopoDS.Face_s(face) for edge in edges for face in fillets.Generated(edge)):
+        if not any(face.IsSame(other) for other in made):
+            made.append(face)
+    return Part(solid, (*names, *(f"radius {k + 1}" for k in range(len(made)))), (*faces, *made))
 
 
 def _edges(builder: BRep_Builder, body: MouldedBody, rings: list[Ring]) -> list[TopoDS_Face]:

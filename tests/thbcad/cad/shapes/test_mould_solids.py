@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from tests.thbcad.cad.shapes.cases import rough, same_bits
-from thbcad.cad.exchange import SolidState, optical_form, part_step
+from thbcad.cad.exchange import SolidState, optical_form, part_step, read_step
 from thbcad.cad.shapes import moulded_part
 from thbcad.io import brep_of_text, volume
 from thbcad.lens import FreeformSurface, Lens, Product, optical_forms
@@ -119,3 +120,59 @@ def test_a_draft_that_eats_the_clear_aperture_is_refused():
     assert inset == pytest.approx(0.1515, abs=1e-4)
     with pytest.raises(ValueError, match="eats the clear aperture"):
         MouldedBody.of(lens, options, Outline((9.85,) * 2, (9.85,) * 2))
+
+
+ROUNDED = {
+    "round, freeform": BodyOptions(3, edge_radius=0.3),
+    "rounded": BodyOptions(5, 3, edge_radius=0.3),
+    "ellipse": BodyOptions(edge_radius=0.4),
+    "drafted dome": BodyOptions(2, annulus=True, edge_radius=0.3),
+}
+
+
+@pytest.mark.parametrize("name", ROUNDED)
+def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear(name, tmp_path):
+    """In the file, read by build123d: arcs across every rounding through three points to 1e-6 mm, and every
+    point beyond the aperture; front and rear have the same numbers as before."""
+    lens, options = BODIES[name][0], ROUNDED[name]
+    body = MouldedBody.of(lens, options)
+    clear = body.lens.front.outline.scaled([0.92 * h for h in lens.front.half_width])
+    body.require_clear(clear)
+    part = moulded_part(body)
+    for face, form in zip(part.faces, optical_forms(lens)):
+        assert same_bits(optical_form(face), form)
+    (tmp_path / "body.step").write_bytes(part_step(part, Product(), "AP242"))
+    solid = build123d.import_step(str(tmp_path / "body.step"))
+    state, names = SolidState(solid.wrapped), read_step(tmp_path / "body.step").face_names
+    assert (state.valid, state.closed, state.free_edges, state.faces) == (True, True, 0, len(part.faces))
+    assert state.tolerance <= 1e-6
+    rounded = [face for face, name in zip(solid.faces(), names) if name.startswith("radius")]
+    assert len(rounded) == sum(len(rim.pieces) for k, rim in enumerate(body.feet) if k in body.rounded)
+    for face in rounded:
+        adaptor = BRepAdaptor_Surface(face.wrapped)
+        u = np.linspace(adaptor.FirstUParameter(), adaptor.LastUParameter(), 3)
+        v = np.linspace(adaptor.FirstVParameter(), adaptor.LastVParameter(), 9)
+        points = np.array([[adaptor.Value(a, b).Coord() for b in v] for a in u])
+        a, b, c = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=2)
+        across = np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0]), axis=1)
+        assert a * b * c / (2 * across) == pytest.approx(options.edge_radius, abs=1e-6)
+        assert not clear.contains(*points[..., :2].T).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("rectangle", {"edge_radius": 0.3}, "without sharp corners"),
+        ("round", {"edge_radius": 3}, "of the wall at the front, which has"),
+        ("round", {"edge_radius": -1}, "edge_radius must be"),
+    ],
+)
+def test_a_radius_that_cannot_be_is_refused_in_a_sentence(name, options, words):
+    with pytest.raises(ValueError, match=words):
+        MouldedBody.of(BODIES[name][0], BodyOptions(**options))
+
+
+def test_a_radius_that_comes_near_the_clear_aperture_is_refused():
+    lens = BODIES["round"][0]
+    with pytest.raises(ValueError, match="eats the clear aperture"):
+        MouldedBody.of(lens, BodyOptions(edge_radius=0.5), Outline((9.6,) * 2, (9.6,) * 2))
