@@ -139,7 +139,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     plane = TargetArea(target.receiver, target.settings.half_width)
     if target.far_field:
         plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
-    return trace_paths(backend, lens, rays, plane)
+    return trace_paths(backend, lens, rays, plane, absorbing_wall=system.absorbing_wall)
 
 
 def with_far_rays(lens: Array) -> Array:

@@ -12,6 +12,7 @@ from optics.scene.problem.toml_records import AUTO, option
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
+WALLS = ("polished", "absorbing")
 OUTLINES = ("rectangle", "round", "ellipse", "rounded")
 LEAST_FLUX = 1e-12  # of source.unit
 SUN = 0.2665  # degrees: the mean half-angle of its disk
@@ -280,6 +281,9 @@ class LensSpec:
         low=0,
         high=LONGEST,
         note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
+    )
+    wall: str = option(
+        "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
     front: Front = option()
     rear: Rear = option()
