@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
+    EDGE,
     FRONT,
     LEFT,
     NEVER,
@@ -101,6 +102,7 @@ def trace_nonsequential(
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
+    absorbing_wall: bool = False,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -109,6 +111,7 @@ def trace_nonsequential(
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    absorbing_wall : light that meets an edge ends there, in the fate `blocked`; else edges are polished.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -141,8 +144,11 @@ def trace_nonsequential(
             kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
             account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
             branches = replace(branches, flux=branches.flux * kept)
+        stopped = absorbing_wall & (meetings.face == EDGE)
+        account(branches[stopped], FATES.index("blocked"))
         refracted, reflected = split(branches, meetings)
-        branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
+        onward = ~(leaving | stopped)
+        branches = refracted[onward & (meetings.transmittance > 0)] + reflected[onward]
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
@@ -157,25 +163,29 @@ def trace_nonsequential(
     return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
 
 
-def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) -> Branches:
+def seen_branches(
+    backend: Backend, lens: Lens, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
-    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped.
+    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
+    so is what meets an absorbing wall.
     """
     require_rays(rays)
     solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        onward = ~(leaving | (absorbing_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])
         if not generation:
-            gone.append(reflected[~leaving])
-        branches = refracted[~leaving & passes]
+            gone.append(reflected[onward])
+        branches = refracted[onward & passes]
         if generation:
-            branches = branches + reflected[~leaving & ~passes]
+            branches = branches + reflected[onward & ~passes]
         if not len(branches.ray):
             break
     return sum(gone[1:], start=gone[0])
@@ -190,12 +200,17 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
+    backend: Backend,
+    lens: Lens,
+    rays: Rays,
+    target: TargetArea,
+    bounces: int = 64,
+    absorbing_wall: bool = False,
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them.
+    last face, or on that face after `bounces` of them or where it absorbs.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
@@ -220,9 +235,12 @@ def trace_paths(
             fates[ray] = FATES[which]
         for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
             points[ray].append(point)
+        stopped = absorbing_wall & (meetings.face == EDGE)
+        for ray in branches.ray[stopped]:
+            fates[ray] = "blocked"
         refracted, reflected = split(branches, meetings)
-        passes = meetings.transmittance >= 0.5
-        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
+        onward, passes = ~(leaving | stopped), meetings.transmittance >= 0.5
+        branches = refracted[onward & passes] + reflected[onward & ~passes]
         if generation == bounces or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]

@@ -162,6 +162,11 @@ class OpticalSystem:
         return absorption_at(self.problem, self.problem.source.wavelength)
 
     @property
+    def absorbing_wall(self) -> bool:
+        """Whether light that meets an edge of the lens ends there."""
+        return self.problem.lens.wall == "absorbing"
+
+    @property
     def spectral(self) -> bool:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
