@@ -1,10 +1,11 @@
-"""Rays and conics of revolution in closed form, for the independent tracer."""
+"""Rays and conics of revolution in closed form, and the curves round faces, for the independent tracer."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 
 Floats = NDArray[np.float64]
@@ -13,6 +14,9 @@ Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towa
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
 ROOM = 1e-3  # of the width, above and below the face
 UP = np.array([0.0, 0.0, 1.0])
+TINY = 1e-300
+SAMPLES = 257  # of an edge of a rim
+NEWTON_STEPS = 6  # from the nearest of them: more than double precision needs
 
 
 class ConicFace:
@@ -96,6 +100,43 @@ class ConicFace:
         here = points + enters[:, None] * directions
         behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
         return behind
+
+
+class FaceRim:
+    """The outer loop of a face in the text of a STEP file, which goes round the axis once.
+
+    The direction from the axis to a point (x, y) meets it where x Y(t) - y X(t) = 0.
+    """
+
+    def __init__(self, solid: Brep, face: BrepFace) -> None:
+        numbers = {number for number, _ in face.loops[0]}
+        edges = [edge for edge in solid.edges if edge.number in numbers]
+        self._edges = [(edge, span) for edge in edges if (span := edge_span(edge)) is not None]
+        spans = [np.linspace(*span, SAMPLES) for _, span in self._edges]
+        points = np.concatenate([edge.points(t)[:, :2] for (edge, _), t in zip(self._edges, spans)])
+        angles = np.arctan2(points[:, 1], points[:, 0])
+        order = np.argsort(angles)
+        self._angles, self._t = angles[order], np.concatenate(spans)[order]
+        self._owner = np.repeat(np.arange(len(spans)), SAMPLES)[order]
+        self._slack = MEETS * float(np.ptp(points[:, 0]))
+
+    def holds(self, points: Floats) -> NDArray[np.bool_]:
+        """Return which points, (n, 2), lie within the curve or on it."""
+        at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
+        reach = np.zeros(len(points))
+        for number, (edge, span) in enumerate(self._edges):
+            for near in (at, at - 1):  # on either side of a corner another edge may be the one that is met
+                own = self._owner[near] == number
+                t, (x, y) = self._t[near[own]], points[own].T
+                for _ in range(NEWTON_STEPS):
+                    (a, b), (c, d) = edge.points(t)[:, :2].T, edge.points(t, 1)[:, :2].T
+                    rate = x * d - y * c
+                    t = np.clip(t - (x * b - y * a) / np.where(rate == 0, np.inf, rate), min(span), max(span))
+                a, b = edge.points(t)[:, :2].T
+                # how far out the point of the edge lies in the direction of (x, y)
+                reach[own] = np.maximum(reach[own], (a * x + b * y) / np.maximum(np.hypot(x, y), TINY))
+        inside: NDArray[np.bool_] = np.hypot(*points.T) <= reach + self._slack
+        return inside
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

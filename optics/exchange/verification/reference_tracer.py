@@ -7,6 +7,7 @@ conics in closed form, and refraction uses the vector form of Snell's law.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from optics.base.runtime import NumericalError
-from optics.exchange.verification.conic_face import MEETS, ROOM, ConicFace, Floats, Meetings
+from optics.exchange.verification.conic_face import MEETS, ROOM, ConicFace, FaceRim, Floats, Meetings
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver, Screen
 from thbcad.lens import OpticalForm
@@ -159,16 +160,20 @@ def trace_step(
     flux: ArrayLike,
     index: float,
     target: Receiver,
+    rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
     """Trace rays through the two faces of a STEP file to a target.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
+    rims : of front and rear, where the faces do not fill their rectangles.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
     points = origins
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
-    for surface, eta in ((step.front, 1 / index), (step.rear, index)):
+    for k, (surface, eta) in enumerate(((step.front, 1 / index), (step.rear, index))):
         points, normals, met = _meet(surface, points, directions)
+        if rims:
+            met = met & rims[k].holds(points[:, :2])
         directions, transmittance = _refract(directions, normals, eta)
         weight *= np.where(met, transmittance, 0.0)
     landing, meets = last_step(points, directions, target)
