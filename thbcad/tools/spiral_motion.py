@@ -22,9 +22,11 @@ from math import hypot, pi, sqrt
 import numpy as np
 
 from thbcad.checks import Floats, require_number
+from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+RIM = 1001  # points of a corner, by which its farthest one is known
 SECONDS = 60.0  # of a minute
 MINUTES = 60.0  # of an hour
 
@@ -91,7 +93,7 @@ def tool_acceleration(at: RoundAxis, nose: float, advance: float) -> Floats:
 
 @dataclass(frozen=True)
 class SpiralCut:
-    """A spiral from the rim of a rectangle or from outside to the axis.
+    """A spiral from the rim of an outline or from outside to the axis.
 
     feed : mm for each revolution.  radius : mm, where the spiral begins.
 
@@ -108,9 +110,13 @@ class SpiralCut:
             require_number(name, getattr(self, name), above=0, finite=True)
 
     @classmethod
-    def over(cls, half_width: tuple[float, float], feed: float) -> SpiralCut:
-        """Return the spiral that covers a rectangle up to its corners."""
-        return cls(feed, hypot(*half_width))
+    def over(cls, outline: Outline, feed: float) -> SpiralCut:
+        """Return the spiral that covers an outline up to the farthest point of its rim."""
+        if outline.is_rectangle:
+            return cls(feed, hypot(*outline.half_width))
+        turn = np.linspace(0, pi / 2, RIM)
+        x, y = (h - c + c * f(turn) for h, c, f in zip(outline.half_width, outline.corners, (np.cos, np.sin)))
+        return cls(feed, float(np.hypot(x, y).max()))
 
     @property
     def advance(self) -> float:
