@@ -21,6 +21,7 @@ SENTENCES = {
     "front_on_target": "leaves by the front and meets the target",
     "front_off_target": "leaves by the front and passes beside the target",
     "back": "leaves and never reaches the target plane",
+    "blocked": "is blocked by a stop or a wall, or beside the clear aperture",
     "trapped": "falls below the threshold, or meets too many faces",
     "failed": "is lost: no face was found in glass, or none was certain to be the first",
 }
@@ -33,6 +34,7 @@ class SequentialFates:
     front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
     on_target, off_target : meets the target rectangle, or its plane beside it.
     absorbed : on the way from front to rear.
+    blocked : by stops on the way, and on front and rear beside their clear apertures.
     """
 
     beside_lens: float
@@ -44,6 +46,7 @@ class SequentialFates:
     on_target: float
     off_target: float
     absorbed: float = 0.0
+    blocked: float = 0.0
 
     @property
     def transmitted(self) -> float:
@@ -61,7 +64,10 @@ class SequentialFates:
 
 @dataclass(frozen=True)
 class Fates:
-    """The source flux by fate, W, with all reflections at all six faces; the fates sum to the source flux."""
+    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux.
+
+    blocked : by stops, beside clear apertures, and by absorbing walls.
+    """
 
     beside_lens: float
     reflected_outside: float
@@ -75,6 +81,7 @@ class Fates:
     trapped: float
     failed: float
     absorbed: float = 0.0
+    blocked: float = 0.0
 
     @property
     def onto(self) -> float:
@@ -88,8 +95,8 @@ class Fates:
 
 
 def flux_by_fate(fates: SequentialFates | Fates) -> dict[str, float]:
-    """Return the flux by the name of its fate, W; absorbed light only where there is some."""
-    return {name: flux for name, flux in asdict(fates).items() if flux or name != "absorbed"}
+    """Return the flux by the name of its fate, W; absorbed and blocked light only where there is some."""
+    return {name: flux for name, flux in asdict(fates).items() if flux or name not in ("absorbed", "blocked")}
 
 
 FATES = tuple(field.name for field in fields(Fates))

@@ -14,29 +14,49 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
+    EDGE,
     FRONT,
     LEFT,
     NEVER,
     OUTSIDE,
+    REAR,
     UNDECIDED,
     Branches,
     ClosedLens,
+    Meetings,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
+from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens."""
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
+
+    stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    """
 
     receiver: Receiver
     half_width: tuple[float, float]
+    stops: tuple[Stop, ...] = ()
+    clear: Outline | None = None
+
+    @classmethod
+    def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
+        """Return what lies around the lens of a path."""
+        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear)
+
+    @property
+    def blocks(self) -> bool:
+        """Whether anything blocks light."""
+        return bool(self.stops) or self.clear is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +102,7 @@ def trace_nonsequential(
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
+    absorbing_wall: bool = False,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -90,6 +111,7 @@ def trace_nonsequential(
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    absorbing_wall : light that meets an edge ends there, in the fate `blocked`; else edges are polished.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -102,6 +124,10 @@ def trace_nonsequential(
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        if target.blocks:
+            blocked = np.isfinite(_blocked_after(branches, meetings, target))
+            account(branches[blocked], FATES.index("blocked"))
+            branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -118,8 +144,11 @@ def trace_nonsequential(
             kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
             account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
             branches = replace(branches, flux=branches.flux * kept)
+        stopped = absorbing_wall & (meetings.face == EDGE)
+        account(branches[stopped], FATES.index("blocked"))
         refracted, reflected = split(branches, meetings)
-        branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
+        onward = ~(leaving | stopped)
+        branches = refracted[onward & (meetings.transmittance > 0)] + reflected[onward]
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
@@ -134,25 +163,29 @@ def trace_nonsequential(
     return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
 
 
-def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) -> Branches:
+def seen_branches(
+    backend: Backend, lens: Lens, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
-    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped.
+    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
+    so is what meets an absorbing wall.
     """
     require_rays(rays)
     solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        onward = ~(leaving | (absorbing_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])
         if not generation:
-            gone.append(reflected[~leaving])
-        branches = refracted[~leaving & passes]
+            gone.append(reflected[onward])
+        branches = refracted[onward & passes]
         if generation:
-            branches = branches + reflected[~leaving & ~passes]
+            branches = branches + reflected[onward & ~passes]
         if not len(branches.ray):
             break
     return sum(gone[1:], start=gone[0])
@@ -167,12 +200,17 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
+    backend: Backend,
+    lens: Lens,
+    rays: Rays,
+    target: TargetArea,
+    bounces: int = 64,
+    absorbing_wall: bool = False,
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them.
+    last face, or on that face after `bounces` of them or where it absorbs.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
@@ -180,6 +218,12 @@ def trace_paths(
     fates = ["trapped"] * len(points)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        length = _blocked_after(branches, meetings, target)
+        for k in np.flatnonzero(np.isfinite(length)):
+            ray = branches.ray[k]
+            points[ray].append(branches.origin[:, k] + length[k] * branches.direction[:, k])
+            fates[ray] = "blocked"
+        branches, meetings = branches[np.isinf(length)], meetings[np.isinf(length)]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -191,12 +235,34 @@ def trace_paths(
             fates[ray] = FATES[which]
         for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
             points[ray].append(point)
+        stopped = absorbing_wall & (meetings.face == EDGE)
+        for ray in branches.ray[stopped]:
+            fates[ray] = "blocked"
         refracted, reflected = split(branches, meetings)
-        passes = meetings.transmittance >= 0.5
-        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
+        onward, passes = ~(leaving | stopped), meetings.transmittance >= 0.5
+        branches = refracted[onward & passes] + reflected[onward & ~passes]
         if generation == bounces or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
+
+
+def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
+    """Return the path lengths after which branches meet a stop, or a holder; inf of others."""
+    first = np.full(len(branches.ray), np.inf)
+    ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    if target.clear is not None:
+        x, y, _ = meetings.point
+        on = np.isin(meetings.face, (FRONT, REAR))
+        first[on] = np.where(target.clear.contains(x[on], y[on]), np.inf, ahead[on])
+    if target.stops:
+        landed = target.receiver.land(branches.origin, branches.direction)
+        ends = landed.met & (landed.length >= 0) & (not target.receiver.far_field)
+        reach = np.where(meetings.face == NEVER, np.where(ends, landed.length, np.inf), ahead)
+        reach = np.where(branches.inside | (meetings.face == UNDECIDED), 0.0, reach)
+        for stop in target.stops:
+            length = stop.distance(branches.origin, branches.direction)
+            first = np.where(length < reach, np.minimum(first, length), first)
+    return first
 
 
 def _fates(
