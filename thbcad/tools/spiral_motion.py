@@ -22,7 +22,6 @@ from math import hypot, pi, sqrt
 import numpy as np
 
 from thbcad.checks import Floats, require_number
-from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -110,12 +109,15 @@ class SpiralCut:
             require_number(name, getattr(self, name), above=0, finite=True)
 
     @classmethod
-    def over(cls, outline: Outline, feed: float) -> SpiralCut:
-        """Return the spiral that covers an outline up to the farthest point of its rim."""
-        if outline.is_rectangle:
-            return cls(feed, hypot(*outline.half_width))
+    def over(
+        cls, half_width: tuple[float, float], feed: float, corners: tuple[float, float] = (0.0, 0.0)
+    ) -> SpiralCut:
+        """Return the spiral that covers a rectangle, or an outline with these corners, up to the farthest
+        point of its rim."""
+        if not any(corners):
+            return cls(feed, hypot(*half_width))
         turn = np.linspace(0, pi / 2, RIM)
-        x, y = (h - c + c * f(turn) for h, c, f in zip(outline.half_width, outline.corners, (np.cos, np.sin)))
+        x, y = (h - c + c * f(turn) for h, c, f in zip(half_width, corners, (np.cos, np.sin)))
         return cls(feed, float(np.hypot(x, y).max()))
 
     @property

@@ -219,7 +219,7 @@ def row_cut(graph: BSplineSurface, outline: Outline, order: ToolOrder, step: flo
 
 def spiral_motion(graph: BSplineSurface, outline: Outline, nose: float, feed: float) -> SpiralMotion:
     """Return the motion of a nose that fits, on a spiral with a feed for each revolution, mm."""
-    cut, disk = SpiralCut.over(outline, feed), _turned(outline)
+    cut, disk = SpiralCut.over(outline.half_width, feed, outline.corners), _turned(outline)
     kernel = greatest_acceleration(graph, nose, cut.advance, outline=disk)
     # the least clearance angle: the arctangent of the greatest slope along the cut, degrees
     slope = greatest_slope_along_cut(graph, outline=disk)

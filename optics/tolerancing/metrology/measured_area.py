@@ -60,7 +60,8 @@ def measured_light(points: Floats, lit: LandingResponse, outline: Outline) -> fl
 
 def _beyond(outline: Outline, axis: int, end: float) -> float:
     """Return the area of an outline beyond a line across x (0) or y (1), mm^2."""
-    sides = [np.array([-h, h]) for h in outline.half_width]
-    sides[axis][0] = end
+    high = np.array(outline.half_width)
+    low = -high
+    low[axis] = end
     area = 2 * outline.half_width[1 - axis] * (outline.half_width[axis] - end)
-    return area * float(outline.shares(sides[0], sides[1], FINE)[0, 0])
+    return area * float(outline.shares((low[:1], low[1:]), (high[:1], high[1:]), FINE)[0])

@@ -184,13 +184,13 @@ def test_over_a_disk_the_bounds_are_those_of_its_points():
         assert disk.contains(found.u, found.v)
     tilted = greatest_slope_along_cut(plane(0.3, -0.4), outline=disk)
     assert tilted.lower <= 0.5 <= tilted.upper
-    assert SpiralCut.over(disk, 0.01).radius == pytest.approx(5.0, rel=1e-15)
-    rounded = Outline((5.0, 4.0), (1.0, 1.0))
-    assert SpiralCut.over(rounded, 0.01).radius == pytest.approx(np.hypot(4.0, 3.0) + 1.0, rel=1e-6)
+    assert SpiralCut.over((5.0, 5.0), 0.01, (5.0, 5.0)).radius == pytest.approx(5.0, rel=1e-15)
+    rounded = SpiralCut.over((5.0, 4.0), 0.01, (1.0, 1.0))
+    assert rounded.radius == pytest.approx(np.hypot(4.0, 3.0) + 1.0, rel=1e-6)
 
 
 def test_a_spiral_takes_its_radius_over_the_feed_turns():
-    cut = SpiralCut.over(Outline((3.0, 4.0)), 0.01)
+    cut = SpiralCut.over((3.0, 4.0), 0.01)
     assert (cut.radius, cut.turns) == (5.0, 500.0)
     assert cut.hours(100.0) == pytest.approx(500 / 100 / 60)
     rho = np.linspace(0, 5, 200001)
