@@ -8,6 +8,8 @@ from thbcad.checks import Floats
 from thbcad.outlines.rounded_rectangle import Outline
 from thbcad.splines import gauss_rule
 
+TURNS = np.linspace(0, np.pi / 2, 9)  # of a corner: a rule of 6 nodes on each errs by less than 1e-12
+
 
 def area_rule(outline: Outline, x: Floats, y: Floats, count: int) -> tuple[Floats, Floats, Floats]:
     """Return points and weights, (n,) each, of Gauss rules of `count` nodes each way on all pieces inside.
@@ -22,7 +24,7 @@ def area_rule(outline: Outline, x: Floats, y: Floats, count: int) -> tuple[Float
     beside = inner[abs(inner) > hy - cy]
     turned = np.arccos(np.clip((abs(beside) - (hy - cy)) / cy, 0, 1)) if cy else np.empty(0)
     lines = abs(x[(abs(x) > straight) & (abs(x) < hx)])
-    ends = np.unique(np.r_[0.0, np.arcsin((lines - straight) / cx), turned, np.pi / 2]) if cx else np.zeros(1)
+    ends = np.unique(np.r_[TURNS, np.arcsin((lines - straight) / cx), turned]) if cx else np.zeros(1)
     t, weights = gauss_rule(ends, count)
     places, tops, sizes = [straight + cx * np.sin(t)], [hy - cy + cy * np.cos(t)], [weights * cx * np.cos(t)]
     places, tops, sizes = [*places, -places[0]], tops * 2, sizes * 2

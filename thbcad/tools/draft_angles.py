@@ -40,7 +40,11 @@ def draft(lens: Lens) -> Draft:
     A wall between rims of equal size is parallel to the pull: its draft is 0.  Otherwise a wall leans, and
     leaves a mould that opens towards the smaller rim.
     """
-    front, rear = (_least_draft(greatest_slope(graph, ANGLES)) for graph in lens.own_graphs())
+    outlines = lens.front.outline, lens.rear.outline
+    front, rear = (
+        _least_draft(greatest_slope(graph, ANGLES, outline))
+        for graph, outline in zip(lens.own_graphs(), outlines)
+    )
     return Draft(front, rear, tuple(_walls(lens)))
 
 

@@ -372,7 +372,8 @@ def test_metrics_of_a_round_lens_are_those_of_its_disk():
     paraboloid, 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1)."""
     r, disk = 30.0, (30.0, 30.0)
     flat, bowl = FreeformSurface(disk, corners=disk), FreeformSurface(disk, Conic(-100.0, -1.0), None, disk)
-    made = manufacturability(Lens(flat, bowl, 8.0, 1.5))
+    made = manufacturability(Lens(flat, bowl, 8.0, 1.5), density=1.2)
+    assert made.mass == pytest.approx(1.2e-3 * np.pi * (8 * r**2 - r**4 / 400), rel=1e-12)
     for found in (made.thickness, made.edge_thickness):
         assert found.lower <= 3.5 <= found.upper < 3.5 + 1e-9
     assert made.greatest_thickness.value == pytest.approx(8.0, abs=1e-12)
