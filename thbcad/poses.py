@@ -146,6 +146,13 @@ class Pose(Value):
         return not self.rotates and not self.shift.any()
 
     @property
+    def mirror_axes(self) -> tuple[int, ...]:
+        """Directions (0 for x, 1 for y) in which a body is its own mirror image that is so in its frame."""
+        turns = [np.diag([-1.0 if a == axis else 1.0 for a in range(3)]) for axis in (0, 1)]
+        same = [np.array_equal(m @ self.rotation @ m, self.rotation) for m in turns]
+        return tuple(axis for axis in (0, 1) if same[axis] and not self.shift[axis])
+
+    @property
     def rotation_vector(self) -> Floats:
         """The axis of the rotation, right-handed, times its angle, (3,) rad."""
         from scipy.spatial.transform import Rotation

@@ -6,7 +6,7 @@ import re
 from dataclasses import MISSING
 from typing import Any, get_args
 
-from optics.scene.problem import AUTO, Key, Problem, keys_of, table_of
+from optics.scene.problem import AUTO, Key, Problem, keys_of, lists_tables, table_of
 
 MARK = "<!-- keys -->"
 UNIT = re.compile(
@@ -29,7 +29,8 @@ def keys_text() -> str:
     top = _table([key for key in keys if "." not in key.name and not table_of(key.hint)])
     parts = ["## The file itself", top]
     for table in tables:
-        parts.append(f"## [{table.name}] " + "{#" + table.name + "}")
+        head = f"[[{table.name}]]" if lists_tables(table.hint) else f"[{table.name}]"
+        parts.append(f"## {head} " + "{#" + table.name + "}")
         parts.append(_sentence(table.limits["note"]))
         here = first[table_of(table.hint)]
         if here == table.name:

@@ -6,11 +6,9 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.certified.bernstein_cells import (
-        Cells as Cells,
         Orders as Orders,
         bernstein as bernstein,
         cell_bounds as cell_bounds,
-        rounding as rounding,
         tensor_form as tensor_form,
     )
     from thbcad.certified.convex_regions import (
@@ -25,9 +23,9 @@ if TYPE_CHECKING:
     from thbcad.certified.extreme_values import (
         Assessment as Assessment,
         Enclosure as Enclosure,
-        corners as corners,
         greatest as greatest,
         minimum as minimum,
+        minimum_on_rim as minimum_on_rim,
         reciprocal as reciprocal,
         value_range as value_range,
     )
@@ -36,6 +34,11 @@ if TYPE_CHECKING:
         Interval as Interval,
         positive as positive,
         range_over as range_over,
+    )
+    from thbcad.certified.polynomial_cells import (
+        Cells as Cells,
+        corners as corners,
+        rounding as rounding,
     )
     from thbcad.certified.slope_and_curvature import (
         greatest_slope as greatest_slope,

@@ -12,70 +12,22 @@ Stability of Numerical Algorithms, chapter 3.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from thbcad.certified.polynomial_cells import TINY, Cells, rounding
 from thbcad.checks import EPS, Floats, require_orders, require_type
-from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, halves, tensor_apply
+from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, tensor_apply
 from thbcad.surfaces import THBSurface
 
 STRIP = 4096  # cells that are assessed at once, so that their arrays fit in the cache
 GREATEST = 1e40  # products of seven such numbers are finite
-TINY = float(np.finfo(np.float64).tiny)  # above every error of a subnormal result
 
 Graph = BSplineSurface | THBSurface | Sequence[BSplineSurface]
 Orders = tuple[int, int]
-Size = TypeVar("Size", float, Floats)
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Vectors of d polynomials on n cells, by their Bernstein coefficients of degree (p, q).
-
-    coefficients : (d, p + 1, q + 1, n) float
-    box : (2, 2, n) float, box[0] = (u, v) of the lower left corners, box[1] of the upper right ones
-    magnitude : (d,) float, no coefficient is greater
-    error : (d,) float, bounds of the rounding errors of the coefficients
-    """
-
-    coefficients: Floats
-    box: Floats
-    magnitude: Floats
-    error: Floats
-
-    def negated(self) -> Cells:
-        """Return the negative polynomials."""
-        return replace(self, coefficients=-self.coefficients)
-
-    def take(self, chosen: NDArray[np.bool_]) -> Cells:
-        """Return the chosen cells; chosen : (n,) bool."""
-        return replace(self, coefficients=self.coefficients[..., chosen], box=self.box[..., chosen])
-
-    def quartered(self) -> Cells:
-        """Return the four quarters of every cell, by de Casteljau's algorithm written as a matrix."""
-        cells = self
-        for axis in (0, 1):
-            degree = cells.coefficients.shape[axis + 1] - 1
-            parts = [
-                np.moveaxis(np.tensordot(half, cells.coefficients, (1, axis + 1)), 0, axis + 1)
-                for half in halves(degree)
-            ]
-            low, high = cells.box.copy(), cells.box.copy()
-            low[1, axis] = high[0, axis] = cells.box[0, axis] + (cells.box[1, axis] - cells.box[0, axis]) / 2
-            error = cells.error + rounding(degree + 1, cells.magnitude)
-            cells = replace(
-                cells,
-                coefficients=np.concatenate(parts, -1),
-                box=np.concatenate([low, high], -1),
-                error=error,
-            )
-        return cells
 
 
 def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
@@ -137,11 +89,6 @@ def cell_bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...]) -> Float
     ]
     bounds: Floats = np.concatenate(strips, axis=1)
     return bounds.reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
-
-
-def rounding(count: int, size: Size) -> Size:
-    """Return the allowance for a count of roundings of numbers of this size."""
-    return count * (EPS * size + TINY * (size > 0))
 
 
 def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurface, ...]:

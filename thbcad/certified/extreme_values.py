@@ -18,17 +18,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Cells, Graph, Orders, bernstein, whole_graph
+from thbcad.certified.bernstein_cells import Graph, Orders, bernstein, cell_bounds, whole_graph
+from thbcad.certified.parts_inside import Region
+from thbcad.certified.polynomial_cells import Cells, confined, within
 from thbcad.checks import Floats, require_number
+from thbcad.outlines import Outline
+from thbcad.splines import BSplineSurface
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
+AT_RIM = 1e-8  # least tolerance over an outline: a sphere reaches its greatest height on all of its rim
 
 
 @dataclass(frozen=True)
 class Enclosure:
     """lower <= true extreme value <= upper; `value` is the greatest or least value met, taken at (u, v).
 
+    On the rim of an outline with corners that are cut off, points are taken just inside.
     Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
 
     Examples
@@ -62,26 +68,45 @@ class Assessment:
     scale: float
 
 
-def minimum(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) -> Enclosure:
+def minimum(
+    graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9, outline: Outline | None = None
+) -> Enclosure:
     """Return certified bounds of the least value of d^(a+b) z / dx^a dy^b.
 
     graph : a scalar BSplineSurface or THBSurface, or patches of one surface
     derivative : (a, b)
+    outline : Outline or None, only points inside count; None is the whole graph
 
-    The search ends when the bounds differ by `tolerance` times the greatest coefficient.  Where
-    the least value is taken along a whole curve it can end earlier, with wider bounds that hold too.
+    The search ends when the bounds differ by `tolerance` times the greatest coefficient, over an outline that
+    is no rectangle by 1e-8 times at least.  Where the least value is taken along a whole curve it can end
+    earlier, with wider bounds that hold too.
 
     Raises
     ------
     ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
-    found = greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance)
-    # 0.0 - x is never -0.0
-    return replace(found, lower=0.0 - found.upper, upper=0.0 - found.lower, value=0.0 - found.value)
+    cells = within(bernstein(graph, (derivative,)), outline)
+    return _least(cells, tolerance)
+
+
+def minimum_on_rim(graph: BSplineSurface, outline: Outline, tolerance: float = 1e-9) -> Enclosure:
+    """Return certified bounds of the least value of z on the rim of the corners of an outline that is no
+    rectangle.
+
+    The search ends as in `minimum`.
+
+    Raises
+    ------
+    ValueError : as `minimum`.
+    """
+    region = Region(outline, rim=True)
+    steepest = cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2))
+    slip = float(steepest @ outline.corners) * 4 * region.slack  # values are met this near to the rim
+    return _least(confined(bernstein(graph, ((0, 0),)), region, slip), tolerance)
 
 
 def value_range(
-    graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9
+    graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9, outline: Outline | None = None
 ) -> tuple[Enclosure, Enclosure]:
     """Return certified bounds of the least and of the greatest value of d^(a+b) z / dx^a dy^b.
 
@@ -92,7 +117,8 @@ def value_range(
     ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
     graph = whole_graph(graph)
-    return minimum(graph, derivative, tolerance), greatest(bernstein(graph, (derivative,)), _value, tolerance)
+    cells = within(bernstein(graph, (derivative,)), outline)
+    return minimum(graph, derivative, tolerance, outline), greatest(cells, _value, tolerance)
 
 
 def greatest(
@@ -102,8 +128,8 @@ def greatest(
 
     assess : (cells, best value so far) -> Assessment
 
-    The bounds differ by at most tolerance * scale and some rounding, unless that needs more than
-    2^25 coefficients besides those given.
+    The bounds differ by at most tolerance * scale, of at least 1e-8 where cells have a region, and some
+    rounding, unless that needs more than 2^25 coefficients besides those given.
     """
     require_number("tolerance", tolerance, least=0)
     best = (-np.inf, -np.inf, 0.0, 0.0)
@@ -112,13 +138,19 @@ def greatest(
     for _ in range(MOST_STEPS):
         kept = []
         least = -np.inf
-        for cells in pieces:
+        for cells in (piece.inside() for piece in pieces):
+            if not cells.box.size:
+                continue
             assessment = assess(cells, best[0])
+            near = tolerance if cells.region is None else max(tolerance, AT_RIM)
             best = max(best, _best_corner(cells, assessment))
-            least = max(least, best[0] + tolerance * assessment.scale + 2 * assessment.error)
+            least = max(least, best[0] + near * assessment.scale + 2 * assessment.error)
             chosen = assessment.upper > least
             closed = max(closed, float(assessment.upper[~chosen].max(initial=-np.inf)))
             kept.append((cells.take(chosen), assessment.upper[chosen]))
+        if not kept:
+            upper = np.empty(0)
+            break
         coefficients, box = (
             np.concatenate([getattr(cells, name) for cells, _ in kept], axis=-1)
             for name in ("coefficients", "box")
@@ -137,28 +169,28 @@ def greatest(
     return Enclosure(lower, max(closed, float(upper.max(initial=value))), value, u, v)
 
 
-def corners(values: Floats) -> Floats:
-    """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4,
-    n)."""
-    return values[..., [0, 0, -1, -1], [0, -1, 0, -1], :]
+def _least(pieces: Iterable[Cells], tolerance: float) -> Enclosure:
+    found = greatest((cells.negated() for cells in pieces), _value, tolerance)
+    # 0.0 - x is never -0.0
+    return replace(found, lower=0.0 - found.upper, upper=0.0 - found.lower, value=0.0 - found.value)
 
 
 def _value(cells: Cells, best: float) -> Assessment:
-    values = cells.coefficients[0]
+    (values,), counts = cells.met()
     error = float(cells.error[0])
-    return Assessment(corners(values), error, values.max(axis=(0, 1)) + error, float(cells.magnitude[0]))
+    return Assessment(
+        np.where(counts, values, -np.inf),
+        error,
+        cells.most(cells.coefficients[0]) + error,
+        float(cells.magnitude[0]),
+    )
 
 
 def _best_corner(cells: Cells, assessment: Assessment) -> tuple[float, float, float, float]:
     """Return (value, lower bound of the value, u, v)."""
     corner, k = np.unravel_index(int(np.argmax(assessment.corners)), assessment.corners.shape)
     value = float(assessment.corners[corner, k])
-    return (
-        value,
-        value - assessment.error,
-        float(cells.box[corner // 2, 0, k]),
-        float(cells.box[corner % 2, 1, k]),
-    )
+    return value, value - assessment.error, *cells.position(int(corner), int(k))
 
 
 def reciprocal(found: Enclosure) -> Enclosure:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import rounding
+from thbcad.certified.polynomial_cells import rounding
 from thbcad.checks import Floats, Integers
 from thbcad.splines import BSplineSurface, KnotVector, blossom_rows
 

@@ -25,9 +25,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Cells, Graph, bernstein, rounding, whole_graph
-from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest, reciprocal
+from thbcad.certified.bernstein_cells import Graph, bernstein, whole_graph
+from thbcad.certified.extreme_values import Assessment, Enclosure, greatest, reciprocal
+from thbcad.certified.polynomial_cells import Cells, rounding, within
 from thbcad.checks import EPS, Floats
+from thbcad.outlines import Outline
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -47,19 +49,23 @@ class LeastRadii:
     convex: Enclosure
 
 
-def greatest_slope(graph: Graph, tolerance: float = 1e-9) -> Enclosure:
+def greatest_slope(graph: Graph, tolerance: float = 1e-9, outline: Outline | None = None) -> Enclosure:
     """Return certified bounds of the greatest slope |grad z| = sqrt(z_x^2 + z_y^2), to a relative tolerance.
+
+    outline : Outline or None, only points inside count
 
     Raises
     ------
     ValueError : a graph that is not scalar, derivatives above 1e40.
     """
-    steepest = greatest(bernstein(graph, ((1, 0), (0, 1))), _slope, tolerance)
+    steepest = greatest(within(bernstein(graph, ((1, 0), (0, 1))), outline), _slope, tolerance)
     return replace(steepest, lower=max(steepest.lower, 0.0))
 
 
-def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
+def least_radii(graph: Graph, tolerance: float = 1e-6, outline: Outline | None = None) -> LeastRadii:
     """Return certified bounds of 1 / max k and -1 / min k over the principal curvatures k of z(x, y).
+
+    outline : Outline or None, only points inside count
 
     The search ends at a relative `tolerance`.  Where the curvature is all but constant it ends
     earlier, with wider bounds that hold too.  Where the second derivatives jump both values count.
@@ -74,16 +80,18 @@ def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
     ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
     """
     graph = whole_graph(graph)
-    concave = greatest(bernstein(graph, DERIVATIVES), _curvature, tolerance)
-    convex = greatest((cells.negated() for cells in bernstein(graph, DERIVATIVES)), _curvature, tolerance)
+    bent, turned = (within(bernstein(graph, DERIVATIVES), outline) for _ in range(2))
+    concave = greatest(bent, _curvature, tolerance)
+    convex = greatest((cells.negated() for cells in turned), _curvature, tolerance)
     return LeastRadii(reciprocal(concave), reciprocal(convex))
 
 
 def _slope(cells: Cells, best: float) -> Assessment:
-    values = np.hypot(*cells.coefficients)
+    vectors, counts = cells.met()
     error = float(cells.error.sum() + rounding(4, cells.magnitude.sum()))
-    at_corners = corners(values)
-    return Assessment(at_corners, error, values.max(axis=(0, 1)) + error, max(best, float(at_corners.max())))
+    values = np.where(counts, np.hypot(*vectors), -np.inf)
+    upper = cells.most(np.hypot(*cells.coefficients)) + error
+    return Assessment(values, error, upper, max(best, float(values.max(initial=0.0))))
 
 
 def _curvature(cells: Cells, best: float) -> Assessment:
@@ -95,9 +103,10 @@ def _curvature(cells: Cells, best: float) -> Assessment:
     slope_error = e_x + e_y
     size = cells.magnitude[2:].sum()
     error = max(e_xx, e_yy) + e_xy + rounding(ROUNDINGS, size)
-    values = np.maximum(_greater_curvature(*corners(cells.coefficients)), 0)
-    kappa = max(best, float(values.max()))
-    upper = _upper(cells.coefficients, kappa, slope_error, error)
+    vectors, counts = cells.met()
+    values = np.where(counts, np.maximum(_greater_curvature(*vectors), 0), -np.inf)
+    kappa = max(best, float(values.max(initial=0.0)))
+    upper = _upper(cells, kappa, slope_error, error)
     # k is a quotient of A, of norm `size` at most, and N, whose relative derivative is 5/2 at most
     return Assessment(values, float(error + 3 * slope_error * size), upper, kappa)
 
@@ -119,10 +128,10 @@ def _greater_curvature(z_x: Floats, z_y: Floats, z_xx: Floats, z_xy: Floats, z_y
     )
 
 
-def _upper(derivatives: Floats, kappa: float, slope_error: float, error: float) -> Floats:
+def _upper(cells: Cells, kappa: float, slope_error: float, error: float) -> Floats:
     """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its
     entries."""
-    z_x, z_y, z_xx, z_xy, z_yy = derivatives
+    z_x, z_y, z_xx, z_xy, z_yy = cells.coefficients
     x, y = z_x.mean(axis=(0, 1)), z_y.mean(axis=(0, 1))
     w = np.sqrt(1 + x**2 + y**2)
     dx, dy = z_x - x, z_y - y
@@ -131,11 +140,11 @@ def _upper(derivatives: Floats, kappa: float, slope_error: float, error: float) 
     c_xy = z_xy - kappa * (stretched * (x * y) + w * (x * dy + y * dx))
     c_yy = z_yy - kappa * (stretched * (1 + y**2) + 2 * w * y * dy)
     mu, nu = (
-        _greater_eigenvalue(*entries).max(axis=(0, 1)) + error
+        cells.most(_greater_eigenvalue(*entries)) + error
         for entries in ((c_xx, c_xy, c_yy), (z_xx, z_xy, z_yy))
     )
     away = np.hypot(dx, dy).max(axis=(0, 1)) * (1 + ROUNDINGS * EPS) + slope_error
-    steep = np.hypot(z_x, z_y).max(axis=(0, 1)) + slope_error
+    steep = cells.most(np.hypot(z_x, z_y)) + slope_error
     least_w = np.hypot(1, np.maximum(np.hypot(x, y) * (1 - ROUNDINGS * EPS) - away, 0))
     rho = (steep * away) ** 2 / (4 * np.sqrt(1 + steep**2))
     # |L| <= w^3 + 3 w^2 away, and its change with the slopes is at most 3 w^2

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Cells, bernstein, rounding, roundings, tensor_form
-from thbcad.certified.extreme_values import corners
+from thbcad.certified.bernstein_cells import bernstein, roundings, tensor_form
+from thbcad.certified.polynomial_cells import Cells, corners, rounding
 from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, tensor_apply
 from thbcad.surfaces import THBSurface

@@ -1,31 +1,31 @@
 """The outline to which a lens is cut, as drawings need it: in the plan, in sections, along lines of sight.
 
-Seen along an axis, an ellipse is one strip over the angle t, v = b sin t, with u from -a cos t to a cos t.  A
+Seen along an axis, an ellipse is one strip over the angle t, v = b sin t, with u from -a cos t to a cos t.
+A rectangle with elliptic corners has such strips below and above the straight sides, and one between.  A
 polygon has a strip between each two corners that follow each other in v, with intervals of u between its
 sides there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.lens import Flange, Lens, require_aperture, require_clear, require_polygon
-from thbcad.outlines import Ellipse, Polygon
+from thbcad.lens import Flange, Lens, require_clear, require_polygon, walls_of
+from thbcad.outlines import UPRIGHT, Arc, Outline, Polygon
 
-Shape = Ellipse | Polygon
+Shape = Outline | Polygon
 THINNEST = 1e-9  # mm; corners that lie nearer in v are at one
-ROUND = 1e-12  # relative: semi-axes that differ by less are those of a circle
 
 
 @dataclass(frozen=True, eq=False)
 class CutLens:
     """A lens that is cut by upright walls, with a flange or without.
 
-    shape : Ellipse or Polygon of the walls; the rectangle itself, where a flange is all that is added
+    shape : Outline or Polygon of the walls
     flange : Flange or None.  around : the outline of the flange, else None
     """
 
@@ -42,11 +42,11 @@ class CutLens:
 
     def text(self) -> str:
         """Return the size of the outline in words."""
+        if isinstance(self.shape, Outline):
+            return self.shape.text(digits=7)
         low, high = box_of(self.shape)
         a, b = (f"{size:.7g}" for size in (high - low).tolist())
-        if isinstance(self.shape, Polygon):
-            return f"polygon of {len(self.shape.corners)} corners within {a} x {b} mm"
-        return f"diameter {a} mm" if is_circle(self.shape) else f"ellipse {a} x {b} mm"
+        return f"polygon of {len(self.shape.corners)} corners within {a} x {b} mm"
 
 
 def cut_lens(
@@ -68,16 +68,15 @@ def cut_lens(
         return CutLens(lens, require_polygon(lens, corners))
     if flange is not None:
         require_clear(lens, flange, aperture)
-    if aperture is not None:
-        ellipse = require_aperture(lens, aperture)
-        return CutLens(lens, ellipse, flange, None if flange is None else flange.ellipse(ellipse))
-    if flange is None:
+    shape = walls_of(lens, aperture)
+    if flange is None and shape.is_rectangle:
         return None
-    if lens.front.half_width != lens.rear.half_width:
+    if aperture is None and lens.taper != UPRIGHT:
         raise ValueError(
             "a flange is drawn where front and rear have one size; cut both by an aperture, or export step"
         )
-    return CutLens(lens, _rectangle(*lens.front.half_width), flange, _rectangle(*flange.rectangle(lens)))
+    around = None if flange is None else _drawn(flange.around(shape))
+    return CutLens(lens, _drawn(shape), flange, around)
 
 
 def _plane(low: float, high: float) -> float:
@@ -88,37 +87,45 @@ def _plane(low: float, high: float) -> float:
     return middle if low < middle < high else (low + high) / 2
 
 
-def _rectangle(a: float, b: float) -> Polygon:
-    return Polygon(((-a, -b), (a, -b), (a, b), (-a, b)))
+def _drawn(outline: Outline) -> Shape:
+    """Return a rectangle as a polygon, whose upright edges are seen."""
+    a, b = outline.half_width
+    return Polygon(((-a, -b), (a, -b), (a, b), (-a, b))) if outline.is_rectangle else outline
 
 
 def is_circle(shape: Shape) -> bool:
     """Return whether an outline is a circle."""
-    return isinstance(shape, Ellipse) and abs(shape.semi_axes[0] / shape.semi_axes[1] - 1) < ROUND
+    return isinstance(shape, Outline) and shape.is_circle
 
 
 def box_of(shape: Shape) -> tuple[Floats, Floats]:
     """Return the least and the greatest (x, y), (2,) each, mm."""
-    points = np.array(shape.corners if isinstance(shape, Polygon) else [shape.semi_axes])
+    points = np.array(shape.corners if isinstance(shape, Polygon) else [shape.half_width])
     return points.min(axis=0) if isinstance(shape, Polygon) else -points[0], points.max(axis=0)
 
 
 def ring_of(shape: Shape, chord: float) -> tuple[Floats, float]:
     """Return the outline as a closed line (n, 2), mm, and its error: a chord over the angle d of an ellipse
     lies within max(a, b) d^2 / 8 of it."""
-    if isinstance(shape, Polygon):
-        return np.array([*shape.corners, shape.corners[0]]), 0.0
-    longer = max(shape.semi_axes)
-    count = 4 * int(np.ceil(np.pi / 2 / np.sqrt(8 * chord / longer)))
-    points = np.column_stack(shape(np.linspace(0, 2 * np.pi, count + 1)))
-    points[-1] = points[0]
-    return points, longer * (2 * np.pi / count) ** 2 / 8
+    parts, error = [], 0.0
+    for piece in shape.pieces:
+        count = 1
+        if isinstance(piece, Arc):
+            longer = max(piece.semi_axes)
+            count = int(np.ceil(np.ptp(piece.ends) / np.sqrt(8 * chord / longer)))
+            error = max(error, longer * (np.ptp(piece.ends) / count) ** 2 / 8)
+        parts.append(np.column_stack(piece(np.linspace(*piece.ends, count + 1)[:-1])))
+    return np.concatenate([*parts, parts[0][:1]]), error
 
 
 def intervals(shape: Shape, across: int, at: float) -> list[tuple[float, float]]:
     """Return the parts of the line x = at (across 0) or y = at (across 1) within an outline, mm."""
-    if isinstance(shape, Ellipse):
-        half = shape.semi_axes[1 - across] * float(np.sqrt(1 - (at / shape.semi_axes[across]) ** 2))
+    if isinstance(shape, Outline):
+        (h, own), (c, corner) = (
+            (pair[across], pair[1 - across]) for pair in (shape.half_width, shape.corners)
+        )
+        share = max(abs(at) - (h - c), 0.0) / c
+        half = own - corner + corner * float(np.sqrt(1 - min(share, 1.0) ** 2))
         return [(-half, half)]
     start, stop = shape.sides[:, 0], shape.sides[:, 1]
     cut = (start[:, across] <= at) != (stop[:, across] <= at)
@@ -144,17 +151,30 @@ class Strip:
 
 def strips_of(shape: Shape, along: int) -> list[Strip]:
     """Return the strips of an outline that is seen along x (0) or y (1), in the order of v."""
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes[along], shape.semi_axes[1 - along]
-
-        def of_ellipse(t: Floats) -> tuple[Floats, Floats]:
-            return b * np.sin(t), np.multiply.outer(a * np.cos(t), [-1.0, 1.0])[:, None]
-
-        return [Strip((-np.pi / 2, np.pi / 2), of_ellipse, (a, a, b, b))]
+    if isinstance(shape, Outline):
+        (h, v), (c, d) = (
+            np.array(pair)[[along, 1 - along]].tolist() for pair in (shape.half_width, shape.corners)
+        )
+        if d == v:
+            return [_rounded(h - c, 0.0, (c, d), (-np.pi / 2, np.pi / 2))]
+        low, high = (
+            _rounded(h - c, side * (v - d), (c, d), sorted((0.0, side * np.pi / 2))) for side in (-1, 1)
+        )
+        return [low, _between(np.array([[(u, d - v), (u, v - d)] for u in (-h, h)]), d - v, v - d), high]
     sides = shape.sides[..., [along, 1 - along]]
     levels = np.unique(sides[..., 1])
     levels = levels[np.insert(np.diff(levels) > THINNEST, 0, True)]
     return [_between(sides, low, high) for low, high in zip(levels[:-1].tolist(), levels[1:].tolist())]
+
+
+def _rounded(reach: float, middle: float, corner: tuple[float, float], ends: Sequence[float]) -> Strip:
+    """Return the strip between pieces of ellipses round u = -reach and u = reach at v = middle."""
+    a, b = corner
+
+    def of_corners(t: Floats) -> tuple[Floats, Floats]:
+        return middle + b * np.sin(t), np.multiply.outer(reach + a * np.cos(t), [-1.0, 1.0])[:, None]
+
+    return Strip((float(ends[0]), float(ends[1])), of_corners, (reach + a, a, b, b))
 
 
 def _between(sides: Floats, low: float, high: float) -> Strip:

@@ -123,7 +123,8 @@ def _upright(cut: CutLens, along: int) -> list[Piece]:
         corners = np.array(cut.shape.corners)[:, [along, 1 - along]]
         nearest = {v: u for u, v in sorted(corners.tolist(), reverse=True)}
     else:
-        nearest = {float(low): 0.0, float(high): 0.0}
+        flat = cut.shape.corners[along] - cut.shape.half_width[along]  # the near end of sides seen edge-on
+        nearest = {float(low): flat, float(high): flat}
     pieces: list[Piece] = []
     for v, u in nearest.items():
         least = (start for start, _ in intervals(cut.shape, 1 - along, v))

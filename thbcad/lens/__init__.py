@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         polygon_volume as polygon_volume,
         require_aperture as require_aperture,
         require_polygon as require_polygon,
+        walls_of as walls_of,
     )
     from thbcad.lens.flange import (
         Flange as Flange,
@@ -37,13 +38,17 @@ if TYPE_CHECKING:
         SIDES as SIDES,
         Corner as Corner,
         OpticalForm as OpticalForm,
+        Rim as Rim,
         Side as Side,
         Surfaces as Surfaces,
+        above as above,
         optical_forms as optical_forms,
+        outline_rims as outline_rims,
         placed_surfaces as placed_surfaces,
         rim as rim,
         rim_indices as rim_indices,
         rim_parameter as rim_parameter,
+        rim_pieces as rim_pieces,
         ruled_edge as ruled_edge,
         ruled_edges as ruled_edges,
     )

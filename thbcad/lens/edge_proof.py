@@ -42,6 +42,7 @@ from numpy.typing import NDArray
 from thbcad.certified import Interval, minimum, positive, range_over, rounding
 from thbcad.checks import EPS, Floats
 from thbcad.lens.graph_pieces import oriented, segment, steepest
+from thbcad.outlines import Outline
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
@@ -63,17 +64,39 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     ValueError : a crossing, with the position and the amount, or one that is neither proven nor excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
-    if least > (1 + SLACK) * sum(
-        abs(step) * max(steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step
-    ):
+    if gap_suffices(graphs, growth, least):
         return  # every condition holds then
-    _require_order(graphs, thickness)
+    half = [min(getattr(g, kv).stop for g in graphs) for kv in ("kv_u", "kv_v")]
+    require_order(graphs, thickness, Outline((half[0], half[1])))
     gap = gap_graph(*graphs, thickness)
     for base, axis, sign in product((0, 1), (0, 1), (-1, 1)):
         _require_edge(graphs, gap, (base, axis, sign))
     if growth[0] * growth[1] < 0:
         for signs in product((-1, 1), (-1, 1)):
             _require_corner(graphs, gap, int(growth[1] > 0), signs)
+
+
+def gap_suffices(graphs: Pair, growth: list[float], least: float) -> bool:
+    """Return whether the gap exceeds what front and rear rise or fall where their rims lie apart.
+
+    growth : of the rear's half-widths over the front's, mm
+    """
+    return least > (1 + SLACK) * sum(
+        abs(step) * max(steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step
+    )
+
+
+def require_order(graphs: Pair, thickness: float, outline: Outline) -> None:
+    """Raise ValueError where front and rear cross at equal (x, y) inside an outline, mm."""
+    front, rear = (segment(g, list(outline.half_width)) for g in graphs)
+    least = minimum(gap_graph(front, rear, thickness), tolerance=1e-12, outline=outline)
+    if least.lower <= 0:
+        amount = abs(min(least.value, 0.0))
+        raise ValueError(
+            f"front and rear {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm "
+            f"the rear lies {amount:.6g} mm "
+            f"before the front; raise lens.thickness by more than {amount:.6g} mm or change the radii"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,20 +206,6 @@ class _Corner:
     @staticmethod
     def _ends(graph: BSplineSurface, like: Floats) -> tuple[Floats, Floats]:
         return np.full_like(like, graph.kv_u.stop), np.full_like(like, graph.kv_v.stop)
-
-
-def _require_order(graphs: Pair, thickness: float) -> None:
-    """Raise ValueError where front and rear cross at equal (x, y)."""
-    half = [min(getattr(g, kv).stop for g in graphs) for kv in ("kv_u", "kv_v")]
-    front, rear = (segment(g, half) for g in graphs)
-    least = minimum(gap_graph(front, rear, thickness), tolerance=1e-12)
-    if least.lower <= 0:
-        amount = abs(min(least.value, 0.0))
-        raise ValueError(
-            f"front and rear {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm "
-            f"the rear lies {amount:.6g} mm "
-            f"before the front; raise lens.thickness by more than {amount:.6g} mm or change the radii"
-        )
 
 
 def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int]) -> None:

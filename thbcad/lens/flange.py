@@ -8,10 +8,10 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import require_number, require_type
-from thbcad.lens.cuts import aperture_volume, require_aperture
+from thbcad.lens.cuts import aperture_volume, require_aperture, walls_of
 from thbcad.lens.lens import Lens
-from thbcad.lens.rims import SIDES, rim, ruled_edges
-from thbcad.outlines import LEAST_SIZE, Ellipse, rim_curve
+from thbcad.lens.rims import SIDES, rim, rim_pieces, ruled_edges
+from thbcad.outlines import LEAST_SIZE, Outline, rim_curve
 from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
 NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
@@ -21,8 +21,8 @@ NODES = 16  # of the Gauss rule on every span; its error falls by a factor per n
 class Flange:
     """A flange between the planes z = low and z = high that extends `width` beyond the lens on all sides.
 
-    Its outline is a rectangle with half-widths, or an ellipse with semi-axes, that are `width` greater
-    than those of the lens; of surfaces of different size the greater half-widths count.
+    Its outline is that of the lens with half-widths, and semi-axes of the corners, that are `width` greater;
+    of surfaces of different size the greater half-widths count.
 
     width, low, high : float, mm; z = 0 is the vertex of the front
 
@@ -45,15 +45,11 @@ class Flange:
                 f"{self.high:.9g} mm"
             )
 
-    def rectangle(self, lens: Lens) -> tuple[float, float]:
-        """Return the half-widths of the outline round a rectangular lens, mm."""
-        a, b = (max(pair) + self.width for pair in zip(lens.front.half_width, lens.rear.half_width))
-        return a, b
-
-    def ellipse(self, aperture: Ellipse) -> Ellipse:
-        """Return the outline round a lens with an elliptic aperture."""
-        a, b = aperture.semi_axes
-        return Ellipse((a + self.width, b + self.width))
+    def around(self, shape: Outline) -> Outline:
+        """Return the outline round that of a lens or of its aperture."""
+        (a, b), (c, d), width = shape.half_width, shape.corners, self.width
+        corners = (0.0, 0.0) if shape.is_rectangle else (c + width, d + width)
+        return Outline((a + width, b + width), corners)
 
 
 def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> None:
@@ -68,9 +64,8 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     """
     require_type("flange", flange, Flange)
     require_type("lens", lens, Lens)
-    front, rear = lens.graphs()
-    top = max(value_range(curve)[1].upper for curve in _rims(front, lens, semi_axes))
-    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in _rims(rear, lens, semi_axes))
+    top = max(value_range(curve)[1].upper for curve in _rims(lens, 0, semi_axes))
+    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in _rims(lens, 1, semi_axes))
     if flange.low < top + LEAST_SIZE:
         raise ValueError(
             f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
@@ -83,13 +78,15 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
         )
 
 
-def _rims(graph: BSplineSurface, lens: Lens, semi_axes: tuple[float, float] | None) -> list[BSplineSurface]:
-    """Return the heights of a rim, curve by curve, as graphs that are constant in their second parameter."""
-    if semi_axes is None:
+def _rims(lens: Lens, k: int, semi_axes: tuple[float, float] | None) -> list[BSplineSurface]:
+    """Return the heights of the rim of front (0) or rear (1), curve by curve, as graphs that are constant in
+    their second parameter."""
+    graph = lens.graphs()[k]
+    if lens.rear.outline.is_rectangle and semi_axes is None:
         curves = [rim(graph, side) for side in SIDES]
     else:
-        ellipse = require_aperture(lens, semi_axes)
-        curves = [(kv, poles[:, 2]) for kv, poles in (rim_curve(graph, ellipse, half) for half in (0, 1))]
+        pieces = rim_pieces(lens)[k] if semi_axes is None else require_aperture(lens, semi_axes).pieces
+        curves = [(kv, poles[:, 2]) for kv, poles in (rim_curve(graph, piece) for piece in pieces)]
     return [BSplineSurface(kv, UNIT, np.stack([z, z], axis=1)) for kv, z in curves]
 
 
@@ -98,7 +95,7 @@ def flanged_volume(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | 
 
     V = V_lens + (high - low) A_outline - V_inside, V_inside the part of the lens between the planes.
 
-    semi_axes : of an elliptic aperture, mm; None is the rectangular lens.
+    semi_axes : of an elliptic aperture, mm; None is the whole lens.
 
     Raises
     ------
@@ -106,21 +103,26 @@ def flanged_volume(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | 
     """
     require_clear(lens, flange, semi_axes)
     depth = flange.high - flange.low
+    shape = walls_of(lens, semi_axes)
+    around = depth * flange.around(shape).area
     if semi_axes is not None:
-        aperture = Ellipse(semi_axes)
-        return aperture_volume(lens, semi_axes) + depth * (flange.ellipse(aperture).area - aperture.area)
-    a, b = flange.rectangle(lens)
-    return lens.volume() + 4 * a * b * depth - _inside(lens, flange)
+        return aperture_volume(lens, semi_axes) + around - depth * shape.area
+    return lens.volume() + around - _inside(lens, flange)
 
 
 def _inside(lens: Lens, flange: Flange) -> float:
-    """Return the volume of a rectangular lens between two planes that meet only its edges.
+    """Return the volume of a lens between two planes that meet only its edges.
 
     By Stokes' theorem it is the integral of (x dy - y dx) dz / 2 over the edges (s, v) between the planes.
     """
     total = 0.0
-    for side, edge in zip(SIDES, ruled_edges(lens)):
-        sign = -1 if side.clockwise else 1
+    edges = ruled_edges(lens)
+    signs = (
+        [-1 if side.clockwise else 1 for side in SIDES]
+        if lens.rear.outline.is_rectangle
+        else [1] * len(edges)
+    )
+    for sign, edge in zip(signs, edges):
         s, weights = gauss_rule(edge.kv_u.breaks, NODES)
         (front, rear), (slope, other) = (np.moveaxis(edge.grid(s, [0.0, 1.0], (d, 0)), 1, 0) for d in (0, 1))
         low, high = ((z - front[:, 2]) / (rear - front)[:, 2] for z in (flange.low, flange.high))

@@ -66,17 +66,21 @@ class FreeformSurface:
             raise ValueError("the sag must have scalar coefficients")
         if sag is not None and not (sag.space.kv_u.is_clamped and sag.space.kv_v.is_clamped):
             raise ValueError("the sag must have clamped knots")
-        conic.require(h)
-        vars(self).update(half_width=h, conic=conic, sag=sag, corners=Outline(h, corners).corners)
+        outline = Outline(h, corners)
+        try:
+            conic.require(h)
+        except ValueError as error:
+            beyond = (
+                "" if outline.is_rectangle else ": surfaces go on over the whole rectangle round an outline"
+            )
+            raise ValueError(f"{error}{beyond}") from None
+        vars(self).update(half_width=h, conic=conic, sag=sag, corners=outline.corners)
 
     def __repr__(self) -> str:
-        a, b = self.half_width
         conic = self.conic
         base = "plane" if conic.is_plane else f"radius {conic.radius:g} mm, K {conic.constant:g}"
         sag = "no sag" if self.sag is None else f"sag of {self.sag.space.dim} coefficients"
-        outline = self.outline
-        shape = "" if outline.is_rectangle else " ellipse" if outline.is_ellipse else " rounded"
-        return f"FreeformSurface({2 * a:g} x {2 * b:g} mm{shape}, {base}, {sag})"
+        return f"FreeformSurface({self.outline.text()}, {base}, {sag})"
 
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""

@@ -1,4 +1,4 @@
-"""The closed lens of six faces: a freeform front and rear, and the ruled edges between their rims."""
+"""The closed lens: a freeform front and rear, and the ruled edges between their rims, four of a rectangle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens_picture import lens_card
-from thbcad.outlines import RELATIVE
+from thbcad.outlines import RELATIVE, walled_volume
 from thbcad.sags import gap_graph, volume_between
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
@@ -18,7 +18,7 @@ from thbcad.surfaces import THBSurface
 
 @dataclass(frozen=True)
 class Lens:
-    """A closed lens: front at z = 0, rear at z = thickness, four ruled edges between the rims.
+    """A closed lens: front at z = 0, rear at z = thickness, ruled edges between the rims.
 
     It is a plain record: `require_sound` proves that neither surfaces nor edges cross.
 
@@ -62,7 +62,8 @@ class Lens:
         return lens_card(self)
 
     def least_thickness(self) -> Enclosure:
-        """Return certified bounds of the least distance in z, mm, and its position on the rear.
+        """Return certified bounds of the least distance in z inside the outline, mm, and its position on the
+        rear.
 
         Surfaces of different size are compared between points of equal relative position, as
         the ruled edges join them.  The bounds are those of the splines' difference as float64 holds it: its
@@ -72,7 +73,8 @@ class Lens:
 
     @cached_property
     def _least(self) -> Enclosure:
-        return minimum(gap_graph(*self.graphs(), self.thickness), tolerance=1e-12)
+        gap = gap_graph(*self.graphs(), self.thickness)
+        return minimum(gap, tolerance=1e-12, outline=self.rear.outline)
 
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         """Return front and rear as scalar BSplineSurfaces of the same degrees (elevated where needed).
@@ -116,7 +118,16 @@ class Lens:
 
     def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""
-        return volume_between(*self.graphs(), self.thickness)
+        outline = self.rear.outline
+        if outline.is_rectangle:
+            return volume_between(*self.graphs(), self.thickness)
+        return walled_volume(self.graphs(), self.thickness, outline, self.taper)
+
+    @property
+    def taper(self) -> tuple[float, float]:
+        """Half-widths of the front over those of the rear: (1, 1) where the edges are upright."""
+        (a, b), (c, d) = self.front.half_width, self.rear.half_width
+        return a / c, b / d
 
     def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""

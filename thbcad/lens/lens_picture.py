@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats
 from thbcad.hierarchy import space_rows
+from thbcad.outlines import Outline
 from thbcad.pictures import card, frame_size, interval_text, line_path, map_element, svg
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface, value_map
@@ -25,6 +26,8 @@ class Face(Protocol):
 
     @property
     def half_width(self) -> tuple[float, float]: ...
+    @property
+    def outline(self) -> Outline: ...
     @property
     def conic(self) -> Conic: ...
     @property
@@ -101,7 +104,7 @@ def _section(lens: Body, axis: int) -> Floats:
 
 
 def _extent(face: Face) -> str:
-    return " x ".join(f"{2 * h:.6g}" for h in face.half_width) + " mm"
+    return face.outline.text()
 
 
 def _span(name: str, values: Floats) -> tuple[str, str]:

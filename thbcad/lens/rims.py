@@ -1,16 +1,19 @@
-"""The sides of a lens, the rims of its surfaces there, and the ruled edges between them.
+"""The sides of a lens, or the pieces of its outline, the rims of its surfaces there, and the ruled edges
+between them.
 
 Sides and corners are counted counter-clockwise as seen from +z: side k runs from corner k to corner k + 1.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thbcad.checks import Floats, Integers
+from thbcad.outlines import UPRIGHT, RimPiece, fitted_curve, matched_rims, rim_curve
 from thbcad.sags import PlacedConic, graph_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
@@ -21,6 +24,7 @@ if TYPE_CHECKING:  # tensor-product modules do not load the hierarchy
 Corner = tuple[int, int]  # the indices, 0 or -1, of the pole in the corner
 Surfaces = tuple[BSplineSurface, BSplineSurface]
 OpticalForm = BSplineSurface | PlacedConic
+Rim = tuple[KnotVector, Floats]  # knots and poles (x, y, z), (n, 3), mm
 
 
 @dataclass(frozen=True)
@@ -117,9 +121,45 @@ def ruled_edge(surfaces: Surfaces, side: Side) -> BSplineSurface:
 
 
 def ruled_edges(lens: Lens) -> list[BSplineSurface]:
-    """Return the four edges of a rectangular lens in the order of SIDES, as `ruled_edge`."""
-    surfaces = placed_surfaces(lens)
-    return [ruled_edge(surfaces, side) for side in SIDES]
+    """Return the edges of a lens: of a rectangle in the order of SIDES, as `ruled_edge`; else above the
+    pieces of its outline, as `matched_rims`, from front (v = 0) to rear (v = 1), mm."""
+    if lens.rear.outline.is_rectangle:
+        surfaces = placed_surfaces(lens)
+        return [ruled_edge(surfaces, side) for side in SIDES]
+    edges = []
+    for pair in zip(*rim_pieces(lens)):
+        kv, poles = matched_rims(lens.own_graphs(), pair)
+        vertices = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, lens.thickness]])
+        edges.append(BSplineSurface(kv, UNIT, poles.reshape(-1, 2, 3) + vertices))
+    return edges
+
+
+def rim_pieces(lens: Lens) -> tuple[tuple[RimPiece, ...], tuple[RimPiece, ...]]:
+    """Return the pieces of the outlines of front and rear, of equal relative position at equal parameters."""
+    rear = lens.rear.outline.pieces
+    return tuple(piece.scaled(lens.taper) for piece in rear) if lens.taper != UPRIGHT else rear, rear
+
+
+def outline_rims(lens: Lens, k: int, pieces: Sequence[RimPiece]) -> list[Rim]:
+    """Return the rims of the front (k = 0) or the rear (k = 1) above the pieces of an outline, as
+    `rim_curve`; on a PlacedConic as `fitted_curve`."""
+    surface = optical_forms(lens)[k]
+    if isinstance(surface, PlacedConic):
+        once = np.ones(2, dtype=np.int64)
+        return [fitted_curve(above(surface, piece), np.array(piece.ends), once) for piece in pieces]
+    vertex = np.array([0.0, 0.0, k * lens.thickness])
+    curves = (rim_curve(lens.own_graphs()[k], piece) for piece in pieces)
+    return [(kv, poles + vertex) for kv, poles in curves]
+
+
+def above(conic: PlacedConic, piece: RimPiece) -> Callable[[Floats], Floats]:
+    """Return the curve of a conic above a piece of an outline: t (n,) to points (n, 3), mm."""
+
+    def points(t: Floats) -> Floats:
+        x, y = piece(t)
+        return np.column_stack([x, y, conic(x, y) + 0 * x])
+
+    return points
 
 
 def rim_indices(nx: int, ny: int) -> Integers:

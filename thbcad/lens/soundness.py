@@ -1,4 +1,4 @@
-"""The proof that a lens is a body that CAD files can hold: its surfaces and its ruled edges do not cross."""
+"""The proof that a lens is a body that CAD files can hold: its surfaces and its ruled wall do not cross."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_type
 from thbcad.lens.edge_proof import require_simple_edges
 from thbcad.lens.lens import Lens
-from thbcad.outlines import LEAST_SIZE
+from thbcad.lens.wall_proof import require_simple_wall
+from thbcad.outlines import LEAST_SIZE, Outline
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
@@ -25,7 +26,7 @@ def require_sound(lens: Lens) -> Lens:
         close for a proof; as `Lens.graphs`.
     """
     require_type("lens", lens, Lens)
-    _require(lens.graphs(), lens.thickness, lens.least_thickness())
+    _require(lens.graphs(), lens.thickness, lens.least_thickness(), lens.rear.outline)
     return lens
 
 
@@ -34,13 +35,16 @@ def require_sound_graphs(front: BSplineSurface, rear: BSplineSurface) -> None:
 
     front, rear : scalar, of the same degrees, over rectangles around x = y = 0, mm.
     """
-    _require((front, rear), 0.0, minimum(gap_graph(front, rear, 0.0), tolerance=1e-12))
+    outline = Outline((rear.kv_u.stop, rear.kv_v.stop))
+    _require((front, rear), 0.0, minimum(gap_graph(front, rear, 0.0), tolerance=1e-12), outline)
 
 
-def _require(graphs: tuple[BSplineSurface, BSplineSurface], thickness: float, least: Enclosure) -> None:
+def _require(
+    graphs: tuple[BSplineSurface, BSplineSurface], thickness: float, least: Enclosure, outline: Outline
+) -> None:
     half_widths = [(graph.kv_u.stop, graph.kv_v.stop) for graph in graphs]
     if least.lower <= 0:
-        raise ValueError(_touching(half_widths[1], least))
+        raise ValueError(_touching(outline, least))
     if least.lower < LEAST_SIZE:
         raise ValueError(
             f"at x = {least.u:.6g}, y = {least.v:.6g} mm the lens is {least.value:.3g} mm thick, less than "
@@ -52,13 +56,16 @@ def _require(graphs: tuple[BSplineSurface, BSplineSurface], thickness: float, le
             f"the lens is {width:.3g} mm wide, less than the {LEAST_SIZE:g} mm that CAD files can hold; "
             "raise half_width"
         )
-    require_simple_edges(graphs, thickness, least.lower)
+    if outline.is_rectangle:
+        require_simple_edges(graphs, thickness, least.lower)
+    else:
+        require_simple_wall(graphs, thickness, least.lower, outline)
 
 
-def _touching(half_width: tuple[float, float], least: Enclosure) -> str:
-    """Return what is wrong with surfaces of no thickness, and where; half_width is that of the rear."""
+def _touching(outline: Outline, least: Enclosure) -> str:
+    """Return what is wrong with surfaces of no thickness, and where; the outline is that of the rear."""
     amount = abs(min(least.value, 0.0))
-    ends = zip((least.u, least.v), half_width, "xy")
+    ends = zip((least.u, least.v), outline.half_width, "xy")
     rims = " and ".join(f"{'-+'[end > 0]}{axis}" for end, half, axis in ends if abs(end) == half)
     remedy = f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
     if rims and not amount:

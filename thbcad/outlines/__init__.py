@@ -5,20 +5,27 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.outlines.ellipse import (
+    from thbcad.outlines.pieces import (
         LEAST_SIZE as LEAST_SIZE,
-        Ellipse as Ellipse,
-        ellipse_integral as ellipse_integral,
+        Arc as Arc,
+        Line as Line,
+        RimPiece as RimPiece,
+        integral_within as integral_within,
     )
-    from thbcad.outlines.polygon import Polygon as Polygon, polygon_integral as polygon_integral
+    from thbcad.outlines.polygon import Polygon as Polygon
     from thbcad.outlines.rim_curves import (
         DEGREE as DEGREE,
         TOLERANCE as TOLERANCE,
         fitted_curve as fitted_curve,
         kinks as kinks,
+        matched_rims as matched_rims,
         rim_curve as rim_curve,
-        side_curve as side_curve,
     )
     from thbcad.outlines.rounded_rectangle import RELATIVE as RELATIVE, Outline as Outline
+    from thbcad.outlines.wall_volumes import (
+        UPRIGHT as UPRIGHT,
+        Shape as Shape,
+        walled_volume as walled_volume,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,8 +1,4 @@
-"""Polygons, and what a spline graph holds within.
-
-Between two crossings of knot lines a spline graph z(x, y) of degrees (p, q) is a polynomial of degree
-p + q along a straight side.
-"""
+"""Polygons in the plane z = 0."""
 
 from __future__ import annotations
 
@@ -11,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import Floats, Integers, floats
-from thbcad.outlines.ellipse import LEAST_SIZE, inside
-from thbcad.splines import BSplineSurface, Primitive, gauss_rule
+from thbcad.checks import Floats, floats
+from thbcad.outlines.pieces import LEAST_SIZE, Line
 
 MOST_CORNERS = 1000  # every pair of sides is looked at
 FARTHEST = 1e6  # mm of a corner; rounding is then still far below LEAST_SIZE
@@ -50,6 +45,11 @@ class Polygon:
         """The first and the last corner of every side, (n, 2, 2), counter-clockwise, mm."""
         corners = np.array(self.corners)
         return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+    @property
+    def pieces(self) -> tuple[Line, ...]:
+        """The sides as lines, counter-clockwise."""
+        return tuple(map(Line, self.corners, (*self.corners[1:], self.corners[0])))
 
 
 def _corners(values: object) -> Floats:
@@ -107,36 +107,3 @@ def _crossing(starts: Floats, steps: Floats) -> NDArray[np.bool_]:
 
 def _cross(a: Floats, b: Floats) -> Floats:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def polygon_integral(graph: BSplineSurface, polygon: Polygon) -> float:
-    """Return the integral of a scalar spline z(x, y) over the inside of a polygon within its rectangle."""
-    p, q = graph.kv_u.degree, graph.kv_v.degree
-    lines = graph.kv_u.breaks, graph.kv_v.breaks
-    primitive = Primitive(graph, *lines, (p // 2 + 1, q + 1))
-    total = 0.0
-    for start, stop in polygon.sides:
-        places, _ = side_crossings(start, stop, *lines)
-        # Z has degree p + 1 in x and q in y
-        t, weights = gauss_rule(np.unique(np.r_[0.0, places, 1.0]), (p + q + 1) // 2 + 1)
-        x, y = inside(graph, *(start + t[:, None] * (stop - start)).T)
-        total += float(weights @ primitive(x, y)) * (stop[1] - start[1])
-    return total
-
-
-def side_crossings(start: Floats, stop: Floats, x: Floats, y: Floats) -> tuple[Floats, Integers]:
-    """Return where the straight line from start (0) to stop (1) crosses the lines x = x_i and y = y_j.
-
-    Returns (places, lines): (n,) float within (0, 1) and (n,) int, lines i of x and len(x) + j of y; not
-    sorted.
-    """
-    places = []
-    lines = []
-    first = 0
-    for row, origin, step in zip((x, y), start, stop - start):
-        place = (row - origin) / step if step else np.full(len(row), np.inf)
-        hit = np.flatnonzero((place > 0) & (place < 1))
-        places.append(place[hit])
-        lines.append(first + hit)
-        first += len(row)
-    return np.concatenate(places), np.concatenate(lines)

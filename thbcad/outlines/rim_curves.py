@@ -1,5 +1,5 @@
-"""Smooth curves that no spline holds, as splines within 1e-9 mm: the rim of an elliptic aperture, level lines
-of ruled edges.  The rim above a straight side of a polygon is a spline itself.
+"""Smooth curves that no spline holds, as splines within 1e-9 mm: the rim above an arc, level lines of ruled
+edges.  The rim above a line is a spline itself.
 
 The curves have a known number of derivatives where they cross knot lines.  With knots of the same smoothness
 there, interpolation at the Greville points converges with order 6 on the pieces.
@@ -7,14 +7,13 @@ there, interpolation at the Greville points converges with order 6 on the pieces
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from thbcad.checks import Floats, Integers
-from thbcad.outlines.ellipse import Ellipse, inside
-from thbcad.outlines.polygon import side_crossings
+from thbcad.outlines.pieces import RimPiece, inside
 from thbcad.splines import BSplineSurface, KnotVector
 
 DEGREE = 5
@@ -57,23 +56,46 @@ def fitted_curve(
     raise ValueError(f"the curve needs more than {MOST_SPANS} spans for {TOLERANCE:g} mm")
 
 
-def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotVector, Floats]:
-    """Return knots and poles (x, y, z), (n, 3), of a graph above half an ellipse, t in [0, pi] (half 0) or
-    [pi, 2 pi] (half 1), mm.
+def rim_curve(graph: BSplineSurface, piece: RimPiece) -> tuple[KnotVector, Floats]:
+    """Return knots and poles (x, y, z), (n, 3), of a graph above a piece of an outline, over its parameter,
+    mm.
+
+    Above a line along x or y the curve has the graph's degree p or q there, above others p + q, and is exact
+    but for rounding; of a degree above 10, which CAD files do not hold, and above an arc it is as
+    `fitted_curve`.
 
     Raises
     ------
     ValueError : as `fitted_curve`.
     """
+    return matched_rims((graph,), (piece,))
+
+
+def matched_rims(graphs: Sequence[BSplineSurface], pieces: Sequence[RimPiece]) -> tuple[KnotVector, Floats]:
+    """Return knots and poles (x_0, y_0, z_0, x_1, ...), (n, 3 k), of k graphs, each above its own piece, as
+    `rim_curve`; the pieces have equal ends."""
 
     def rim(t: Floats) -> Floats:
-        x, y = inside(graph, *ellipse(t))
-        return np.column_stack([x, y, graph(x, y)])
+        rows = []
+        for graph, piece in zip(graphs, pieces):
+            x, y = inside(graph, *piece(t))
+            rows += [x, y, graph(x, y)]
+        return np.column_stack(rows)
 
-    (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv) for kv in (graph.kv_u, graph.kv_v))
-    angles, line = ellipse.crossings(lines_x, lines_y)
-    counts = np.concatenate([counts_x, counts_y])[line]
-    return fitted_curve(rim, *_merged(angles, counts, half * np.pi, (half + 1) * np.pi))
+    own = max(piece.degree(g.kv_u.degree, g.kv_v.degree) for g, piece in zip(graphs, pieces))
+    exact = own <= MOST_DEGREE
+    degree = int(own) if exact else DEGREE
+    places, counts = [], []
+    for graph, piece in zip(graphs, pieces):
+        (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv, degree) for kv in (graph.kv_u, graph.kv_v))
+        at, line = piece.crossings(lines_x, lines_y)
+        places.append(at)
+        counts.append(np.concatenate([counts_x, counts_y])[line])
+    breaks, needed = _merged(np.concatenate(places), np.concatenate(counts), *pieces[0].ends)
+    if not exact:
+        return fitted_curve(rim, breaks, needed)
+    kv = KnotVector(degree, np.repeat(breaks, np.r_[degree + 1, needed[1:-1], degree + 1]))
+    return kv, make_interp_spline(kv.greville(), rim(kv.greville()), degree, t=kv.knots).c
 
 
 def kinks(kv: KnotVector, degree: int = DEGREE) -> tuple[Floats, Integers]:
@@ -95,31 +117,3 @@ def _merged(places: Floats, counts: Integers, start: float, stop: float) -> tupl
     first = np.flatnonzero(np.diff(places, prepend=-1.0) > NEAR)
     merged = np.maximum.reduceat(counts, first) if len(first) else counts
     return np.r_[start, places[first], stop], np.r_[1, merged, 1]
-
-
-def side_curve(graph: BSplineSurface, start: Floats, stop: Floats) -> tuple[KnotVector, Floats]:
-    """Return knots over [0, 1] and poles (x, y, z), (n, 3), of a graph above the straight line from start to
-    stop, (2,) float, mm.
-
-    Along x or y the curve has the graph's degree p or q there, else p + q, and is exact but for rounding; of
-    a degree above 10, which CAD files do not hold, it is as `fitted_curve`.
-
-    Raises
-    ------
-    ValueError : as `fitted_curve`.
-    """
-
-    def rim(t: Floats) -> Floats:
-        x, y = inside(graph, *(start + t[:, None] * (stop - start)).T)
-        return np.column_stack([x, y, graph(x, y)])
-
-    degrees = [kv.degree for kv in (graph.kv_u, graph.kv_v)]
-    degree = sum(p for p, step in zip(degrees, stop - start) if step)
-    exact = degree <= MOST_DEGREE
-    rows = [kinks(kv, degree if exact else DEGREE) for kv in (graph.kv_u, graph.kv_v)]
-    places, line = side_crossings(start, stop, rows[0][0], rows[1][0])
-    breaks, counts = _merged(places, np.concatenate([rows[0][1], rows[1][1]])[line], 0.0, 1.0)
-    if not exact:
-        return fitted_curve(rim, breaks, counts)
-    kv = KnotVector(degree, np.repeat(breaks, np.r_[degree + 1, counts[1:-1], degree + 1]))
-    return kv, make_interp_spline(kv.greville(), rim(kv.greville()), degree, t=kv.knots).c

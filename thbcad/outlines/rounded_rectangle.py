@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.checks import Floats, floats, half_widths
+from thbcad.outlines.pieces import LEAST_SIZE, Arc, Line, RimPiece
 
 RELATIVE = 1e-12  # of the half-width: corners that differ by less are alike
+ROUND = 1e-12  # relative: semi-axes that differ by less are those of a circle
 TINY = 1e-300  # what is divided by where it is zero
 
 
@@ -57,6 +59,22 @@ class Outline:
         object.__setattr__(self, "half_width", h)
         object.__setattr__(self, "corners", tuple(float(min(a, b)) for a, b in zip(c, h)))
 
+    @classmethod
+    def ellipse(cls, semi_axes: tuple[float, float]) -> Outline:
+        """Return the outline x^2 / a^2 + y^2 / b^2 = 1, mm.
+
+        Raises
+        ------
+        ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
+        """
+        try:
+            axes = half_widths(semi_axes)
+        except ValueError:
+            raise ValueError(f"semi_axes must be two positive numbers, got {semi_axes}") from None
+        if min(axes) < LEAST_SIZE:
+            raise ValueError(f"semi_axes must be at least {LEAST_SIZE:g} mm, got {axes}")
+        return cls(axes, axes)
+
     @property
     def is_rectangle(self) -> bool:
         """Whether the corners are sharp."""
@@ -68,6 +86,11 @@ class Outline:
         return self.corners == self.half_width
 
     @property
+    def is_circle(self) -> bool:
+        """Whether it is an ellipse of equal semi-axes, but for rounding."""
+        return self.is_ellipse and abs(self.half_width[0] / self.half_width[1] - 1) < ROUND
+
+    @property
     def relative_corners(self) -> tuple[float, float]:
         """Semi-axes of the corners, of the half-widths."""
         (a, b), (c, d) = self.half_width, self.corners
@@ -77,6 +100,48 @@ class Outline:
     def area(self) -> float:
         """The area within, mm^2: 4 hx hy - (4 - pi) cx cy."""
         return float(4 * np.prod(self.half_width) - (4 - np.pi) * np.prod(self.corners))
+
+    def text(self, digits: int = 6) -> str:
+        """Return its size in words, mm."""
+        (a, b), (c, d) = [
+            [f"{size:.{digits}g}" for size in pair]
+            for pair in ((2 * h for h in self.half_width), self.corners)
+        ]
+        if self.is_ellipse:
+            return f"diameter {a} mm" if self.is_circle else f"ellipse {a} x {b} mm"
+        corners = "" if self.is_rectangle else f", corners {f'R {c}' if c == d else f'{c} x {d}'} mm"
+        return f"{a} x {b} mm{corners}"
+
+    @property
+    def pieces(self) -> tuple[RimPiece, ...]:
+        """The outline as lines and arcs, counter-clockwise: the sides from that at -y on, each with the
+        corner that follows; an ellipse in two halves from its longer semi-axis on.
+
+        Raises
+        ------
+        ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
+        """
+        (hx, hy), (cx, cy) = self.half_width, self.corners
+        if self.is_ellipse:
+            return tuple(Arc((hx, hy), (k * np.pi, (k + 1) * np.pi), hy > hx) for k in (0, 1))
+        sizes = [a for pair in zip(self.half_width, self.corners) for a in (pair[1], 2 * (pair[0] - pair[1]))]
+        if any(0 < size < LEAST_SIZE for size in sizes):
+            raise ValueError(
+                f"sides and corners of an outline must be at least {LEAST_SIZE:g} mm wide, got the "
+                f"half-widths {self.half_width} with corners of {self.corners} mm"
+            )
+        x, y = hx - cx, hy - cy
+        out: list[RimPiece] = []
+        ends = (((-x, -hy), (x, -hy)), ((hx, -y), (hx, y)), ((x, hy), (-x, hy)), ((-hx, y), (-hx, -y)))
+        for k, (start, stop) in enumerate(ends):
+            if start != stop:
+                out.append(Line(start, stop))
+            if cx:
+                # quarter k begins below the x axis, and upright angles lie a quarter turn behind
+                first = (k - 1 - (cy > cx)) % 4
+                turn = (first * np.pi / 2, (first + 1) * np.pi / 2)
+                out.append(Arc((cx, cy), turn, cy > cx, (x if k in (0, 1) else -x, y if k in (1, 2) else -y)))
+        return tuple(out)
 
     def gauge(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return the factor by which the outline grows until it passes through points, of their shape."""
@@ -97,29 +162,33 @@ class Outline:
         """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""
         return np.asarray(self.gauge(x, y) <= 1 + slack)
 
-    def shares(self, x: ArrayLike, y: ArrayLike, fine: int = 8) -> Floats:
-        """Return the share of every cell of a grid that lies inside, (len(x) - 1, len(y) - 1), 0 to 1.
+    def shares(self, low: tuple[Floats, Floats], high: tuple[Floats, Floats], fine: int = 8) -> Floats:
+        """Return the share of rectangles that lies inside, 0 to 1, of their shape.
 
-        x, y : borders of the cells, mm, rising.  fine : points each way of cells that the outline may cross.
+        low, high : x and y of their corners, mm, which broadcast.
+        fine : points each way, of those that the rim may cross.
         """
-        x, y = floats(x), floats(y)
-        gauges = self.gauge(x[:, None], y)
-        parts = gauges[1:, 1:], gauges[1:, :-1], gauges[:-1, 1:], gauges[:-1, :-1]
-        # the outline is convex: a cell lies inside if its corners do, and outside on one side of both axes
-        out: Floats = (np.maximum.reduce(parts) <= 1).astype(float)
-        i, j = np.nonzero((out == 0) & (self._nearest(x, y) < 1))
+        x0, y0, x1, y1 = np.broadcast_arrays(*low, *high)
+        pairs = (x0, x1), (y0, y1)
+        far_x, far_y = (np.maximum(abs(a), abs(b)) for a, b in pairs)
+        near_x, near_y = (np.where(a * b <= 0, 0.0, np.minimum(abs(a), abs(b))) for a, b in pairs)
+        # the outline is convex and symmetric
+        out: Floats = self.contains(far_x, far_y).astype(float)
+        some = np.nonzero((out == 0) & self.contains(near_x, near_y))
         middles = (np.arange(fine) + 0.5) / fine
-        u = x[i, None, None] + (x[i + 1] - x[i])[:, None, None] * middles[:, None]
-        v = y[j, None, None] + (y[j + 1] - y[j])[:, None, None] * middles
-        out[i, j] = self.contains(u, v).mean(axis=(1, 2))
+        x, y = (a[some][:, None] + (b - a)[some][:, None] * middles for a, b in pairs)
+        out[some] = self.contains(x[:, :, None], y[:, None, :]).mean(axis=(1, 2))
         return out
+
+    def filled(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Return points of the rectangle moved along rays from the middle, its rim onto that of the outline,
+        mm."""
+        x, y = np.broadcast_arrays(floats(x), floats(y))
+        gauge, (hx, hy) = self.gauge(x, y), self.half_width
+        factor = np.maximum(abs(x) / hx, abs(y) / hy) / np.where(gauge > 0, gauge, 1.0)
+        return factor * x, factor * y
 
     def scaled(self, half_width: ArrayLike) -> Outline:
         """Return the outline stretched to other half-widths, mm."""
         (hx, hy), (rx, ry) = half_widths(half_width), self.relative_corners
         return Outline((hx, hy), (rx * hx, ry * hy))
-
-    def _nearest(self, x: Floats, y: Floats) -> Floats:
-        """Return the gauge of the point of every cell of a grid that is nearest to both axes."""
-        near = [np.where(a[:-1] * a[1:] <= 0, 0.0, np.minimum(abs(a[:-1]), abs(a[1:]))) for a in (x, y)]
-        return self.gauge(near[0][:, None], near[1])

@@ -1,8 +1,9 @@
 """The variables of the optimiser: multilevel weights, squashed into the bounds.
 
-    c = b S(H (S^-1(c0 / b) + k M D w)),    S(y) = y / (1 + |y|^8)^(1/8)
+    c = b S(P H (S^-1(c0 / b) + k M D w)),    S(y) = y / (1 + |y|^8)^(1/8)
 
-H averages with the mirror images of a symmetric problem (otherwise the identity), k is STEP.
+H averages with the mirror images of a symmetric problem (otherwise the identity), k is STEP.  P continues
+what lies inside the outline of a surface beyond it (`Continuation`; the identity of a rectangle).
 M is the multilevel generating system, b = z_freedom.  S is the identity for sags well inside
 the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |c| < b.  D is
 diagonal: the identity, or what makes the diagonal of the Gauss-Newton Hessian constant.
@@ -18,7 +19,9 @@ from numpy.typing import NDArray
 
 from optics.designing.optimisation.indicators import LEAST
 from optics.designing.optimisation.symmetry import Mirrors
+from thbcad.fitting import Continuation
 from thbcad.hierarchy import MultilevelBasis
+from thbcad.outlines import Outline
 from thbcad.surfaces import THBSurface
 
 Floats = NDArray[np.float64]
@@ -33,10 +36,21 @@ class BoundedVariables:
     """The map w -> c of one or more sags and its adjoint around a start c0.
 
     bounds : z_freedom of every sag, mm.  axes : directions of mirror symmetry that is kept.
+    outlines : of the surfaces; None where all are rectangles.
     """
 
-    def __init__(self, sags: Sequence[THBSurface], bounds: Sequence[float], axes: Sequence[int] = ()) -> None:
-        self._parts = [_Part(sag, bound, Mirrors(sag.space, axes)) for sag, bound in zip(sags, bounds)]
+    def __init__(
+        self,
+        sags: Sequence[THBSurface],
+        bounds: Sequence[float],
+        axes: Sequence[int] = (),
+        outlines: Sequence[Outline] | None = None,
+    ) -> None:
+        shapes = outlines or [Outline((1.0, 1.0))] * len(sags)
+        self._parts = [
+            _Part(sag, bound, Mirrors(sag.space, axes), Continuation(sag.space, shape))
+            for sag, bound, shape in zip(sags, bounds, shapes)
+        ]
         self._ends = np.cumsum([part.basis.size for part in self._parts])
         self._scale = np.ones(self._ends[-1])
 
@@ -79,10 +93,10 @@ class BoundedVariables:
 class _Part:
     """The map w -> c of one sag."""
 
-    def __init__(self, sag: THBSurface, bound: float, mirrors: Mirrors) -> None:
+    def __init__(self, sag: THBSurface, bound: float, mirrors: Mirrors, beside: Continuation) -> None:
         self.basis = MultilevelBasis(sag.space)
         self._bound = bound
-        self._mirrors = mirrors
+        self._mirrors, self._beside = mirrors, beside
         self._start = self._unsquashed(sag)
 
     def around(self, sag: THBSurface) -> _Part:
@@ -99,12 +113,12 @@ class _Part:
     def coefficients(self, weights: Floats) -> tuple[Floats, Floats]:
         """Return (c, S' at c)."""
         y = np.clip(self._start + STEP * self.basis.coefficients(weights), -FAR, FAR)
-        y = self._mirrors.of_coefficients(y)
+        y = self._beside(self._mirrors.of_coefficients(y))
         base = 1 + np.abs(y) ** SHARPNESS
         slope = base ** (-1 / SHARPNESS - 1)
         return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound), slope
 
     def gradient(self, gradient: Floats, slope: Floats) -> Floats:
         """Return dL/dw from dL/dc."""
-        back = self.basis.adjoint(self._mirrors.of_coefficients(gradient * slope))
+        back = self.basis.adjoint(self._mirrors.of_coefficients(self._beside.adjoint(gradient * slope)))
         return back * (self._bound * STEP)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.hierarchy import THBSpace
+from thbcad.outlines import Outline
 from thbcad.splines import KnotVector
 
 ASIDE = tuple((a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25))  # of a span of the function's level
@@ -69,14 +70,41 @@ def promised_decrease(
     return out
 
 
+def near_cells(space: THBSpace, outline: Outline) -> NDArray[np.bool_]:
+    """Return which leaf cells lie in an outline, or beside it within p / 2 of their sides, (n_cells,).
+
+    All functions that see light are then as fine as their cells.
+
+    outline : it is stretched over the rectangle of the space.
+    """
+    if outline.is_rectangle:
+        return np.ones(len(space.cells), dtype=bool)
+    low, high = [], []
+    for kv, start, stop, half in zip(
+        (space.kv_u, space.kv_v), space.boxes.T[::2], space.boxes.T[1::2], outline.half_width
+    ):
+        beside, scale = kv.degree / 2 * (stop - start), 2 * half / (kv.stop - kv.start)
+        low.append((start - beside - kv.start) * scale - half)
+        high.append((stop + beside - kv.start) * scale - half)
+    return outline.shares((low[0], low[1]), (high[0], high[1])) > 0
+
+
 def mark(
-    space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int
+    space: THBSpace,
+    indicator: NDArray[np.float64],
+    alpha: float,
+    max_level: int,
+    near: NDArray[np.bool_] | None = None,
 ) -> dict[int, NDArray[np.int64]]:
     """Return {level: cells} of the leaf cells with Z > alpha * mean(Z), below `max_level`.
 
     The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level
     instead).
+
+    near : which cells count at all; None are all.
     """
     cells = space.cells
-    chosen = cells[(indicator > alpha * indicator.mean()) & (cells[:, 0] < max_level)]
+    near = np.ones(len(cells), dtype=bool) if near is None else near
+    wanted = near & (indicator > alpha * indicator[near].mean())
+    chosen = cells[wanted & (cells[:, 0] < max_level)]
     return {int(level): chosen[chosen[:, 0] == level, 1:] for level in np.unique(chosen[:, 0])}

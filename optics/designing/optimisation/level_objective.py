@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.indicators import (
     mark,
+    near_cells,
     promised_decrease,
     refined_once,
     summed_over_cells,
@@ -152,9 +153,12 @@ def marked_cells(
     if stage.level == last_level(problem):
         return [{}] * len(lens.sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
-    for sag, finest, indicator in zip(lens.sags, feature_levels(problem), indicators(lens, stage)):
-        indicator = Mirrors(sag.space, axes).of_cells(indicator)
-        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest)))
+    free = [s for s in (lens.front, lens.rear) if s.sag is not None]
+    for surface, sag, finest, indicator in zip(
+        free, lens.sags, feature_levels(problem), indicators(lens, stage)
+    ):
+        indicator, near = Mirrors(sag.space, axes).of_cells(indicator), near_cells(sag.space, surface.outline)
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest), near))
     return out
 
 

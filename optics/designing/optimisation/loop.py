@@ -204,7 +204,9 @@ class _Run:
         """
         system, stage, last = self.system, task.stage, task.stage is self.plan[-1]
         of_stage = partial(stage_objective, system, task.lens, stage, task.target, self.engine, self.axes)
-        variables = BoundedVariables(state.sags, [f.freedom for f in system.freeforms], self.axes)
+        outlines = [s.outline for s in (task.lens.front, task.lens.rear) if s.sag is not None]
+        bounds = [f.freedom for f in system.freeforms]
+        variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         search = Search(system.problem, of_stage(background=task.background), variables, state.sags)
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         try:

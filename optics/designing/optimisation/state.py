@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from optics.base.runtime import UserError
+from optics.designing.optimisation.indicators import near_cells
 from optics.designing.optimisation.stage_plan import first_level, stages
 from optics.scene.problem import feature_levels
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.surfaces import THBSurface
 
 
@@ -67,8 +68,21 @@ class State:
 def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     first = first_level(system.problem, from_transport)
-    finest = feature_levels(system.problem)
-    return tuple(sag.uniform(min(first, level)) for sag, level in zip(system.lens.sags, finest))
+    free = [s for s in (system.lens.front, system.lens.rear) if s.sag is not None]
+    return tuple(
+        _refined(surface, min(first, finest)) for surface, finest in zip(free, feature_levels(system.problem))
+    )
+
+
+def _refined(surface: FreeformSurface, level: int) -> THBSurface:
+    """Return the sag of a surface on cells of a level, coarser ones where no light is seen."""
+    sag = surface.sag
+    assert sag is not None
+    if surface.outline.is_rectangle:
+        return sag.uniform(level)
+    for _ in range(level):
+        sag = sag.refine(near_cells(sag.space, surface.outline))
+    return sag
 
 
 def earlier_state(system: OpticalSystem, earlier: Lens) -> State:

@@ -32,11 +32,12 @@ def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...
 
 
 def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
-    """Return the directions in which target, receiver and source of a system are their own mirror images."""
+    """Return the directions in which source, stops, receiver and target are their own mirror images."""
     if not system.source.symmetric:
         return ()
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
-    return tuple(axis for axis in axes if axis in system.target.receiver.mirror_axes)
+    poses = [system.target.receiver.pose, *(stop.pose for stop in system.stops)]
+    return tuple(axis for axis in axes if all(axis in pose.mirror_axes for pose in poses))
 
 
 class Mirrors:

@@ -32,6 +32,7 @@ from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
+from thbcad.outlines import Outline
 from thbcad.surfaces import THBSurface
 
 SNELL_STEPS = 4
@@ -178,12 +179,13 @@ class TransportStart:
         """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
         source, lens = self._system.source, self._lens
         size = self._system.problem.source.half_width
+        outlines = lens.front.outline, self._surface.outline
         half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
         relative = [b / s for b, s in zip(half, size)]
 
         def emitted(grid: tuple[int, ...]) -> Floats:
             s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
-            return source.profile(s[:, None], t[None, :])
+            return source.profile(s[:, None], t[None, :]) * _inside(outlines, half, grid)
 
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
@@ -289,6 +291,14 @@ def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
     zx, zy = slopes
     sag = height_from_slopes(zx, zy, _spacing(light))
     return sag - (sag.max() + sag.min()) / 2
+
+
+def _inside(outlines: Sequence[Outline], half: Sequence[float], counts: Sequence[int]) -> Floats:
+    """Return the share of every cell of a rectangle with these half-widths that lies in all outlines."""
+    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half, counts))
+    x = x[:, None]
+    shares = [o.shares((x[:-1], y[:-1]), (x[1:], y[1:])) for o in outlines if not o.is_rectangle]
+    return np.minimum.reduce([np.ones((counts[0], counts[1])), *shares])
 
 
 def _spacing(light: RearLight) -> list[float]:

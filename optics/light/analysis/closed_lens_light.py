@@ -71,16 +71,9 @@ def _replicate(
 ) -> tuple[Floats, Fates, SequentialFates]:
     """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
     rays = single_rays(system.source.rays(RAYS, rng), lens)
-    plane = TargetArea(system.target.receiver, screen.half_width)
+    plane = TargetArea.of(system.path(lens), screen.half_width)
     every = trace_nonsequential(
-        backend,
-        lens,
-        rays,
-        plane,
-        threshold=ROULETTE,
-        roulette=rng,
-        absorption=system.absorption,
-        absorbing_wall=system.absorbing_wall,
+        backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
     )
     tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():

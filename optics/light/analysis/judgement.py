@@ -17,7 +17,7 @@ from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
 # flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
-LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed")
+LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed", "blocked")
 WORTH_A_NOTE = 0.1
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"

@@ -51,7 +51,9 @@ def outgoing_intensity(
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     side = isqrt(max(1, count // REPLICATES) - 1) + 1
-    plane = TargetArea(receiver_at(plane_behind(system, lens)), lens.rear.half_width)
+    plane = TargetArea.of(
+        system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
+    )
     total, flux = [], 0.0
     for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
         nodes = np.zeros((grid.turns, grid.tilts + 1))
@@ -65,7 +67,6 @@ def outgoing_intensity(
                 threshold=ROULETTE,
                 roulette=rng,
                 absorption=system.absorption,
-                absorbing_wall=system.absorbing_wall,
             ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES

@@ -81,6 +81,9 @@ class Meetings:
     reflected: Floats
     transmittance: Floats
 
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> Meetings:
+        return Meetings(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
+
 
 class ClosedLens:
     """The faces of a lens, and what happens to branches there."""

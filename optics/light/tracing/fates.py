@@ -15,13 +15,13 @@ SENTENCES = {
     "on_target": "leaves by the rear and meets the target",
     "off_target": "leaves by the rear and passes beside the target",
     "absorbed": "is absorbed in the lens",
+    "blocked": "is blocked by a stop, by an absorbing wall, or beside the clear aperture",
     "reflected_outside": "is reflected at the front and never enters",
     "edges_on_target": "leaves by an edge and meets the target",
     "edges_off_target": "leaves by an edge and passes beside the target",
     "front_on_target": "leaves by the front and meets the target",
     "front_off_target": "leaves by the front and passes beside the target",
     "back": "leaves and never reaches the target plane",
-    "blocked": "is blocked by a stop or a wall, or beside the clear aperture",
     "trapped": "falls below the threshold, or meets too many faces",
     "failed": "is lost: no face was found in glass, or none was certain to be the first",
 }
@@ -34,6 +34,7 @@ class SequentialFates:
     front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
     on_target, off_target : meets the target rectangle, or its plane beside it.
     absorbed : on the way from front to rear.
+    blocked : by stops on the way, and on front and rear beside their clear apertures.
     """
 
     beside_lens: float
@@ -45,6 +46,7 @@ class SequentialFates:
     on_target: float
     off_target: float
     absorbed: float = 0.0
+    blocked: float = 0.0
 
     @property
     def transmitted(self) -> float:
@@ -62,10 +64,7 @@ class SequentialFates:
 
 @dataclass(frozen=True)
 class Fates:
-    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux.
-
-    blocked : by absorbing walls.
-    """
+    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux."""
 
     beside_lens: float
     reflected_outside: float

@@ -25,6 +25,7 @@ class Landing:
     p, q : direction cosines there, along x and y of the receiver.
     definite : rays whose x and y are meant, on the surfaces or on what continues them beyond the rims.
     passages : what became of the rays at every surface.
+    blocked : rays that a stop takes behind the last surface.
     """
 
     x: DrArray
@@ -34,11 +35,13 @@ class Landing:
     flux: DrArray
     definite: DrArray | bool
     passages: Sequence[Passage] = ()
+    blocked: DrArray | bool = False
 
     @property
     def arrives(self) -> DrArray | bool:
-        """Rays that are definite and met every surface within its rim."""
-        return reduce(and_, (p.hit for p in self.passages), self.definite)
+        """Rays that are definite, met every surface within its rim, and that nothing blocks."""
+        arriving = reduce(and_, (p.hit for p in self.passages), self.definite)
+        return arriving if self.blocked is False else arriving & ~self.blocked
 
 
 @dataclass(frozen=True, eq=False)

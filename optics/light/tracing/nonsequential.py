@@ -19,25 +19,46 @@ from optics.light.tracing.branches import (
     LEFT,
     NEVER,
     OUTSIDE,
+    REAR,
     UNDECIDED,
     Branches,
     ClosedLens,
+    Meetings,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
+from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens."""
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
+
+    stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
+    """
 
     receiver: Receiver
     half_width: tuple[float, float]
+    stops: tuple[Stop, ...] = ()
+    clear: Outline | None = None
+    absorbing_wall: bool = False
+
+    @classmethod
+    def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
+        """Return what lies around the lens of a path."""
+        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear, path.absorbing_wall)
+
+    @property
+    def blocks(self) -> bool:
+        """Whether anything blocks light."""
+        return bool(self.stops) or self.clear is not None or self.absorbing_wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +104,6 @@ def trace_nonsequential(
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
-    absorbing_wall: bool = False,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -92,7 +112,6 @@ def trace_nonsequential(
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
-    absorbing_wall : light that meets an edge ends there, in the fate `blocked`; else edges are polished.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -102,9 +121,22 @@ def trace_nonsequential(
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
 
+    def dimmed(branches: Branches, path: Floats) -> Branches:
+        """Return branches behind paths, mm, and account for what glass absorbs there."""
+        if not absorption:
+            return branches
+        kept = np.where(branches.inside, np.exp(-absorption * path), 1.0)
+        account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+        return replace(branches, flux=branches.flux * kept)
+
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        if target.blocks:
+            length = _blocked_after(branches, meetings, target)
+            blocked = np.isfinite(length)
+            account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
+            branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -116,16 +148,10 @@ def trace_nonsequential(
         if generation == bounces:
             account(branches[~leaving], FATES.index("trapped"))
             break
-        if absorption:
-            path = np.linalg.norm(meetings.point - branches.origin, axis=0)
-            kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
-            account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
-            branches = replace(branches, flux=branches.flux * kept)
-        stopped = absorbing_wall & (meetings.face == EDGE)
-        account(branches[stopped], FATES.index("blocked"))
+        branches, meetings = branches[~leaving], meetings[~leaving]
+        branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
-        onward = ~(leaving | stopped)
-        branches = refracted[onward & (meetings.transmittance > 0)] + reflected[onward]
+        branches = refracted[meetings.transmittance > 0] + reflected
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
@@ -177,17 +203,12 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend,
-    lens: Lens,
-    rays: Rays,
-    target: TargetArea,
-    bounces: int = 64,
-    absorbing_wall: bool = False,
+    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them or where it absorbs.
+    last face, or on that face after `bounces` of them.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
@@ -195,6 +216,12 @@ def trace_paths(
     fates = ["trapped"] * len(points)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
+        length = _blocked_after(branches, meetings, target)
+        for k in np.flatnonzero(np.isfinite(length)):
+            ray = branches.ray[k]
+            points[ray].append(branches.origin[:, k] + length[k] * branches.direction[:, k])
+            fates[ray] = "blocked"
+        branches, meetings = branches[np.isinf(length)], meetings[np.isinf(length)]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
@@ -206,15 +233,33 @@ def trace_paths(
             fates[ray] = FATES[which]
         for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
             points[ray].append(point)
-        stopped = absorbing_wall & (meetings.face == EDGE)
-        for ray in branches.ray[stopped]:
-            fates[ray] = "blocked"
         refracted, reflected = split(branches, meetings)
-        onward, passes = ~(leaving | stopped), meetings.transmittance >= 0.5
-        branches = refracted[onward & passes] + reflected[onward & ~passes]
+        passes = meetings.transmittance >= 0.5
+        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
         if generation == bounces or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
+
+
+def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
+    """Return the path lengths after which branches meet a stop, a holder or a black wall; inf of others."""
+    first = np.full(len(branches.ray), np.inf)
+    ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    if target.absorbing_wall:
+        first = np.where(meetings.face == EDGE, ahead, first)
+    if target.clear is not None:
+        x, y, _ = meetings.point
+        on = np.isin(meetings.face, (FRONT, REAR))
+        first[on] = np.where(target.clear.contains(x[on], y[on]), np.inf, ahead[on])
+    if target.stops:
+        landed = target.receiver.land(branches.origin, branches.direction)
+        ends = landed.met & (landed.length >= 0) & (not target.receiver.far_field)
+        reach = np.where(meetings.face == NEVER, np.where(ends, landed.length, np.inf), ahead)
+        reach = np.where(branches.inside | (meetings.face == UNDECIDED), 0.0, reach)
+        for stop in target.stops:
+            length = stop.distance(branches.origin, branches.direction)
+            first = np.where(length < reach, np.minimum(first, length), first)
+    return first
 
 
 def _fates(

@@ -22,13 +22,13 @@ from optics.light.intersections import (
     SearchedHits,
     Vector,
     device_flux,
-    gauge,
     on_device,
 )
 from optics.light.tracing.fates import SequentialFates
 from optics.light.tracing.landings import Landing
-from optics.light.tracing.traced_surface import Passage, TracedSurface, knots_of
-from optics.scene.paths import LightPath
+from optics.light.tracing.parallel_light import stays_parallel, through_plane
+from optics.light.tracing.traced_surface import Passage, TracedSurface, blocked_rays, knots_of
+from optics.scene.paths import AIR, LightPath
 from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
 from thbcad.poses import IDENTITY
@@ -43,6 +43,7 @@ LOSSES = (
     "total_internal",
     "rear_reflected",
     "absorbed",
+    "blocked",
 )
 Step: TypeAlias = "tuple[Hits | None, Passage]"  # no Hits where light along z passes a plane
 
@@ -66,8 +67,13 @@ class Tracer:
         frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
         self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
         self._receiver = path.receiver.seen_from(frames[-1])
+        # on the way to every surface and to the receiver, in the frame of the next or of the last surface
+        self._stops = [
+            [stop.moved(frame.inverse()) for stop in path.stops] if medium == AIR else []
+            for medium, frame in zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])
+        ]
         self._number = cache(partial(backend.dr.opaque, backend.Float))
-        grid = rays if isinstance(rays, RayGrid) and _stays_parallel(path) else None
+        grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
@@ -75,14 +81,12 @@ class Tracer:
             second, direction = self._surfaces[1].hits, (0.0, 0.0, 1.0)
             assert isinstance(second, KnownHits)
             _, share, _ = self._surfaces[0].turned(direction, (backend.Float(0), backend.Float(0)))
-            outline, hit = path.surfaces[0].shape.outline, True
-            if not outline.is_rectangle:
-                hit = gauge(backend, outline, second.x, second.y) <= 1
+            hit, blocked = through_plane(backend, self._surfaces[0], grid, path.before, self._stops[0])
+            before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
             entering = backend.dr.select(hit, self._flux * share, 0)
             backend.dr.make_opaque(entering)
             origin = second.x, second.y, self._ahead[0].shift[2].item()
-            before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
-            self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering))]
+            self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering, blocked))]
             self._behind = DeviceRays(origin, direction, entering)
             return
         single = rays if isinstance(rays, Rays) else rays.rays(path.before)
@@ -110,8 +114,12 @@ class Tracer:
         # where nothing goes on no denominator may vanish
         landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
         known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
+        end = dr.inf if self._receiver.far_field else dr.select(landed.met, landed.length, dr.inf)
+        blocked = blocked_rays(self._backend, self._stops[-1], rays, end)
+        arrives = landed.met if blocked is False else landed.met & ~blocked
+        flux = dr.select(arrives, rays.flux, 0)
         return [hits for hits, _ in steps], Landing(
-            landed.u, landed.v, landed.p, landed.q, dr.select(landed.met, rays.flux, 0), known, passages
+            landed.u, landed.v, landed.p, landed.q, flux, known, passages, blocked
         )
 
     def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
@@ -132,7 +140,8 @@ class Tracer:
         else:
             _, rays = self._follow(coefficients, surface)
         hits = self._surfaces[surface].meet(rays, self._nets(coefficients)[surface])
-        return hits, rays.direction, self._backend.dr.select(hits.hit, rays.flux, 0)
+        hit, _ = self._kept(surface, rays, hits)
+        return hits, rays.direction, self._backend.dr.select(hit, rays.flux, 0)
 
     def _follow(self, coefficients: Coefficients | None, stop: int) -> tuple[list[Step], DeviceRays]:
         """Return the steps over the surfaces before number `stop`, and the rays behind them."""
@@ -146,11 +155,20 @@ class Tracer:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
         surface = self._surfaces[k]
         hits = surface.meet(rays, net)
-        passage, direction = surface.passed(rays, hits)
+        passage, direction = surface.passed(rays, hits, *self._kept(k, rays, hits))
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:
             point, direction = ahead.points(point), ahead.directions(direction)
         return (hits, passage), DeviceRays(point, direction, passage.leaving)
+
+    def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool]:
+        """Return the masks of rays that come through to a surface, and of those that are blocked."""
+        dr, reach = self._backend.dr, 0.0
+        if self._stops[k]:
+            ahead = ((a - o) * d for a, o, d in zip((hits.x, hits.y, hits.z), rays.origin, rays.direction))
+            reach = dr.select(hits.hit, sum(ahead), dr.inf)
+        taken = blocked_rays(self._backend, self._stops[k], rays, reach)
+        return self._surfaces[k].kept(hits.hit, taken, hits.x, hits.y)
 
     def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
@@ -201,21 +219,24 @@ class Tracer:
         before = self._flux
         for k, p in enumerate(landing.passages):
             first = k == 0
-            unresolved, hit = total(before, dr.select(p.found, False, True)), total(before, p.hit)
+            blocked, hit = total(before, p.blocked), total(before, p.hit)
+            unresolved = total(before, dr.select(p.found | p.blocked, False, True))
             absorbing = self._path.media[k].absorption
             reaching = total(p.reaching, p.hit) if absorbing else hit
             going = reaching if first else total(p.reaching, p.hit & p.goes_on)
             leaving = total(p.leaving, True)
             lost["unresolved"] += unresolved
-            lost["beside_lens" if first else "missed_rear"] += coming - unresolved - hit
+            lost["blocked"] += blocked
+            lost["beside_lens" if first else "missed_rear"] += coming - unresolved - blocked - hit
             lost["absorbed"] += hit - reaching
             lost["total_internal"] += reaching - going
             lost["front_reflected" if first else "rear_reflected"] += going - leaving
             coming, before = leaving, p.leaving
-        on_target = total(landing.flux, onto)
+        on_target, blocked = total(landing.flux, onto), total(before, landing.blocked)
+        lost["blocked"] += blocked
         return SequentialFates(
             on_target=on_target,
-            off_target=max(0.0, coming - on_target),
+            off_target=max(0.0, coming - blocked - on_target),
             **{fate: max(0.0, flux) for fate, flux in lost.items()},  # rounding is no negative light
         )
 
@@ -227,17 +248,23 @@ class Tracer:
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
         alive = dr.ones(dr.mask_t(self._backend.Float), self._width)
-        counts = dict.fromkeys(("beside_lens", "missed_rear", "unresolved", "total_internal"), 0)
+        counts = dict.fromkeys(("beside_lens", "missed_rear", "unresolved", "total_internal", "blocked"), 0)
 
         def count(mask: DrArray) -> int:
             return int(dr.count(mask).numpy()[0])
 
         for k, p in enumerate(landing.passages):
+            counts["blocked"] += count(alive & p.blocked)
+            alive = dr.select(p.blocked, False, alive)
             found, hit = alive & p.found, alive & p.found & p.hit
             counts["unresolved"] += count(alive & ~found)
             counts["missed_rear" if k else "beside_lens"] += count(found & ~hit)
             alive = hit & p.goes_on
             counts["total_internal"] += count(hit & ~alive)
+        counts["blocked"] += count(alive & landing.blocked)
+        alive = dr.select(landing.blocked, False, alive)
+        if not counts["blocked"]:
+            del counts["blocked"]
         return counts | {"on_target": count(alive & onto), "off_target": count(alive & ~onto)}
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
@@ -255,19 +282,3 @@ class Tracer:
             hits or SearchedHits(backend, shape.conic, shape.outline, knots, self._proven),
             path.soft_rim if changes else 0.0,
         )
-
-
-def _stays_parallel(path: LightPath) -> bool:
-    """Whether light along z is still along z where it meets the second surface, which carries a sag."""
-    if len(path.surfaces) < 2:
-        return False
-    first, second = path.surfaces[:2]
-    return (
-        second.shape.sag is not None
-        and first.kind == "refract"
-        and first.shape.is_plane
-        and first.slope_error is None
-        and first.height_error is None
-        and first.pose.is_identity
-        and not (second.pose.rotates or second.pose.shift[:2].any())
-    )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import (
@@ -11,11 +13,12 @@ from optics.light.intersections import (
     KnownHits,
     SearchedHits,
     Vector,
+    gauge,
     raised_hits,
     rim_fade,
 )
 from optics.light.tracing.refraction import reflect, refract
-from optics.scene.paths import Medium, Surface
+from optics.scene.paths import Medium, Stop, Surface
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
@@ -28,9 +31,11 @@ class Passage:
     """What becomes of rays at a surface.
 
     before : the rays that come, in its frame.
-    found, hit : as in Hits.  goes_on : the mask of rays that are refracted forward, or reflected.
+    found : as in Hits.  hit : as there, of rays that nothing blocks.  goes_on : the mask of rays that are
+        refracted forward, or reflected.
     reaching : flux at the surface, W: what absorption leaves of that behind the one before.
     leaving : flux that goes on, zero of all other rays.
+    blocked : rays that stops on their way take, or a holder on the surface.
     """
 
     before: DeviceRays
@@ -39,6 +44,7 @@ class Passage:
     goes_on: DrArray | bool
     reaching: DrArray
     leaving: DrArray
+    blocked: DrArray | bool = False
 
 
 class TracedSurface:
@@ -80,10 +86,26 @@ class TracedSurface:
             return meet(0.0)
         return raised_hits(self._backend, error, meet, 0 if known else RAISING_STEPS)
 
-    def passed(self, rays: DeviceRays, hits: Hits) -> tuple[Passage, Vector]:
+    def kept(
+        self, hit: DrArray | bool, taken: DrArray | bool, x: DrArray, y: DrArray
+    ) -> tuple[DrArray | bool, DrArray | bool]:
+        """Return the masks of rays that come through to the surface, and of those that are blocked.
+
+        hit : rays that meet it within its rim, at x and y.  taken : by stops before.
+        """
+        clear = self.surface.clear
+        if clear is None:
+            return (hit, taken) if taken is False else (hit & ~taken, taken)
+        beside = hit & (gauge(self._backend, clear, x, y) > 1)
+        blocked = beside if taken is False else beside | taken
+        return hit & ~blocked, blocked
+
+    def passed(
+        self, rays: DeviceRays, hits: Hits, hit: DrArray, blocked: DrArray | bool
+    ) -> tuple[Passage, Vector]:
         """Return what becomes of rays that met the surface, and the directions in which they go on.
 
-        Directions of rays that do not go on mean nothing.
+        Directions of rays that do not go on mean nothing.  hit, blocked : see `kept`.
         """
         dr, error = self._backend.dr, self._slope_error
         slopes = (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
@@ -92,8 +114,8 @@ class TracedSurface:
             goes_on = goes_on & (direction[2] > 0)
         reaching = self._left(rays, hits)
         passing = reaching * share * self._rim(hits)
-        leaving = dr.select(hits.hit & goes_on, passing, 0)
-        return Passage(rays, hits.found, hits.hit, goes_on, reaching, leaving), direction
+        leaving = dr.select(hit & goes_on, passing, 0)
+        return Passage(rays, hits.found, hit, goes_on, reaching, leaving, blocked), direction
 
     def turned(self, direction: Vector, slope: tuple[DrArray, DrArray]) -> tuple[Vector, DrArray, DrArray]:
         """Return directions behind it, the share of light that goes on, and the mask of these rays."""
@@ -115,7 +137,22 @@ class TracedSurface:
         """Return 1 inside the surface, falling to 0 at its rim, see `rim_fade`."""
         if not self._soft_rim or isinstance(self.hits, KnownHits):
             return 1.0
-        return rim_fade(self._backend, (hits.x, hits.y), self.surface.shape.outline, self._soft_rim)
+        return rim_fade(self._backend, (hits.x, hits.y), self.surface.open, self._soft_rim)
+
+
+def blocked_rays(
+    backend: Backend, stops: Sequence[Stop], rays: DeviceRays, reach: DrArray | float
+) -> DrArray | bool:
+    """Return the mask of rays that a stop takes before the path length `reach`, mm; False without stops.
+
+    stops : in the frame of the rays.
+    """
+    blocked: DrArray | bool = False
+    library, number = backend.dr, partial(backend.dr.opaque, backend.Float)
+    for stop in stops:
+        length = stop.distance(rays.origin, rays.direction, library, number, partial(gauge, backend))
+        blocked = length < reach if blocked is False else blocked | (length < reach)
+    return blocked
 
 
 def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

@@ -22,6 +22,7 @@ from optics.reporting.figures.overview import relative_light
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.outlines import Outline
 
 Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
 
@@ -108,7 +109,7 @@ def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
             out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
             out[f"{prefix}mesh"] = (
                 f"Hierarchical mesh of the {name} surface: leaf cells by level.",
-                _mesh(surface.sag.space, surface.half_width),
+                _mesh(surface.sag.space, surface.outline),
             )
     return out
 
@@ -121,12 +122,13 @@ def _sag(surface: FreeformSurface) -> bytes:
         for n in [max(1, round(SAMPLES * h / widest))]
     )
     sag = surface.grid(x, y) - surface.conic(x[:, None], y[None, :])
-    limits = float(sag.min()), float(sag.max())
+    sag = np.where(surface.outline.contains(x[:, None], y), sag, np.nan)
+    limits = float(np.nanmin(sag)), float(np.nanmax(sag))
     return plane_figure(sag.T[::-1], surface.half_width, "mm", "sag / mm", "viridis", limits)
 
 
-def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
-    (hx, hy), cells = half_width, space.cells
+def _mesh(space: THBSpace, outline: Outline) -> bytes:
+    (hx, hy), cells = outline.half_width, space.cells
     (x0, x1), (y0, y1) = (
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
@@ -140,6 +142,11 @@ def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
     lines = PathCollection(paths, facecolors="none", edgecolors=colours, linewidths=0.3)
     lines.set_snap(True)
     axes.add_collection(lines)
+    if not outline.is_rectangle:
+        along = np.linspace(-1, 1, SAMPLES)
+        one = np.ones(SAMPLES)
+        rim = np.hstack([(along, -one), (one, along), (-along, one), (-one, -along)])
+        axes.plot(*outline.filled(hx * rim[0], hy * rim[1]), color="tab:red", lw=0.8)
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")

@@ -110,7 +110,7 @@ def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
 
 def _text(lens: Lens, steeper: dict[str, float]) -> str:
     """Return what stands under the picture."""
-    front, rear = (f"{2 * s.half_width[0]:g} x {2 * s.half_width[1]:g} mm" for s in (lens.front, lens.rear))
+    front, rear = (s.outline.text() for s in (lens.front, lens.rear))
     sizes = f"front and rear {front}" if front == rear else f"front {front}, rear {rear}"
     middle = lens.thickness + lens.rear(0, 0) - lens.front(0, 0)
     drawn = [

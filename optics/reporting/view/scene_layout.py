@@ -136,10 +136,11 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     backend : of double precision
     """
     rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
-    plane = TargetArea(target.receiver, target.settings.half_width)
+    path, half_width = system.path(lens), target.settings.half_width
     if target.far_field:
-        plane = TargetArea(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)), (np.inf, np.inf))
-    return trace_paths(backend, lens, rays, plane, absorbing_wall=system.absorbing_wall)
+        path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))
+        half_width = np.inf, np.inf
+    return trace_paths(backend, lens, rays, TargetArea.of(path, half_width))
 
 
 def with_far_rays(lens: Array) -> Array:

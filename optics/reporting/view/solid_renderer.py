@@ -1,6 +1,6 @@
 """The faces of the lens as points, and shaded images of it as a solid.
 
-The six faces are sampled as points with normals, turned, and put into a depth buffer: the nearest
+The faces are sampled as points with normals, turned, and put into a depth buffer: the nearest
 point gives a pixel its colour.  The light grazes, and fine slopes are drawn steeper than they are.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,9 @@ def oblique(turn: float, rise: float) -> Array:
 
 
 def solid_faces(lens: Lens, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
-    """Return the six faces, front and rear first, and by name how many times steeper their relief is.
+    """Return the faces, front and rear first, and by name how many times steeper their relief is.
+
+    The edge of a lens that is no rectangle is one face.
 
     samples : across a face
     """
@@ -81,17 +84,25 @@ def solid_faces(lens: Lens, samples: int = SAMPLES) -> tuple[list[Face], dict[st
         ("rear", lens.rear, lens.thickness, 1),
     ):
         x, y = _positions(surface, samples)
-        slopes = [surface.grid(x, y, order) for order in ((1, 0), (0, 1))]
+        u, v = np.meshgrid(x, y, indexing="ij")
+        evaluate = partial(surface.grid, x, y)
+        if not surface.outline.is_rectangle:
+            u, v = surface.outline.filled(u, v)
+            evaluate = partial(surface, u, v)
+        slopes = [evaluate(order) for order in ((1, 0), (0, 1))]
         smooth = [_linear(slope, x, y) for slope in slopes]
         usual = np.median(np.hypot(*(slope - flat for slope, flat in zip(slopes, smooth))))
         relief = surface.sag is not None and surface.sag.coefficients.any()
         steeper[name] = float(FACTORS[FACTORS * usual < STEEP].max(initial=1.0)) if relief else 1.0
         drawn = [flat + steeper[name] * (slope - flat) for slope, flat in zip(slopes, smooth)]
-        points = np.stack([*np.meshgrid(x, y, indexing="ij"), vertex + surface.grid(x, y)])
+        points = np.stack([u, v, vertex + evaluate()])
         faces.append(
             Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS)
         )
-    return faces + _edges(faces[0], faces[1], samples), steeper
+    edges = _edges(faces[0], faces[1], samples)
+    if not lens.front.outline.is_rectangle:
+        edges = [_joined(edges)]
+    return faces + edges, steeper
 
 
 def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
@@ -146,6 +157,16 @@ def _edges(front: Face, rear: Face, samples: int) -> list[Face]:
         normals = sign * np.cross(np.gradient(points, axis=1), high - low, axis=0)
         edges.append(Face(side.name, points, _unit(*normals), GROUND))
     return edges
+
+
+def _joined(edges: Sequence[Face]) -> Face:
+    """Return the edge round a lens as one face, from those over the sides of its rectangle."""
+    turned = [(-1 if side.clockwise else 1) for side in SIDES]
+    points, normals = (
+        np.concatenate([getattr(e, name)[:, ::step] for e, step in zip(edges, turned)], axis=1)
+        for name in ("points", "normals")
+    )
+    return Face("edge", points, normals, GROUND)
 
 
 def _unit(x: Array, y: Array, z: Array) -> Array:

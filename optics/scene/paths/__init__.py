@@ -13,5 +13,6 @@ if TYPE_CHECKING:
         SlopeErrors as SlopeErrors,
         Surface as Surface,
     )
+    from optics.scene.paths.stops import Stop as Stop
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

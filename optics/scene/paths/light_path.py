@@ -8,10 +8,12 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from optics.scene.paths.stops import Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import BEFORE
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
 from thbcad.surfaces import THBSurface
 
@@ -52,6 +54,7 @@ class Surface:
     slope_error : added to (dz/dx, dz/dy), by which light goes on; the surface stays where it is.  (2, 1) for
         all rays alike, or (2, n).
     height_error : by which its points move too; traces carry no derivatives then.
+    clear : what a holder leaves free of it, which blocks light beside; None is all.
     """
 
     shape: FreeformSurface
@@ -61,6 +64,12 @@ class Surface:
     beyond: Medium = AIR
     slope_error: Floats | None = None
     height_error: HeightError | None = None
+    clear: Outline | None = None
+
+    @property
+    def open(self) -> Outline:
+        """What light goes through: its outline, or what a holder leaves free of it."""
+        return self.clear or self.shape.outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +84,8 @@ class LightPath:
     share : of the source's flux that takes this path.
     soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
+    stops : plates that block light on its way through air.
+    absorbing_wall : light that meets the edges of the lens ends there; else they are polished.
 
     Raises
     ------
@@ -87,6 +98,8 @@ class LightPath:
     receiver: Receiver
     share: float = 1.0
     soft_rim: float = 0.0
+    stops: tuple[Stop, ...] = ()
+    absorbing_wall: bool = False
 
     def __post_init__(self) -> None:
         if len(self.media) != len(self.surfaces) + 1:
@@ -105,13 +118,23 @@ class LightPath:
                 raise ValueError(f"surface {k} reflects light, but from {before} into {behind}")
 
     @classmethod
-    def through(cls, lens: Lens, receiver: Receiver, absorption: float) -> LightPath:
+    def through(
+        cls,
+        lens: Lens,
+        receiver: Receiver,
+        absorption: float,
+        stops: tuple[Stop, ...] = (),
+        clear: Outline | None = None,
+        absorbing_wall: bool = False,
+    ) -> LightPath:
         """Return the path through front and rear of a lens in air, in the frame of its front vertex.
 
-        absorption : of its glass, 1/mm.
+        absorption : of its glass, 1/mm.  clear : of both surfaces, see `Surface`.
         """
-        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)))
-        return cls((Surface(lens.front), rear), (AIR, Medium(lens.index, absorption), AIR), receiver)
+        front = Surface(lens.front, clear=clear)
+        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=clear)
+        media = AIR, Medium(lens.index, absorption), AIR
+        return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
 
     @property
     def sags(self) -> list[THBSurface]:
@@ -148,6 +171,15 @@ class LightPath:
         """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
         return self._with(replace(s, share=1.0) if s.share != 1 else s for s in self.surfaces)
 
+    def without_stops(self) -> LightPath:
+        """Return the path that nothing blocks: neither stops nor a holder of the lens."""
+        path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
+        return replace(path, stops=()) if path.stops else path
+
+    def with_stops_moved(self, motion: Pose) -> LightPath:
+        """Return the path with its stops elsewhere.  motion : in the frame of the path."""
+        return replace(self, stops=tuple(s.moved(motion) for s in self.stops)) if self.stops else self
+
     def with_slope_errors(self, errors: SlopeErrors) -> LightPath:
         """Return the path over surfaces whose slopes err.  errors : one of each surface."""
         return self._with_errors("slope_error", errors)
@@ -170,7 +202,8 @@ class LightPath:
             return self
         back = pose.inverse()
         surfaces = (replace(s, pose=back @ s.pose) for s in self.surfaces)
-        return replace(self, surfaces=tuple(surfaces), receiver=self.receiver.seen_from(pose))
+        path = replace(self, surfaces=tuple(surfaces), receiver=self.receiver.seen_from(pose))
+        return path.with_stops_moved(back)
 
     def with_soft_rims(self, share: float) -> LightPath:
         """Return the path over rims within which light fades."""

@@ -6,7 +6,12 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.problem.choices import ENGINES as ENGINES, STARTS as STARTS, cannot_do as cannot_do
-    from optics.scene.problem.dotted_keys import Key as Key, keys_of as keys_of, table_of as table_of
+    from optics.scene.problem.dotted_keys import (
+        Key as Key,
+        keys_of as keys_of,
+        lists_tables as lists_tables,
+        table_of as table_of,
+    )
     from optics.scene.problem.key_changes import assignment as assignment
     from optics.scene.problem.limit_remedies import limit_sentences as limit_sentences
     from optics.scene.problem.manufacture_text import (
@@ -40,6 +45,7 @@ if TYPE_CHECKING:
         LensSpec as LensSpec,
         Rear as Rear,
         Source as Source,
+        StopSpec as StopSpec,
         Target as Target,
         base_of as base_of,
         freedom_of as freedom_of,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import cache
-from typing import Any, ClassVar, Protocol, get_args, get_type_hints
+from typing import Any, ClassVar, Protocol, get_args, get_origin, get_type_hints
 
 MOST = 3  # keys that are proposed
 
@@ -41,6 +41,11 @@ def table_of(hint: Any) -> type[Record] | None:
     return None
 
 
+def lists_tables(hint: Any) -> bool:
+    """Return whether a field holds a list of tables, [[...]] in a file."""
+    return get_origin(hint) is tuple and table_of(hint) is not None
+
+
 def keys_of(kind: type[Record], prefix: str = "") -> Iterator[Key]:
     """Yield every key of a record and of its tables, a table before its keys.
 
@@ -54,6 +59,25 @@ def keys_of(kind: type[Record], prefix: str = "") -> Iterator[Key]:
             yield from keys_of(table, f"{prefix}{f.name}.")
 
 
+def key_of(name: str, kind: type[Record]) -> Key | None:
+    """Return the key of a dotted name, None where there is none.
+
+    Keys of a table in a list follow its name, or its number from 0 on: stop.holder.position is a key of the
+    table [[stop]] with name = "holder".
+    """
+    keys, listed = {key.name: key for key in keys_of(kind)}, _list_of(name, kind)
+    if listed:
+        _, _, own = name.removeprefix(listed).partition(".")
+        return keys.get(listed + own)
+    return keys.get(name)
+
+
+def _list_of(name: str, kind: type[Record]) -> str:
+    """Return what the names of keys in the same list of tables begin with, "" where there is none."""
+    lists = (f"{key.name}." for key in keys_of(kind) if lists_tables(key.hint))
+    return next((listed for listed in lists if name.startswith(listed)), "")
+
+
 def did_you_mean(key: str, kind: type[Record]) -> str:
     """Return " (did you mean KEY?)" for a key that does not exist, "" where none resembles it.
 
@@ -61,6 +85,9 @@ def did_you_mean(key: str, kind: type[Record]) -> str:
     """
     from difflib import get_close_matches
 
+    listed = _list_of(key, kind)
+    if listed:
+        key = listed + key.rpartition(".")[2]
     table, _, name = key.rpartition(".")
     known = [k.name for k in keys_of(kind)]
     near = [k for k in known if k.rpartition(".")[2] == name]
@@ -68,4 +95,6 @@ def did_you_mean(key: str, kind: type[Record]) -> str:
     if not near:
         beside = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == table}
         near = [beside[match] for match in get_close_matches(name, beside, 1)]
+    if listed:
+        near = [f"{listed}NAME.{k.removeprefix(listed)}" for k in near]
     return f" (did you mean {' or '.join(near[:MOST])}?)" if near else ""

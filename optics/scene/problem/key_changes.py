@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Key, Record, did_you_mean, keys_of, table_of
+from optics.scene.problem.dotted_keys import Key, Record, did_you_mean, key_of, lists_tables, table_of
 from optics.scene.problem.toml_records import AUTO
 from thbcad.toml import MOST_PARTS, toml_tables
 
@@ -17,23 +17,42 @@ def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> di
 
     Raises
     ------
-    UserError : a key below a value that is no table, a key of more than 16 parts.
+    UserError : a key below a value that is no table, a key of more than 16 parts, a table that is not in
+        its list.
     """
-    changed = dict(tables)
+    changed: dict[Any, Any] = dict(tables)
     for key, value in changes.items():
         *way, name = key.split(".", MOST_PARTS)
         if len(way) == MOST_PARTS:
             raise UserError(f"the key {key} has more than {MOST_PARTS} parts; `thbcad new` prints all keys")
         node, path = changed, ""
         for part in way:
+            if path and isinstance(node, list):
+                part = _number(part, node, path)
+            below = node[part] if isinstance(node, list) else node.get(part)
             path = f"{path}.{part}" if path else part
-            below = node.get(part)
-            if below is not None and not isinstance(below, Mapping):
+            if isinstance(below, list | tuple) and all(isinstance(b, Mapping) for b in below):
+                node[part] = list(below)
+            elif below is not None and not isinstance(below, Mapping):
                 raise UserError(f"{path} is a value, no table: there is no key {key}")
-            node[part] = dict(below or {})
+            else:
+                node[part] = dict(below or {})
             node = node[part]
+        if isinstance(node, list):
+            raise UserError(f"{path} is a list of tables: write {path}.NAME.KEY, not {key}")
         node[name] = value
     return changed
+
+
+def _number(name: str, tables: Sequence[Mapping[str, Any]], path: str) -> int:
+    """Return the number of the table in a list with a name, or of one that is named by its number."""
+    names = [table.get("name") or str(k) for k, table in enumerate(tables)]
+    if name in names:
+        return names.index(name)
+    if name.isdecimal() and int(name) < len(tables):
+        return int(name)
+    known = f"there are {', '.join(names)}" if names else f"there is no [[{path}]]"
+    raise UserError(f"there is no {path}.{name}; {known}")
 
 
 def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
@@ -54,7 +73,7 @@ def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
         raise UserError(
             f"a key is missing before = in {text!r}: write KEY=VALUE, such as target.distance=400"
         )
-    key = next((k for k in keys_of(kind) if k.name == name), None)
+    key = key_of(name, kind)
     if key is None and (reason := cannot_do(name) or cannot_do(value.strip("\"'"))):
         raise UserError(f"unknown key {name}; {reason}")
     if key is None:
@@ -74,6 +93,8 @@ def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
 
 def _wanted(key: Key) -> str:
     """Return what the value of a key must be, with an example."""
+    if lists_tables(key.hint):
+        return f"a list of tables, such as {key.name}=[{{KEY = VALUE}}]"
     if table_of(key.hint) is not None:
         return f"a table, such as {key.name}={{KEY = VALUE}}"
     kinds = [kind for kind in (key.hint, *get_args(key.hint)) if get_origin(kind) is tuple]

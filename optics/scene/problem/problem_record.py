@@ -11,8 +11,18 @@ from pathlib import Path
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.key_changes import with_changes
+from optics.scene.problem.required_apertures import require_apertures
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, LensSpec, Rows, Source, Target
+from optics.scene.problem.schema import (
+    LEAST_FLUX,
+    SHORTEST,
+    SOURCES,
+    LensSpec,
+    Rows,
+    Source,
+    StopSpec,
+    Target,
+)
 from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
@@ -52,6 +62,7 @@ class Problem:
     source: Source = option()
     lens: LensSpec = option()
     target: Target = option()
+    stop: tuple[StopSpec, ...] = option((), note="what absorbs light beside the lens; any number of them")
     optimizer: Optimizer = option(Optimizer())
     refinement: Refinement = option(Refinement())
     limits: Limits = option(Limits())
@@ -160,7 +171,7 @@ def _require_partners(problem: Problem) -> None:
         _require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
-    _require_outline(lens)
+    require_apertures(lens, problem.stop)
     merge, pixels = problem.optimizer.merge, min(target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
@@ -180,28 +191,6 @@ def _require_partners(problem: Problem) -> None:
         raise UserError(
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
             f"got {problem.limits.thickness:g}"
-        )
-
-
-def _require_outline(lens: LensSpec) -> None:
-    """Refuse an outline that the half-widths cannot have."""
-    sizes = {"front": lens.front.half_width, "rear": lens.rear.half_width}
-    for name, (x, y) in sizes.items():
-        if lens.outline == "round" and x != y:
-            raise UserError(
-                f'lens.outline = "round" needs equal half-widths, got lens.{name}.half_width = '
-                f'[{x:g}, {y:g}]; make them equal, or take "ellipse"'
-            )
-    if (lens.outline == "rounded") != (lens.corner_radius > 0):
-        raise UserError(
-            f'lens.corner_radius is that of lens.outline = "rounded", which needs one above 0; got '
-            f"{lens.corner_radius:g} with {lens.outline!r}"
-        )
-    most = min(max(pair) for pair in zip(*sizes.values()))
-    if lens.corner_radius > most:
-        raise UserError(
-            f"lens.corner_radius must be at most {most:g} mm, the least half-width of the larger surface, "
-            f"got {lens.corner_radius:g}"
         )
 
 

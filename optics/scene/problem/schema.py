@@ -12,6 +12,7 @@ from optics.scene.problem.toml_records import AUTO, option
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
+SHAPES = ("rectangle", "ellipse", "ring")  # of stops
 WALLS = ("polished", "absorbing")
 OUTLINES = ("rectangle", "round", "ellipse", "rounded")
 LEAST_FLUX = 1e-12  # of source.unit
@@ -282,6 +283,12 @@ class LensSpec:
         high=LONGEST,
         note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
     )
+    clear_aperture: tuple[float, float] = option(
+        (0.0, 0.0),
+        low=0,
+        high=LONGEST,
+        note="mm, half-widths of what a holder leaves free of both surfaces, like the outline; 0 is all",
+    )
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
@@ -312,6 +319,31 @@ class LensSpec:
         """Whether the base lens or a bound of the sags is left to the program."""
         bounds = [freeform.z_freedom for freeform in self.free.values()]
         return AUTO in (*bounds, *(value for s in (self.front, self.rear) for value in (s.radius, s.conic)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopSpec:
+    """An absorbing plate without thickness, as a table [[stop]].
+
+    Examples
+    --------
+    >>> StopSpec(shape="ellipse", half_width=(8, 8), position=(0, 0, -5)).hole  # a plate with a hole in it
+    True
+    """
+
+    name: str = option("", note="another of each; --set stop.NAME.position=[0, 0, -5] changes a key of it")
+    shape: str = option(choices=SHAPES, note="of the hole, or of the obstacle")
+    half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm in own x and y")
+    inner: tuple[float, float] = option(
+        (0.0, 0.0), low=0, high=LONGEST, note="mm, of a ring: the half-widths where it begins"
+    )
+    position: tuple[float, float, float] = option(size=(0, FARTHEST), note="mm, of its middle")
+    tilt: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), size=(0, 360), note="right-handed degrees about own x, then own y, then own z"
+    )
+    hole: bool = option(
+        True, note="the shape is a hole in a plate without end; false: an obstacle of this shape"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

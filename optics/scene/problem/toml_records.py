@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import reprlib
 from collections.abc import Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
@@ -17,12 +18,14 @@ from typing import Any, TypeVar, get_args, get_origin
 
 from optics.base.runtime import UserError, is_text
 from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Record, did_you_mean, hints_of, table_of
+from optics.scene.problem.dotted_keys import Record, did_you_mean, hints_of, lists_tables, table_of
 
 Kind = TypeVar("Kind", bound=Record)
 
 AUTO = "auto"  # of a number that the program chooses
 MOST_ROWS = 10_000  # of a table of numbers
+MOST_TABLES = 1000  # in a list
+NAME = re.compile(r"[A-Za-z][\w-]*")  # of a table in a list: no dots, and no number, which counts them
 LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
 
@@ -99,7 +102,7 @@ def checked_values(
         if key not in known:
             if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
                 raise UserError(f"unknown key {prefix}{key}; {reason}")
-            meant = did_you_mean(f"{prefix}{key}", root)
+            meant = did_you_mean(re.sub(r"\[\d+\]", "", f"{prefix}{key}"), root)
             where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
             raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
     values: dict[str, Any] = {}
@@ -115,12 +118,37 @@ def checked_values(
             values[f.name] = _value(key, hint, value, f.metadata)
         elif NoneType in get_args(hint) and (value is None or value is False):
             values[f.name] = None  # a table left out: None in code, false in a file
+        elif lists_tables(hint):
+            values[f.name] = _tables(table, value, folder, key, root)
         else:
             values[f.name] = table(**checked_values(table, value, folder, key + ".", root))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())
             _require_text(key, values[f.name])
     return values
+
+
+def _tables(
+    kind: type[Record], data: object, folder: Path | None, key: str, root: type[Record]
+) -> tuple[Record, ...]:
+    """Return the records of a list of tables, whose names, where they have some, are unique."""
+    if not isinstance(data, list | tuple) or len(data) > MOST_TABLES:
+        raise UserError(
+            f"{key} must be a list of tables, [[{key}]], at most {MOST_TABLES}, got {_brief(data)}"
+        )
+    records = [
+        kind(**checked_values(kind, table, folder, f"{key}[{k}].", root)) for k, table in enumerate(data)
+    ]
+    names = [getattr(record, "name", "") for record in records]
+    for k, name in enumerate(names):
+        if name and not NAME.fullmatch(name):
+            raise UserError(
+                f"{key}[{k}].name must begin with a letter and hold letters, digits, _ and - only, "
+                f"got {_brief(name)}"
+            )
+        if name and name in names[:k]:
+            raise UserError(f"{key}[{k}].name must differ from that of {key}[{names.index(name)}], {name!r}")
+    return tuple(records)
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
@@ -235,7 +263,11 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
         if value is None:
             tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
             continue
-        if is_dataclass(value) and not isinstance(value, type):
+        if lists_tables(hints_of(type(record))[f.name]):
+            head = f"{prefix}{f.name}"
+            tables += [f"\n[[{head}]]\n{_toml(table, f'{head}.', notes)}" for table in value]
+            tables.append(f"\n# [[{head}]]{remark}\n" if notes and not value else "")
+        elif is_dataclass(value) and not isinstance(value, type):
             tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:
             lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
         FarField as FarField,
         Plane as Plane,
         Receiver as Receiver,
+        Triple as Triple,
         receiver_at as receiver_at,
+        seen_from as seen_from,
     )
     from optics.scene.receivers.regions import uniform_region as uniform_region
     from optics.scene.receivers.screen import Screen as Screen, lit_part as lit_part

@@ -63,11 +63,9 @@ class Receiver(ABC):
         point, direction : triples of arrays, mm and unit vectors.  library : of the arrays, numpy or Dr.Jit.
         number : makes numbers for them that do not become part of a compiled kernel.
         """
-        p, q, r = _rotated(self.pose, direction, number)
+        own, (p, q, r) = seen_from(self.pose, point, direction, number)
         met = r > 0
         choose = np.where if library is np else library.select  # numpy's `select` is another function
-        apart = [x - number(s) if s else x for x, s in zip(point, self.pose.shift.tolist())]
-        own = _rotated(self.pose, apart, number)
         return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
 
     @abstractmethod
@@ -81,9 +79,7 @@ class Receiver(ABC):
     @property
     def mirror_axes(self) -> tuple[int, ...]:
         """Directions (0 for x, 1 for y) in which it is its own mirror image, its chart too."""
-        turns = [np.diag([-1.0 if a == axis else 1.0 for a in range(3)]) for axis in (0, 1)]
-        same = [np.array_equal(m @ self.pose.rotation @ m, self.pose.rotation) for m in turns]
-        return tuple(axis for axis in (0, 1) if same[axis] and not self.pose.shift[axis])
+        return self.pose.mirror_axes
 
     def moved(self, motion: Pose) -> Self:
         """Return the receiver elsewhere.  motion : in the frame of the scene."""
@@ -143,6 +139,14 @@ def receiver_at(z: float, pose: Pose = IDENTITY) -> Receiver:
     z : mm, inf is the far field.  pose : of the whole, from the frame in which z is meant.
     """
     return FarField(pose) if isinf(z) else Plane(pose @ Pose.at((0.0, 0.0, z)))
+
+
+def seen_from(
+    pose: Pose, point: Triple, direction: Triple, number: Callable[[float], Any]
+) -> tuple[Triple, Triple]:
+    """Return points and directions in the frame of a body.  point, direction, number : as of `land`."""
+    apart = [x - number(s) if s else x for x, s in zip(point, pose.shift.tolist())]
+    return _rotated(pose, apart, number), _rotated(pose, direction, number)
 
 
 def _rotated(pose: Pose, vector: Triple, number: Callable[[float], Any]) -> Triple:

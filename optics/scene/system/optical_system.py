@@ -7,7 +7,7 @@ from functools import cached_property
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
-from optics.scene.paths import LightPath
+from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import Freeform, Problem
 from optics.scene.sources import LightSource
@@ -21,9 +21,11 @@ from optics.scene.system.lens_material import (
     with_material,
 )
 from optics.scene.system.source import source_of
+from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget
 from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import Lens, Product
+from thbcad.outlines import Outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +162,6 @@ class OpticalSystem:
         return absorption_at(self.problem, self.problem.source.wavelength)
 
     @property
-    def absorbing_wall(self) -> bool:
-        """Whether light that meets an edge of the lens ends there."""
-        return self.problem.lens.wall == "absorbing"
-
-    @property
     def spectral(self) -> bool:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
@@ -172,6 +169,16 @@ class OpticalSystem:
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
         return (LightTarget(self.problem.target, self.problem.target_z),)
+
+    @cached_property
+    def stops(self) -> tuple[Stop, ...]:
+        """What blocks light beside the lens, in the frame of its front vertex."""
+        return stops_of(self.problem)
+
+    def clear_aperture(self, lens: Lens) -> Outline | None:
+        """Return what a holder leaves free of front and rear of a lens; None is all."""
+        half_width = self.problem.lens.clear_aperture
+        return lens.front.outline.scaled(half_width) if any(half_width) else None
 
     @property
     def source(self) -> LightSource:
@@ -192,7 +199,11 @@ class OpticalSystem:
 
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
         """Return the paths of light of the source's own wavelength through a lens, one to each target."""
-        return tuple(LightPath.through(lens, target.receiver, self.absorption) for target in self.targets)
+        clear, black = self.clear_aperture(lens), self.problem.lens.wall == "absorbing"
+        return tuple(
+            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black)
+            for target in self.targets
+        )
 
     def path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, where there is one."""

@@ -12,6 +12,7 @@ from optics.base.runtime import UserError, speaking_of
 from optics.scene.problem import Problem, freedom_of, limit_advice, load_problem, require_limits
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.source import source_of
+from optics.scene.system.stops import require_places
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
@@ -38,7 +39,7 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     ------
     UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
         read, a source or a target that lies in the lens, a target that no lens can light, a material that is
-        not known.
+        not known, a stop in the lens, before the source or behind the target.
     """
     require_limits(problem)
     told = source_of(problem).told
@@ -50,6 +51,7 @@ def solvable_system(problem: Problem) -> OpticalSystem:
         system.wavelengths,
     )  # built now, so that errors come now
     require_room(system)
+    require_places(problem, system.lens, system.stops, system.source.collimated)
     require_light(system)
     require_reachable(system)
     return system

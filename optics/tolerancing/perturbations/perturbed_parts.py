@@ -44,7 +44,8 @@ class PerturbedParts:
         front = Pose.at(p.front_shift, p.front_tilt)
         path = system.path(perturbed_lens(system, lens, p))
         target = Pose.at(p.target_shift, p.target_tilt, path.receiver.pose.shift.tolist())
-        path = path.onto(path.receiver.moved(back @ target)).moved(0, front).seen_from(front)
+        path = path.onto(path.receiver.moved(back @ target)).with_stops_moved(back)
+        path = path.moved(0, front).seen_from(front)
         errors = p.front_error, p.rear_error
         return cls(path.with_height_errors(errors), front.inverse() @ source, 1 + p.source_size)
 

@@ -70,7 +70,9 @@ def test_the_area_is_that_of_the_points_inside(outline):
 @given(outlines(), st.integers(2, 40), st.integers(2, 40))
 def test_shares_of_cells_add_up_to_the_area(outline, nx, ny):
     hx, hy = outline.half_width
-    shares = outline.shares(np.linspace(-hx, hx, nx + 1), np.linspace(-hy, hy, ny + 1), fine=16)
+    x, y = np.linspace(-hx, hx, nx + 1)[:, None], np.linspace(-hy, hy, ny + 1)
+    shares = outline.shares((x[:-1], y[:-1]), (x[1:], y[1:]), fine=16)
+    assert shares.shape == (nx, ny)
     assert ((shares >= 0) & (shares <= 1)).all()
     # of cells that the rim crosses, at most 2 (nx + ny), each errs by less than a row of its points
     assert shares.mean() * 4 * hx * hy == pytest.approx(outline.area, rel=2 * (nx + ny) / (nx * ny) / 16)

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.shapes.aperture_solid import trimmed_part as trimmed_part
     from thbcad.cad.shapes.flange_solid import flanged_part as flanged_part
     from thbcad.cad.shapes.occt_splines import (
         TOLERANCE as TOLERANCE,
@@ -22,7 +21,10 @@ if TYPE_CHECKING:
         lens_solid as lens_solid,
         part_between as part_between,
     )
-    from thbcad.cad.shapes.polygon_solid import polygon_part as polygon_part
     from thbcad.cad.shapes.topology import NAMES as NAMES
+    from thbcad.cad.shapes.trimmed_solid import (
+        polygon_part as polygon_part,
+        trimmed_part as trimmed_part,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,34 +5,33 @@ The flange is a frame round the lens: its two planes cut the edges of the lens, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.aperture_solid import HALVES, elliptic_faces
 from thbcad.cad.shapes.forms import form_of, optical_face
 from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.rings import Ring, Wall, plane_face, wall_faces
+from thbcad.cad.shapes.rings import Wall, plane_face, wall_faces
 from thbcad.cad.shapes.topology import NAMES, closed_part, turned
-from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, form_ring
+from thbcad.cad.shapes.trimmed_solid import Bounded, ruled_faces, upright_faces
+from thbcad.cad.shapes.walls import RuledWall, UprightWall, form_ring
 from thbcad.lens import (
     SIDES,
     Flange,
     Lens,
     optical_forms,
-    require_aperture,
     require_clear,
     require_sound,
     ruled_edges,
+    walls_of,
 )
+from thbcad.outlines import UPRIGHT, Outline
 
 
 def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> Part:
     """Return the lens with a flange as a closed Part: front, rear, edges on both sides of the flange, the
     flange's faces.
 
-    semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the rectangular lens
+    semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the whole lens
 
     Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight points
     of every span.
@@ -43,18 +42,12 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     """
     require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()
-    wall: Wall
-    outline: Wall
-    edges: Sequence[str]
-    if semi_axes is None:
-        wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
-        outline = PlaneWall.rectangle(flange.rectangle(lens))
-        edges = NAMES[2:]
-    else:
-        ellipse = require_aperture(lens, semi_axes)
-        wall, ((front, bottom), (rear, top)) = EllipticWall(ellipse), elliptic_faces(builder, lens, ellipse)
-        outline = EllipticWall(flange.ellipse(ellipse))
-        edges = HALVES
+    shape = walls_of(lens, semi_axes)
+    wall, (front, bottom), (rear, top) = _walled(
+        builder, lens, shape, semi_axes is not None or lens.taper == UPRIGHT
+    )
+    outline = UprightWall(flange.around(shape).pieces)
+    edges = NAMES[2:] if shape.is_rectangle else [f"edge {k + 1}" for k in range(len(wall.ends))]
     inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
     faces = [
         front,
@@ -71,17 +64,20 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     return closed_part(("front", "rear", *names, "flange front", "flange rear", *sides), faces)
 
 
-def _rectangular(
-    builder: BRep_Builder, lens: Lens
-) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
-    """Return the wall of the edges and (face, ring of its rim) of front and rear."""
-    planar = lens.front.half_width == lens.rear.half_width
-    ruled = RuledWall([] if planar else ruled_edges(lens))
+def _walled(builder: BRep_Builder, lens: Lens, shape: Outline, planar: bool) -> tuple[Wall, Bounded, Bounded]:
+    """Return the wall of the edges within an outline, and front and rear with the rings of their rims."""
+    if not shape.is_rectangle:
+        if planar:
+            upright = UprightWall(shape.pieces)
+            return upright, *upright_faces(builder, lens, upright)
+        ruled = RuledWall.round(ruled_edges(lens))
+        return ruled, *ruled_faces(builder, lens, ruled)
+    ruled = RuledWall.rectangular([] if planar else ruled_edges(lens))
     optical = []
     for k, surface in enumerate(optical_forms(lens)):
         form = form_of(surface)
-        ring = form_ring(builder, form) if planar else ruled.rim(builder, form, float(k))
+        ring = form_ring(builder, form) if planar else ruled.sides(builder, form, float(k))
         edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
         optical.append((optical_face(builder, form, edges, outward=k == 1), ring))
     front, rear = optical
-    return PlaneWall.rectangle(lens.rear.half_width) if planar else ruled, front, rear
+    return UprightWall(shape.pieces) if planar else ruled, front, rear

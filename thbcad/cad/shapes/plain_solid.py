@@ -1,4 +1,4 @@
-"""The lens as an OCCT solid with explicit shared topology: 8 vertices, 12 edges, 6 faces.
+"""The lens as an OCCT solid with explicit shared topology: of a rectangle 8 vertices, 12 edges, 6 faces.
 
 Nothing is sewn.
 """
@@ -14,24 +14,30 @@ from thbcad.cad.shapes.edge_faces import plane_edge_face, ruled_edge_face
 from thbcad.cad.shapes.forms import form_of, optical_face, ruled_trace
 from thbcad.cad.shapes.part import Part
 from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, strut
+from thbcad.cad.shapes.trimmed_solid import ruled_part, upright_part
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, require_sound, ruled_edges
+from thbcad.outlines import UPRIGHT
 from thbcad.splines import BSplineSurface
 
 
 def lens_solid(lens: Lens) -> TopoDS_Solid:
-    """Return the lens as a closed TopoDS_Solid of six faces."""
+    """Return the lens as a closed TopoDS_Solid."""
     return lens_part(lens).solid
 
 
 def lens_part(lens: Lens) -> Part:
-    """Return the lens as a closed Part of six faces: front, rear and the edges in the order of SIDES.
+    """Return the lens as a closed Part: front, rear and the edges, of a rectangle in the order of SIDES, else
+    one on every piece of the outline.
 
     Raises
     ------
     ValueError : as `require_sound`.
     """
-    planar = lens.front.half_width == lens.rear.half_width
-    return part_between(optical_forms(require_sound(lens)), None if planar else ruled_edges(lens))
+    planar = lens.taper == UPRIGHT
+    outline = require_sound(lens).rear.outline
+    if not outline.is_rectangle:
+        return upright_part(lens, outline) if planar else ruled_part(lens)
+    return part_between(optical_forms(lens), None if planar else ruled_edges(lens))
 
 
 def part_between(surfaces: Sequence[OpticalForm], ruled: Sequence[BSplineSurface] | None) -> Part:

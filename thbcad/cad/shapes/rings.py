@@ -27,13 +27,13 @@ class Ring:
 
     vertices : TopoDS_Vertex, one for every edge
     edges : oriented so that the chain runs counter-clockwise
-    traces : the edges in the parameters (s, v) of the wall that they bound; none on plane walls
+    traces : the edges in the parameters (s, v) of the wall that they bound; None on planes
     heights : float, the parameter v of the vertices
     """
 
     vertices: Sequence[TopoDS_Vertex]
     edges: Sequence[TopoDS_Shape]
-    traces: Sequence[Geom2d_Curve]
+    traces: Sequence[Geom2d_Curve | None]
     heights: Sequence[float]
 
 
@@ -78,9 +78,10 @@ def _panel(
     inward = wall.ends[k][0] > wall.ends[k][1]  # s runs clockwise
     builder.Add(face, wire.Reversed() if inward else wire)
     draw_on_plane(builder, face, [low.edges[k], high.edges[k]])
-    if low.traces:
-        for ring in rings:
-            builder.UpdateEdge(TopoDS.Edge_s(ring.edges[k]), ring.traces[k], face, TOLERANCE)
+    images = [(TopoDS.Edge_s(ring.edges[k]), ring.traces[k]) for ring in rings]
+    if low.traces[k] is not None:
+        for edge, image in images:
+            builder.UpdateEdge(edge, image, face, TOLERANCE)
         for s, strut in zip(wall.ends[k], struts):
             builder.UpdateEdge(strut, Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)), face, TOLERANCE)
     return TopoDS.Face_s(face.Reversed()) if inward else face

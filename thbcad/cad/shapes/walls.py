@@ -1,4 +1,4 @@
-"""The walls of lenses and flanges: plane, elliptic and ruled."""
+"""The walls of lenses and flanges: upright and ruled."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from OCP.Geom import (
     Geom_Surface,
     Geom_SurfaceOfLinearExtrusion,
 )
-from OCP.Geom2d import Geom2d_Line
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 
 from thbcad.cad.shapes.forms import Form, ruled_trace
@@ -25,149 +25,131 @@ from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, trace
 from thbcad.cad.shapes.rings import Ring
 from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
 from thbcad.checks import Floats
-from thbcad.lens import CORNERS, SIDES, Side
-from thbcad.outlines import Ellipse, fitted_curve, kinks
+from thbcad.lens import CORNERS, SIDES, Rim
+from thbcad.outlines import Arc, Line, RimPiece, fitted_curve, kinks
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 UP = gp_Dir(0, 0, 1)
+Bounded = tuple[Geom_Curve, float, float]  # a curve, its first and its last parameter
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneWall:
-    """The `Wall` of planes over a polygon; v is z.
+class UprightWall:
+    """The `Wall` over the pieces of an outline: planes over lines, cylinders over arcs; s is the parameter of
+    the piece, v is z."""
 
-    corners : (x, y) float, mm, counter-clockwise
-    """
-
-    corners: Sequence[tuple[float, float]]
-
-    @classmethod
-    def rectangle(cls, half_width: tuple[float, float]) -> PlaneWall:
-        """Return the wall of |x| = half_width[0] and |y| = half_width[1], mm, in the order of SIDES."""
-        hx, hy = half_width
-        return cls([(hx if i else -hx, hy if j else -hy) for i, j in CORNERS])
+    pieces: Sequence[RimPiece]
 
     @property
     def ends(self) -> Sequence[tuple[float, float]]:
-        return ((0.0, 1.0),) * len(self.corners)  # the planes face outward
+        return [piece.ends for piece in self.pieces]
 
     def surface(self, panel: int) -> Geom_Surface:
-        (x0, y0), (x1, y1) = self.corners[panel], self.corners[(panel + 1) % len(self.corners)]
-        return Geom_Plane(gp_Pln(gp_Pnt(x0, y0, 0.0), gp_Dir(y1 - y0, x0 - x1, 0.0)))
+        piece = self.pieces[panel]
+        if isinstance(piece, Line):
+            (x0, y0), (x1, y1) = piece.start, piece.stop
+            return Geom_Plane(gp_Pln(gp_Pnt(x0, y0, 0.0), gp_Dir(y1 - y0, x0 - x1, 0.0)))
+        if piece.is_round:
+            return Geom_CylindricalSurface(gp_Ax3(_axes(piece, 0.0)), piece.semi_axes[0])
+        return Geom_SurfaceOfLinearExtrusion(_level_curve(piece, 0.0)[0], UP)
 
     def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self.corners[corner], 0.0), UP)
+        return Geom_Line(gp_Pnt(*_start(self.pieces[corner], 0.0).tolist()), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        points = np.column_stack([self.corners, np.full(len(self.corners), z)])
-        curves = []
-        for start, step in zip(points, np.roll(points, -1, axis=0) - points):
-            line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(*step.tolist()))
-            curves.append((line, 0.0, float(np.linalg.norm(step))))
-        return self._ring(builder, points, curves)
+        starts = [_start(piece, z) for piece in self.pieces]
+        curves = [_level_curve(piece, z) for piece in self.pieces]
+        image = Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0))
+        return self._ring(builder, starts, curves, [image] * len(curves))
 
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
-        """Return the ring along splines (x, y, z), one for each side; vertices have their z as height."""
-        starts = np.array([poles[0] for _, poles in curves])
-        return self._ring(
-            builder, starts, [(geom_curve(kv, poles), kv.start, kv.stop) for kv, poles in curves]
-        )
+    def rim(self, builder: BRep_Builder, rims: Sequence[Rim]) -> Ring:
+        """Return the ring along splines (x, y, z) over the pieces; vertices have their z as height."""
+        starts = [_start(piece, float(poles[0, 2])) for piece, (_, poles) in zip(self.pieces, rims)]
+        curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
+        images = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in rims]
+        return self._ring(builder, starts, curves, images)
 
     def _ring(
-        self, builder: BRep_Builder, points: Floats, curves: Sequence[tuple[Geom_Curve, float, float]]
+        self,
+        builder: BRep_Builder,
+        starts: Sequence[Floats],
+        curves: Sequence[Bounded],
+        images: Sequence[Geom2d_Curve],
     ) -> Ring:
-        vertices = [new_vertex(builder, point) for point in points]
-        pairs = zip(vertices, [*vertices[1:], vertices[0]])
-        edges = [new_edge(builder, *curve, *pair) for curve, pair in zip(curves, pairs)]
-        return Ring(vertices, edges, (), points[:, 2].tolist())
+        ring = _ring_along(builder, curves, starts)
+        traces = [None if isinstance(p, Line) else image for p, image in zip(self.pieces, images)]
+        return replace(ring, traces=traces)
 
 
-@dataclass(frozen=True, eq=False)
-class EllipticWall:
-    """The `Wall` over an ellipse, a straight cylinder in two halves; s is the angle of the ellipse, v is
-    z."""
+def _start(piece: RimPiece, z: float) -> Floats:
+    """Return the point of a piece at its first parameter, at a height, (3,), mm."""
+    x, y = piece(np.array(piece.ends[:1]))
+    return np.array([x[0], y[0], z])
 
-    ellipse: Ellipse
 
-    ends = ((0.0, np.pi), (np.pi, 2 * np.pi))
+def _axes(arc: Arc, z: float) -> gp_Ax2:
+    longer = gp_Dir(0, 1, 0) if arc.upright else gp_Dir(1, 0, 0)
+    return gp_Ax2(gp_Pnt(*arc.centre, z), UP, longer)
 
-    @property
-    def _round(self) -> bool:
-        return self.ellipse.semi_axes[0] == self.ellipse.semi_axes[1]
 
-    def _axes(self, z: float) -> gp_Ax2:
-        return gp_Ax2(gp_Pnt(0, 0, z), UP, gp_Dir(0, 1, 0) if self.ellipse.upright else gp_Dir(1, 0, 0))
-
-    def _curve(self, z: float) -> Geom_Curve:
-        a, b = self.ellipse.semi_axes
-        return (
-            Geom_Circle(self._axes(z), a)
-            if self._round
-            else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
-        )
-
-    def _points(self, z: Sequence[float]) -> Floats:
-        return np.column_stack([*self.ellipse([0.0, np.pi]), z])
-
-    def surface(self, panel: int) -> Geom_Surface:
-        if self._round:
-            return Geom_CylindricalSurface(gp_Ax3(self._axes(0.0)), self.ellipse.semi_axes[0])
-        return Geom_SurfaceOfLinearExtrusion(self._curve(0.0), UP)
-
-    def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self._points((0.0, 0.0))[corner].tolist()), UP)
-
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
-        vertices = [new_vertex(builder, point) for point in self._points((z, z))]
-        edges = [
-            new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)
-        ]
-        return Ring(vertices, edges, (Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0)),) * 2, (z, z))
-
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
-        """Return the ring along two splines (x, y, z) over the angle, one for each half."""
-        heights = tuple(float(poles[0, 2]) for _, poles in curves)
-        vertices = [new_vertex(builder, point) for point in self._points(heights)]
-        edges = [
-            new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k])
-            for k in (0, 1)
-        ]
-        return Ring(
-            vertices,
-            edges,
-            [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves],
-            heights,
-        )
+def _level_curve(piece: RimPiece, z: float) -> Bounded:
+    """Return a piece at a height, with its first and its last parameter: a line, a circle or an ellipse."""
+    if isinstance(piece, Line):
+        start, step = np.array([*piece.start, z]), np.array([*np.subtract(piece.stop, piece.start), 0.0])
+        line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(*step.tolist()))
+        return line, 0.0, float(np.linalg.norm(step))
+    longer, shorter = max(piece.semi_axes), min(piece.semi_axes)
+    axes = _axes(piece, z)
+    conic = Geom_Circle(axes, longer) if piece.is_round else Geom_Ellipse(axes, longer, shorter)
+    return conic, *piece.ends
 
 
 @dataclass(frozen=True, eq=False)
 class RuledWall:
-    """The `Wall` of the four ruled edges of a lens; s is x or y in the rear's rectangle, v runs from 0
-    (front) to 1 (rear).
+    """The `Wall` of ruled edges; s is the parameter of the rims, v runs from 0 (front) to 1 (rear).
 
-    panels : as `ruled_edges` returns them
+    panels : as `ruled_edges` returns them.  clockwise : of each, whether s runs so
     """
 
     panels: Sequence[BSplineSurface]
+    clockwise: Sequence[bool]
+
+    @classmethod
+    def rectangular(cls, panels: Sequence[BSplineSurface]) -> RuledWall:
+        """Return the wall of the four edges of a rectangular lens; s is x or y in the rear's rectangle."""
+        return cls(panels, [side.clockwise for side in SIDES])
+
+    @classmethod
+    def round(cls, panels: Sequence[BSplineSurface]) -> RuledWall:
+        """Return the wall over the pieces of an outline."""
+        return cls(panels, [False] * len(panels))
 
     @property
     def ends(self) -> Sequence[tuple[float, float]]:
         spans = [(panel.kv_u.start, panel.kv_u.stop) for panel in self.panels]
-        return (*spans[:2], *(span[::-1] for span in spans[2:]))
+        return [span[::-1] if turned else span for span, turned in zip(spans, self.clockwise)]
 
     def surface(self, panel: int) -> Geom_Surface:
         return geom_surface(self.panels[panel])
 
     def strut(self, corner: int) -> Geom_Curve:
-        return geom_curve(UNIT, self.panels[corner].coefficients[_first(SIDES[corner])])
+        return geom_curve(UNIT, self.panels[corner].coefficients[-1 if self.clockwise[corner] else 0])
 
-    def rim(self, builder: BRep_Builder, form: Form, v: float) -> Ring:
-        """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
+    def sides(self, builder: BRep_Builder, form: Form, v: float) -> Ring:
+        """Return the ring along the sides of the front (v = 0) or the rear (v = 1) of a rectangular lens."""
         line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
         images = [
             ruled_trace(form.rim(side), side, panel, v) or line for side, panel in zip(SIDES, self.panels)
         ]
         return replace(form_ring(builder, form), traces=images, heights=(v,) * 4)
+
+    def along(self, builder: BRep_Builder, rims: Sequence[Rim], v: float) -> Ring:
+        """Return the ring along the rims between which the panels are ruled, of the front (v = 0) or the rear
+        (v = 1)."""
+        curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
+        ring = _ring_along(builder, curves, [poles[0] for _, poles in rims])
+        line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
+        return replace(ring, traces=(line,) * len(rims), heights=(v,) * len(rims))
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
         """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each
@@ -175,10 +157,10 @@ class RuledWall:
         curves = [self._level(panel, z) for panel in self.panels]
         flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
         traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
-        starts = [_first(side) for side in SIDES]
+        starts = [-1 if turned else 0 for turned in self.clockwise]
         heights = [float(poles[k, 2]) for k, (_, poles) in zip(starts, curves)]
-        lines = [(geom_curve(kv, poles), (kv.start, kv.stop)) for kv, poles in flat]
-        ring = _side_ring(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)])
+        lines = [(geom_curve(kv, poles), kv.start, kv.stop) for kv, poles in flat]
+        ring = _ring_along(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)], self.clockwise)
         return replace(ring, traces=traces, heights=heights)
 
     def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
@@ -194,25 +176,22 @@ class RuledWall:
 
 
 def form_ring(builder: BRep_Builder, form: Form) -> Ring:
-    """Return the ring along the rim of front or rear; vertices have their z as height."""
+    """Return the ring along the sides of front or rear; vertices have their z as height."""
+    curves = [(along.curve, *along.ends) for along in map(form.rim, SIDES)]
     corners = [form.corner(corner) for corner in CORNERS]
-    rims = [form.rim(side) for side in SIDES]
-    return _side_ring(builder, [(along.curve, along.ends) for along in rims], corners)
+    return _ring_along(builder, curves, corners, [side.clockwise for side in SIDES])
 
 
-def _side_ring(
-    builder: BRep_Builder, curves: Sequence[tuple[Geom_Curve, tuple[float, float]]], corners: Sequence[Floats]
+def _ring_along(
+    builder: BRep_Builder, curves: Sequence[Bounded], starts: Sequence[Floats], clockwise: Sequence[bool] = ()
 ) -> Ring:
-    """Return the ring along four curves between two parameters, x or y rising, one for each side."""
-    vertices = [new_vertex(builder, point) for point in corners]
+    """Return the ring along curves from start to start; vertices have their z as height.
+
+    clockwise : of each curve, whether it runs so; none do where this is empty
+    """
+    vertices = [new_vertex(builder, point) for point in starts]
     edges = []
-    for k, (side, (curve, (first, last))) in enumerate(zip(SIDES, curves)):
-        pair = vertices[k], vertices[(k + 1) % 4]
-        ends = pair[::-1] if side.clockwise else pair
-        edges.append(turned(new_edge(builder, curve, first, last, *ends), side.clockwise))
-    return Ring(vertices, edges, (), [float(point[2]) for point in corners])
-
-
-def _first(side: Side) -> int:
-    """Return the index of the first pole of a rim, counter-clockwise."""
-    return -1 if side.clockwise else 0
+    for k, (curve, reverse) in enumerate(zip(curves, clockwise or [False] * len(curves))):
+        pair = vertices[k], vertices[(k + 1) % len(vertices)]
+        edges.append(turned(new_edge(builder, *curve, *(pair[::-1] if reverse else pair)), reverse))
+    return Ring(vertices, edges, (None,) * len(edges), [float(point[2]) for point in starts])

@@ -164,6 +164,28 @@ def test_what_passes_a_bent_rim_is_known(tmp_path, backend, rear):
     assert fates.missed_rear == pytest.approx(0.96 * (1 - seen), abs=389**-2)
 
 
+@pytest.mark.parametrize(("outline", "radius"), [("round", 0.0), ("rounded", 3.0)])
+def test_what_passes_an_outline_is_known(tmp_path, backend, outline, radius):
+    """A beam through a plate: 0.96^2 of what lies before the outline.  Chords of the cells' pieces miss up to
+    1 / (6 BORDER_CELLS^2) of it."""
+    sides = {f"lens.{name}.half_width": [9.3, 9.3] for name in ("front", "rear")}
+    wide = {"source.half_width": [14.0, 14.0], "lens.outline": outline, "lens.corner_radius": radius}
+    made = Made(tmp_path, PLATE | sides | wide, backend, 0.0)
+    _, fates = made.light(61, 67)
+    assert fates.transmitted == pytest.approx(0.96**2 * made.lens.rear.outline.area / 28**2, rel=5e-8)
+    assert sum(asdict(fates).values()) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("radius", [1.9, 2.6])
+def test_what_passes_a_round_rear_is_its_cone(tmp_path, backend, radius):
+    """As above, a point in the middle of a spherical front: rays go straight on to the rim of a cone."""
+    sides = {f"lens.{name}.half_width": [r, r] for name, r in (("front", 1.2), ("rear", radius))}
+    made = Made(tmp_path, STRAIGHT_ON | sides | {"lens.outline": "round"}, backend, 0.0)
+    _, fates = made.light(101, 99)
+    missed = (cos(atan(radius / 7)) - cos(pi / 6)) / (1 - cos(pi / 6))
+    assert fates.missed_rear == pytest.approx(0.96 * missed, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "order", "scale"),
     [("small rear", 2, 1.0), ("wide cone", 2, 1.0), ("total reflection", 1.5, 2.0)],

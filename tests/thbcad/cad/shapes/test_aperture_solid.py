@@ -16,9 +16,9 @@ from scipy.interpolate import BSpline
 from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
-from thbcad.cad.shapes.aperture_solid import trimmed_part
+from thbcad.cad.shapes import trimmed_part
 from thbcad.lens import FreeformSurface, Lens, Product, aperture_volume, optical_forms
-from thbcad.outlines import DEGREE, TOLERANCE, Ellipse, ellipse_integral, kinks, rim_curve
+from thbcad.outlines import DEGREE, TOLERANCE, Arc, Outline, integral_within, kinks, rim_curve
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 
@@ -65,7 +65,7 @@ def test_moments_of_the_ellipse(p, q, data):
     )
     # rounding of the coefficients counts against the integral of the greatest one
     scale = a * b * max(abs(graph.coefficients).max(), 1.0)
-    assert ellipse_integral(graph, Ellipse((a, b))) == pytest.approx(
+    assert integral_within(graph, Outline.ellipse((a, b)).pieces) == pytest.approx(
         a * b * turn / (i + j + 2), abs=1e-13 * scale
     )
 
@@ -98,8 +98,9 @@ def test_volume_of_rough_surfaces_against_scipy(name):
                 * float(BSpline(graph.kv_v.knots, row, graph.kv_v.degree).integrate(-edge, edge))
             )
 
-        angles, _ = Ellipse((a, b)).crossings(graph.kv_u.breaks, graph.kv_v.breaks)
-        x, _ = Ellipse((a, b))(angles)
+        whole = Arc((a, b), (0.0, 2 * np.pi), b > a)
+        angles, _ = whole.crossings(graph.kv_u.breaks, graph.kv_v.breaks)
+        x, _ = whole(angles)
         places = np.unique(np.r_[-np.pi / 2, np.arcsin(np.clip(x / a, -1, 1)), np.pi / 2])
         total += sign * sum(
             quad(slice_area, *pair, epsabs=1e-12)[0] for pair in pairwise(places) if pair[1] - pair[0] > 1e-9
@@ -112,7 +113,7 @@ def test_volume_of_rough_surfaces_against_scipy(name):
 
 @given(semi_axes(), strategies.knot_vectors(max_degree=3, scales=(0.1,)))
 def test_crossings_lie_on_the_lines(axes, kv):
-    ellipse, x, y = Ellipse(axes), kv.breaks, kv.breaks[::-1] / 2
+    ellipse, x, y = Arc(axes, (0.0, 2 * np.pi), axes[1] > axes[0]), kv.breaks, kv.breaks[::-1] / 2
     angles, lines = ellipse.crossings(x, y)
     places = np.where(lines < len(x), *ellipse(angles))
     assert places == pytest.approx(np.r_[x, y][lines], abs=1e-14 * max(axes))
@@ -125,11 +126,10 @@ def test_rims_lie_on_rough_graphs(rng, axes, degree):
     """Densely sampled, creases (knots of full multiplicity) included."""
     kvs = [strategies.random_knot_vector(rng, degree, 5).rescale(-5.0, 5.0) for _ in range(2)]
     graph = BSplineSurface(*kvs, 0.1 * rng.uniform(-1, 1, [kv.dim for kv in kvs]))
-    ellipse = Ellipse(axes)
-    for half in (0, 1):
-        kv, poles = rim_curve(graph, ellipse, half)
+    for half in Outline.ellipse(axes).pieces:
+        kv, poles = rim_curve(graph, half)
         t = np.linspace(kv.start, kv.stop, 4001)
-        x, y = (np.clip(row, -5, 5) for row in ellipse(t))
+        x, y = (np.clip(row, -5, 5) for row in half(t))
         assert (
             abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= BETWEEN
         )

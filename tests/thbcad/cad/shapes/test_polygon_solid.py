@@ -12,7 +12,7 @@ from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes import polygon_part
 from thbcad.io import brep_of_text, image_distance, turned_faces, volume
 from thbcad.lens import FreeformSurface, Lens, Product, optical_forms, polygon_volume
-from thbcad.outlines import DEGREE, Polygon, polygon_integral, side_curve
+from thbcad.outlines import DEGREE, Line, Polygon, integral_within, rim_curve
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import BSplineSurface
 
@@ -111,7 +111,7 @@ def test_a_rectangle_is_the_whole_lens():
 )
 def test_a_rim_above_a_straight_side_is_exact(start, stop, degree):
     graph = FreeformSurface((5, 4), Conic(30.0, -1.0), rough(amplitude=1.0)).graph((3, 3))
-    kv, poles = side_curve(graph, np.array(start, dtype=float), np.array(stop, dtype=float))
+    kv, poles = rim_curve(graph, Line(start, stop))
     t = np.linspace(0, 1, 2001)
     x, y = (np.array(start) + t[:, None] * np.subtract(stop, start)).T
     assert kv.degree == degree
@@ -121,10 +121,10 @@ def test_a_rim_above_a_straight_side_is_exact(start, stop, degree):
 def test_a_rim_of_a_high_degree_is_fitted():
     """Degrees 6 and 5 would make 11, which CAD files do not hold."""
     graph = FreeformSurface((5, 4), Conic(30.0, -1.0), rough((6, 5), (3, 3))).graph((6, 5))
-    start, stop = np.array([-4.0, -3.0]), np.array([3.5, 2.0])
-    kv, poles = side_curve(graph, start, stop)
+    side = Line((-4.0, -3.0), (3.5, 2.0))
+    kv, poles = rim_curve(graph, side)
     t = np.linspace(0, 1, 2001)
-    x, y = (start + t[:, None] * (stop - start)).T
+    x, y = side(t)
     assert kv.degree == DEGREE
     assert abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= 2e-9
 
@@ -138,7 +138,7 @@ def test_the_integral_over_a_polygon_is_that_over_its_parts(rng, count):
     angles = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.8, count)) / count
     corners = np.column_stack([4.9 * np.cos(angles), 3.0 * np.sin(angles)])
     parts = corners[:3], np.vstack([corners[2:], corners[:1]])
-    whole, *pieces = (polygon_integral(graph, Polygon(rows)) for rows in (corners, *parts))
+    whole, *pieces = (integral_within(graph, Polygon(rows).pieces) for rows in (corners, *parts))
     assert whole == pytest.approx(sum(pieces), abs=1e-12)
 
 

@@ -1,0 +1,70 @@
+"""What the lens leaves free of light, and what stops do: keys that must go together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from optics.base.runtime import UserError
+from optics.scene.problem.schema import LensSpec, StopSpec
+
+
+def require_apertures(lens: LensSpec, stops: Sequence[StopSpec]) -> None:
+    """Refuse an outline that the half-widths cannot have, a clear aperture and stops that make no sense.
+
+    Raises
+    ------
+    UserError : names the key.
+    """
+    _require_outline(lens)
+    _require_clear_aperture(lens)
+    for k, stop in enumerate(stops):
+        _require_stop(f"stop[{k}]", stop)
+
+
+def _require_outline(lens: LensSpec) -> None:
+    """Refuse an outline that the half-widths cannot have."""
+    sizes = {"front": lens.front.half_width, "rear": lens.rear.half_width}
+    for name, (x, y) in sizes.items():
+        if lens.outline == "round" and x != y:
+            raise UserError(
+                f'lens.outline = "round" needs equal half-widths, got lens.{name}.half_width = '
+                f'[{x:g}, {y:g}]; make them equal, or take "ellipse"'
+            )
+    if (lens.outline == "rounded") != (lens.corner_radius > 0):
+        raise UserError(
+            f'lens.corner_radius is that of lens.outline = "rounded", which needs one above 0; got '
+            f"{lens.corner_radius:g} with {lens.outline!r}"
+        )
+    most = min(max(pair) for pair in zip(*sizes.values()))
+    if lens.corner_radius > most:
+        raise UserError(
+            f"lens.corner_radius must be at most {most:g} mm, the least half-width of the larger surface, "
+            f"got {lens.corner_radius:g}"
+        )
+
+
+def _require_clear_aperture(lens: LensSpec) -> None:
+    """Refuse a clear aperture that leaves nothing, or more than there is."""
+    clear = lens.clear_aperture
+    if (min(clear) == 0) != (max(clear) == 0):
+        raise UserError(
+            f"lens.clear_aperture = {list(clear)} leaves nothing of the lens; give two half-widths above 0, "
+            "or [0, 0] for all of it"
+        )
+    most = [min(pair) for pair in zip(lens.front.half_width, lens.rear.half_width)]
+    if any(c > m for c, m in zip(clear, most)):
+        raise UserError(
+            f"lens.clear_aperture must lie within front and rear, at most {most}, got {list(clear)}"
+        )
+
+
+def _require_stop(key: str, stop: StopSpec) -> None:
+    """Refuse a ring without a middle, and a middle without a ring."""
+    ring = stop.shape == "ring"
+    if ring and not all(0 < i < o for i, o in zip(stop.inner, stop.half_width)):
+        raise UserError(
+            f"{key}.inner must be above 0 and below {key}.half_width = {list(stop.half_width)} in x and y, "
+            f"got {list(stop.inner)}"
+        )
+    if not ring and any(stop.inner):
+        raise UserError(f'{key}.inner is that of shape = "ring", got {list(stop.inner)} with {stop.shape!r}')

@@ -1,0 +1,71 @@
+"""Where stops may stand."""
+
+import re
+
+import pytest
+
+from optics.base.runtime import UserError
+from optics.scene.problem import Problem
+from optics.scene.system import solvable_system
+
+INSIDE = "stop.rim reaches into the lens, which may fill z = -1 to 11 mm"
+
+
+def refusal(**stop: object) -> str:
+    """Return why a stop is refused, "" where it is not: beside a lens of 20 x 20 x 6 mm, z_freedom 5 mm."""
+    front, rear = {"half_width": (10, 10), "radius": -50.5}, {"half_width": (10, 10)}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (8, 8), "distance": 20},
+        lens={"index": 1.5, "thickness": 6, "front": front, "rear": rear, "outline": "round"},
+        target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)},
+        stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, 3), **stop}],
+    )
+    try:
+        solvable_system(problem)
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    "stop",
+    [
+        {},
+        {"hole": False},
+        {"half_width": (9.9, 9.9)},
+        {"half_width": (9.9, 9.9), "position": (0, 0, -0.5)},
+        {"position": (12.9, 0, 3), "hole": False},
+        {"position": (9, 9, 3), "hole": False},
+        {"shape": "ring", "half_width": (12, 12), "inner": (9.9, 9.9), "hole": False},
+        {"position": (0, 0, 25), "tilt": (0, 70, 0)},
+    ],
+)
+def test_a_stop_in_the_glass_is_refused(stop):
+    assert refusal(**stop).startswith(INSIDE)
+
+
+@pytest.mark.parametrize(
+    "stop",
+    [
+        {"half_width": (10.1, 10.1)},
+        {"position": (0, 0, -1.5)},
+        {"position": (0, 0, 11.5), "hole": False},
+        {"position": (13.1, 0, 3), "hole": False},
+        {"position": (9.5, 9.5, 3), "hole": False},  # beside the corner that a round lens has not
+        {"shape": "ring", "half_width": (12, 12), "inner": (10.1, 10.1), "hole": False},
+        {"position": (0, 0, 25), "tilt": (0, 70, 0), "hole": False},
+    ],
+)
+def test_a_stop_that_leaves_room_for_the_lens_is_taken(stop):
+    assert refusal(**stop) == ""
+
+
+@pytest.mark.parametrize(
+    ("z", "words"),
+    [
+        (-19.9, r"stop\.rim reaches to z = -20\.4.* mm, but the source is at z = -20 mm"),
+        (66.0, r"stop\.rim reaches to z = 66\.5.* mm, but the target is at z = 66 mm"),
+    ],
+)
+def test_a_stop_before_the_source_or_behind_the_target_is_refused(z, words):
+    assert re.search(words, refusal(position=(0, 0, z), tilt=(10, 0, 0)))

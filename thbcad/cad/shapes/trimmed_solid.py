@@ -1,0 +1,149 @@
+"""The lens within an outline, its own, an aperture or a polygon, as an OCCT solid with shared topology.
+
+Front and rear keep their whole surface, trimmed by the outline.  Nothing is cut by Boolean operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from OCP.BRep import BRep_Builder
+from OCP.Geom2d import Geom2d_Curve
+from OCP.TopoDS import TopoDS_Face
+
+from thbcad.cad.shapes.edge_faces import face_on
+from thbcad.cad.shapes.forms import conic_form
+from thbcad.cad.shapes.occt_splines import geom_surface, trace
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, wall_faces
+from thbcad.cad.shapes.topology import closed_part, turned_face
+from thbcad.cad.shapes.walls import RuledWall, UprightWall
+from thbcad.lens import (
+    Lens,
+    OpticalForm,
+    Rim,
+    above,
+    optical_forms,
+    outline_rims,
+    require_aperture,
+    require_polygon,
+    require_sound,
+    rim_pieces,
+    ruled_edges,
+)
+from thbcad.outlines import Arc, Line, RimPiece, Shape
+from thbcad.sags import PlacedConic
+from thbcad.splines import UNIT
+
+Bounded = tuple[TopoDS_Face, Ring]  # front or rear, and the ring of its rim
+
+
+def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
+    """Return the lens within x^2 / a^2 + y^2 / b^2 <= 1 as a closed Part of four faces: front, rear and two
+    half-cylinders.
+
+    semi_axes : (a, b) float, mm
+
+    Raises
+    ------
+    ValueError : as `require_sound`; semi-axes that are not two positive numbers or exceed a half-width.
+    """
+    return upright_part(lens, require_aperture(require_sound(lens), semi_axes))
+
+
+def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
+    """Return the lens within a polygon as a closed Part: front, rear and a plane face on every side.
+
+    corners : (x, y) float, mm, of a polygon as `Polygon`
+
+    Raises
+    ------
+    ValueError : as `require_sound` and `require_polygon`.
+    """
+    return upright_part(lens, require_polygon(require_sound(lens), corners))
+
+
+def upright_part(lens: Lens, shape: Shape) -> Part:
+    """Return a sound lens within upright walls over an outline as a closed Part: front, rear, and an edge on
+    every piece of the outline.
+
+    Rims on planes are lines and exact ellipses, round rims on conics exact circles; others are as
+    `outline_rims`.
+    """
+    builder = BRep_Builder()
+    wall = UprightWall(shape.pieces)
+    return _closed(builder, wall, *upright_faces(builder, lens, wall))
+
+
+def ruled_part(lens: Lens) -> Part:
+    """Return a sound lens with an outline, whose front and rear differ in size, as a closed Part: front,
+    rear, and a ruled edge between the rims on every piece of the outline."""
+    builder = BRep_Builder()
+    wall = RuledWall.round(ruled_edges(lens))
+    return _closed(builder, wall, *ruled_faces(builder, lens, wall))
+
+
+def _closed(builder: BRep_Builder, wall: UprightWall | RuledWall, front: Bounded, rear: Bounded) -> Part:
+    edges = wall_faces(builder, wall, front[1], rear[1])
+    names = [f"edge {k + 1}" for k in range(len(edges))]
+    return closed_part(("front", "rear", *names), (front[0], rear[0], *edges))
+
+
+def upright_faces(builder: BRep_Builder, lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
+    """Return front and rear, trimmed by an upright wall, normals outward."""
+    optical = []
+    for k, surface in enumerate(optical_forms(lens)):
+        height = _level(surface, wall.pieces)
+        rims = outline_rims(lens, k, wall.pieces) if height is None else []
+        ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
+        optical.append((_trimmed(builder, lens, k, wall.pieces, rims, ring), ring))
+    front, rear = optical
+    return front, rear
+
+
+def ruled_faces(builder: BRep_Builder, lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
+    """Return front and rear, trimmed by their outlines, between which a wall is ruled, normals outward."""
+    optical = []
+    for k, pieces in enumerate(rim_pieces(lens)):
+        rims = [(panel.kv_u, panel.coefficients[:, k]) for panel in wall.panels]
+        ring = wall.along(builder, rims, float(k))
+        optical.append((_trimmed(builder, lens, k, pieces, rims, ring), ring))
+    front, rear = optical
+    return front, rear
+
+
+def _level(surface: OpticalForm, pieces: Sequence[RimPiece]) -> float | None:
+    """Return the z of a level rim, mm: on a plane, and of a circle round the axis of a conic."""
+    if not isinstance(surface, PlacedConic):
+        return None
+    if surface.kind == "PLANE":
+        return surface.vertex
+    arcs = [p for p in pieces if isinstance(p, Arc) and p.is_round and p.centre == (0.0, 0.0)]
+    return float(surface(arcs[0].semi_axes[0], 0.0)) if len(arcs) == len(pieces) else None
+
+
+def _trimmed(
+    builder: BRep_Builder, lens: Lens, k: int, pieces: Sequence[RimPiece], rims: Sequence[Rim], ring: Ring
+) -> TopoDS_Face:
+    """Return the front (k = 0) or the rear (k = 1) within the ring above the pieces of an outline, its normal
+    outward.
+
+    rims : of splines, as `outline_rims`
+    """
+    surface = optical_forms(lens)[k]
+    images: list[Geom2d_Curve | None]
+    if isinstance(surface, PlacedConic):
+        form = conic_form(surface)
+        images = [form.trace(above(surface, piece), piece.ends) for piece in pieces]
+        face = face_on(builder, form.surface(), ring.edges, form.upward, images)
+        return turned_face(face, form.upward != (k == 1))
+    # from x and y to parameters, which are those over the rear's rectangle
+    scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
+    images = []
+    for piece, (kv, poles) in zip(pieces, rims):
+        if isinstance(piece, Line):
+            images.append(trace(UNIT, np.array([piece.start, piece.stop]) * scale))
+        else:
+            images.append(trace(kv, poles[:, :2] * scale))
+    return turned_face(face_on(builder, geom_surface(surface), ring.edges, True, images), k == 0)
