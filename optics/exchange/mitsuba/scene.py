@@ -58,8 +58,9 @@ def scene_dictionary(
     Raises
     ------
     UserError : a target in the far field, pixels that are not square, a point source of another intensity
-        than a uniform one.
+        than a uniform one, stops or a clear aperture.
     """
+    require_open(system)
     if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
     screen = screen or system.target.screen()
@@ -76,6 +77,15 @@ def scene_dictionary(
         "screen": screen_rectangle(mi, screen, system.target.z, REFLECTANCE),
         "sensor": watching_camera(mi, screen, system.target.z, highest, sigma),
     }
+
+
+def require_open(system: OpticalSystem) -> None:
+    """Raise UserError where stops or a clear aperture block light, of which meshes know nothing."""
+    if system.stops or any(system.problem.lens.clear_aperture):
+        raise UserError(
+            "scenes and meshes for Mitsuba hold neither [[stop]] nor lens.clear_aperture; leave them out, or "
+            'trace with optimizer.engine = "exact" or "mitsuba-exact"'
+        )
 
 
 def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:

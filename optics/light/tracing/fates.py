@@ -64,7 +64,10 @@ class SequentialFates:
 
 @dataclass(frozen=True)
 class Fates:
-    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux."""
+    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux.
+
+    blocked : by stops, beside clear apertures, and by absorbing walls.
+    """
 
     beside_lens: float
     reflected_outside: float
