@@ -27,6 +27,7 @@ from thbcad.lens import Lens
 
 REFLECTANCE = 2.0**-7  # of the screen
 VERTICES = (449, 449)
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}  # on both sides
 DEPTH = 16  # most vertices of a light path
 TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 
@@ -66,14 +67,18 @@ def scene_dictionary(
     screen = screen or system.target.screen()
     square_pixels(screen)
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES) if isinstance(lens, Lens) else lens
-    glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
+    faces = mesh.shapes(
+        mi, bsdf=mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
+    )
+    if system.problem.lens.wall == "absorbing":
+        faces |= mesh.shapes(mi, ["edges"], mi.load_dict(BLACK))
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
     lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
     return {
         "type": "scene",
         "integrator": {"type": "ptracer", "max_depth": DEPTH},
         "source": _emitter(mi, system, lowest),
-        **mesh.shapes(mi, bsdf=glass),
+        **faces,
         "screen": screen_rectangle(mi, screen, system.target.z, REFLECTANCE),
         "sensor": watching_camera(mi, screen, system.target.z, highest, sigma),
     }

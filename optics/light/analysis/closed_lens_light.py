@@ -73,14 +73,7 @@ def _replicate(
     rays = single_rays(system.source.rays(RAYS, rng), lens)
     plane = TargetArea.of(system.path(lens), screen.half_width)
     every = trace_nonsequential(
-        backend,
-        lens,
-        rays,
-        plane,
-        threshold=ROULETTE,
-        roulette=rng,
-        absorption=system.absorption,
-        absorbing_wall=system.absorbing_wall,
+        backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
     )
     tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():

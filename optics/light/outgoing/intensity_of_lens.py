@@ -67,7 +67,6 @@ def outgoing_intensity(
                 threshold=ROULETTE,
                 roulette=rng,
                 absorption=system.absorption,
-                absorbing_wall=system.absorbing_wall,
             ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES

@@ -41,22 +41,24 @@ class TargetArea:
     """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
 
     stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
     """
 
     receiver: Receiver
     half_width: tuple[float, float]
     stops: tuple[Stop, ...] = ()
     clear: Outline | None = None
+    absorbing_wall: bool = False
 
     @classmethod
     def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
         """Return what lies around the lens of a path."""
-        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear)
+        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear, path.absorbing_wall)
 
     @property
     def blocks(self) -> bool:
         """Whether anything blocks light."""
-        return bool(self.stops) or self.clear is not None
+        return bool(self.stops) or self.clear is not None or self.absorbing_wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,6 @@ def trace_nonsequential(
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
-    absorbing_wall: bool = False,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -111,7 +112,6 @@ def trace_nonsequential(
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
-    absorbing_wall : light that meets an edge ends there, in the fate `blocked`; else edges are polished.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -121,12 +121,21 @@ def trace_nonsequential(
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
 
+    def dimmed(branches: Branches, path: Floats) -> Branches:
+        """Return branches behind paths, mm, and account for what glass absorbs there."""
+        if not absorption:
+            return branches
+        kept = np.where(branches.inside, np.exp(-absorption * path), 1.0)
+        account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+        return replace(branches, flux=branches.flux * kept)
+
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         if target.blocks:
-            blocked = np.isfinite(_blocked_after(branches, meetings, target))
-            account(branches[blocked], FATES.index("blocked"))
+            length = _blocked_after(branches, meetings, target)
+            blocked = np.isfinite(length)
+            account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
             branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
@@ -139,16 +148,10 @@ def trace_nonsequential(
         if generation == bounces:
             account(branches[~leaving], FATES.index("trapped"))
             break
-        if absorption:
-            path = np.linalg.norm(meetings.point - branches.origin, axis=0)
-            kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
-            account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
-            branches = replace(branches, flux=branches.flux * kept)
-        stopped = absorbing_wall & (meetings.face == EDGE)
-        account(branches[stopped], FATES.index("blocked"))
+        branches, meetings = branches[~leaving], meetings[~leaving]
+        branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
-        onward = ~(leaving | stopped)
-        branches = refracted[onward & (meetings.transmittance > 0)] + reflected[onward]
+        branches = refracted[meetings.transmittance > 0] + reflected
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
@@ -200,17 +203,12 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend,
-    lens: Lens,
-    rays: Rays,
-    target: TargetArea,
-    bounces: int = 64,
-    absorbing_wall: bool = False,
+    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them or where it absorbs.
+    last face, or on that face after `bounces` of them.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
@@ -235,21 +233,20 @@ def trace_paths(
             fates[ray] = FATES[which]
         for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
             points[ray].append(point)
-        stopped = absorbing_wall & (meetings.face == EDGE)
-        for ray in branches.ray[stopped]:
-            fates[ray] = "blocked"
         refracted, reflected = split(branches, meetings)
-        onward, passes = ~(leaving | stopped), meetings.transmittance >= 0.5
-        branches = refracted[onward & passes] + reflected[onward & ~passes]
+        passes = meetings.transmittance >= 0.5
+        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
         if generation == bounces or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
 
 
 def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
-    """Return the path lengths after which branches meet a stop, or a holder; inf of others."""
+    """Return the path lengths after which branches meet a stop, a holder or a black wall; inf of others."""
     first = np.full(len(branches.ray), np.inf)
     ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    if target.absorbing_wall:
+        first = np.where(meetings.face == EDGE, ahead, first)
     if target.clear is not None:
         x, y, _ = meetings.point
         on = np.isin(meetings.face, (FRONT, REAR))

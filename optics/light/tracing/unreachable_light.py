@@ -40,7 +40,7 @@ def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str
         backward = direction[2] <= 0
         x, y, z = origin
         hx, hy = surface.shape.half_width
-        over = (np.abs(x) <= hx) & (np.abs(y) <= hy)
+        over = surface.shape.outline.contains(x, y)
         height = surface.shape(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
         behind = ~backward & over & (z > height + ON_SURFACE * max(hx, hy))
         yield f"comes to surface {k} from behind; turn the surface round", coming[backward].sum() / total

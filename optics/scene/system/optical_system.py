@@ -162,11 +162,6 @@ class OpticalSystem:
         return absorption_at(self.problem, self.problem.source.wavelength)
 
     @property
-    def absorbing_wall(self) -> bool:
-        """Whether light that meets an edge of the lens ends there."""
-        return self.problem.lens.wall == "absorbing"
-
-    @property
     def spectral(self) -> bool:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
@@ -204,9 +199,9 @@ class OpticalSystem:
 
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
         """Return the paths of light of the source's own wavelength through a lens, one to each target."""
-        clear = self.clear_aperture(lens)
+        clear, black = self.clear_aperture(lens), self.problem.lens.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear)
+            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black)
             for target in self.targets
         )
 

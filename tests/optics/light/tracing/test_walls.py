@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,7 +59,7 @@ SHAPES = {
 def test_every_branch_between_level_rims(backend, shape, absorbing):
     shape = SHAPES[shape]
     rays, landings = rays_around(40), []
-    result = trace_nonsequential(backend, level_lens(*shape), rays, WIDE, absorbing_wall=absorbing)
+    result = trace_nonsequential(backend, level_lens(*shape), rays, replace(WIDE, absorbing_wall=absorbing))
     expected = traced_one_by_one(
         LevelSolid(*shape), rays, WIDE, 1e-4, absorbing_wall=absorbing, landings=landings
     )
