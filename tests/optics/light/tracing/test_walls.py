@@ -53,8 +53,16 @@ SHAPES = {
 }
 
 
+QUICK = "crossing ellipses", "rounded, one side upright"
+
+
 @pytest.mark.parametrize(
-    ("shape", "absorbing"), [*((name, False) for name in SHAPES), ("cone", True), ("rounded, unlike", True)]
+    ("shape", "absorbing"),
+    [
+        *(pytest.param(name, False, marks=[] if name in QUICK else pytest.mark.slow) for name in SHAPES),
+        ("cone", True),
+        pytest.param("rounded, unlike", True, marks=pytest.mark.slow),
+    ],
 )
 def test_every_branch_between_level_rims(backend, shape, absorbing):
     shape = SHAPES[shape]
