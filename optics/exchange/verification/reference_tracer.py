@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.base.runtime import NumericalError
-from optics.exchange.verification.traced_faces import MEETS, ConicFace, Floats, Meetings, ParametricFace
+from optics.exchange.verification.traced_faces import (
+    MEETS,
+    ConicFace,
+    FaceRim,
+    Floats,
+    Meetings,
+    ParametricFace,
+)
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import Receiver
@@ -44,21 +51,25 @@ def trace_step(
     index: float,
     target: Receiver,
     around: LightPath | None = None,
+    rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
     """Trace rays through the two faces of a STEP file to a target.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
-    around : the path whose stops and openings block light; None is nothing.
+    around : the path whose stops and clear apertures block light; None is nothing.
+    rims : of front and rear, where the faces do not fill their rectangles.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
     points = origins
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
     stops, openings = (
-        ((), (None, None)) if around is None else (around.stops, [s.open for s in around.surfaces])
+        ((), (None, None)) if around is None else (around.stops, [s.clear for s in around.surfaces])
     )
     for k, (surface, eta) in enumerate(((step.front, 1 / index), (step.rear, index))):
         start, onward = points, directions
         points, normals, met = _meet(surface, points, directions)
+        if rims:
+            met = met & rims[k].holds(points[:, :2])
         opening = openings[k]
         if opening is not None:
             met &= _inside(opening, points[:, 0], points[:, 1])

@@ -9,6 +9,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
+from optics.exchange.verification.step_file import StepFile
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
@@ -96,16 +97,20 @@ def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
     return image / screen.pixel_area
 
 
-def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend: Backend) -> list[Check]:
+def light_checks(
+    system: OpticalSystem, lens: Lens, step: OpticalFaces, file: StepFile, backend: Backend
+) -> list[Check]:
     """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
 
+    step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
     limits, path = system.problem.verify, system.path(lens)
+    rims = () if lens.rear.outline.is_rectangle else file.rims
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(
-            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver, path
+            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver, path, rims
         )
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)

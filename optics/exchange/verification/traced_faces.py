@@ -1,4 +1,5 @@
-"""Faces as the independent tracer meets them: conics of revolution in closed form, splines by scipy."""
+"""Faces as the independent tracer meets them: conics of revolution in closed form, splines by scipy, and the
+curves round them."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
+from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
@@ -17,7 +19,10 @@ ROOM = 1e-3  # of the width, above and below the face
 HALVINGS = 12  # of steps in which a ray may fall through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 STILL = 1e-12  # of a direction: components that count as zero
+RIM_SAMPLES = 257  # of an edge of a rim
+RIM_STEPS = 6  # of Newton's from the nearest of them: more than double precision needs
 UP = np.array([0.0, 0.0, 1.0])
+TINY = 1e-300
 
 
 class ConicFace:
@@ -101,6 +106,43 @@ class ConicFace:
         here = points + enters[:, None] * directions
         behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
         return behind
+
+
+class FaceRim:
+    """The outer loop of a face in the text of a STEP file, which goes round the axis once.
+
+    The direction from the axis to a point (x, y) meets it where x Y(t) - y X(t) = 0.
+    """
+
+    def __init__(self, solid: Brep, face: BrepFace) -> None:
+        numbers = {number for number, _ in face.loops[0]}
+        edges = [edge for edge in solid.edges if edge.number in numbers]
+        self._edges = [(edge, span) for edge in edges if (span := edge_span(edge)) is not None]
+        spans = [np.linspace(*span, RIM_SAMPLES) for _, span in self._edges]
+        points = np.concatenate([edge.points(t)[:, :2] for (edge, _), t in zip(self._edges, spans)])
+        angles = np.arctan2(points[:, 1], points[:, 0])
+        order = np.argsort(angles)
+        self._angles, self._t = angles[order], np.concatenate(spans)[order]
+        self._owner = np.repeat(np.arange(len(spans)), RIM_SAMPLES)[order]
+        self._slack = MEETS * float(np.ptp(points[:, 0]))
+
+    def holds(self, points: Floats) -> NDArray[np.bool_]:
+        """Return which points, (n, 2), lie within the curve or on it."""
+        at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
+        reach = np.zeros(len(points))
+        for number, (edge, span) in enumerate(self._edges):
+            for near in (at, at - 1):  # on either side of a corner another edge may be the one that is met
+                own = self._owner[near] == number
+                t, (x, y) = self._t[near[own]], points[own].T
+                for _ in range(RIM_STEPS):
+                    (a, b), (c, d) = edge.points(t)[:, :2].T, edge.points(t, 1)[:, :2].T
+                    rate = x * d - y * c
+                    t = np.clip(t - (x * b - y * a) / np.where(rate == 0, np.inf, rate), min(span), max(span))
+                a, b = edge.points(t)[:, :2].T
+                # how far out the point of the edge lies in the direction of (x, y)
+                reach[own] = np.maximum(reach[own], (a * x + b * y) / np.maximum(np.hypot(x, y), TINY))
+        inside: NDArray[np.bool_] = np.hypot(*points.T) <= reach + self._slack
+        return inside
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
