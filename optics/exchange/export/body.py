@@ -62,7 +62,7 @@ class Body:
         """Return whether some edges are fitted, within 1e-9 mm: level lines, ellipses above curved faces,
         sides of a polygon above spheres and other curved conics."""
         curved = any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
-        return self.shaped and (self.polygon is None or curved)
+        return (self.shaped or not lens.rear.outline.is_rectangle) and (self.polygon is None or curved)
 
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.

@@ -139,8 +139,9 @@ class FaceRim:
                     rate = x * d - y * c
                     t = np.clip(t - (x * b - y * a) / np.where(rate == 0, np.inf, rate), min(span), max(span))
                 a, b = edge.points(t)[:, :2].T
-                # how far out the point of the edge lies in the direction of (x, y)
-                reach[own] = np.maximum(reach[own], (a * x + b * y) / np.maximum(np.hypot(x, y), TINY))
+                r = np.maximum(np.hypot(x, y), TINY)
+                meets = abs(x * b - y * a) <= self._slack * r  # not where Newton's method is held at an end
+                reach[own] = np.maximum(reach[own], np.where(meets, (a * x + b * y) / r, 0.0))
         inside: NDArray[np.bool_] = np.hypot(*points.T) <= reach + self._slack
         return inside
 
