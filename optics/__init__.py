@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Refinement as Refinement,
         Run as Run,
         Source as Source,
+        StopSpec as StopSpec,
         Target as Target,
         Verify as Verify,
         load_problem as load_problem,

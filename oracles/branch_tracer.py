@@ -1,12 +1,15 @@
-"""Closed lenses for the slow branch tracer: a convex polyhedron and a triangle mesh."""
+"""Closed lenses for the slow branch tracer: a convex polyhedron, level rims with rounded corners, a mesh."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from optics.light.tracing import FATES
+from thbcad.outlines import Outline
 
 INDEX = 1.5
+STEP = 1e-6  # of differences along rims, of half a side
 
 
 def half_spaces(front, rear, thickness):
@@ -43,10 +46,80 @@ class Frustum:
         return origin + t[face] * direction, self.normals[face], min(face, 2), face
 
 
-def trace_one(solid, ray, target, threshold):
+class LevelSolid:
+    """The next face of a lens between planes z = 0 and z = thickness whose corners are rounded.
+
+    Half-widths h and semi-axes r h of the corners are linear in z, so that sides and corners of all sections
+    are met at the roots of polynomials in the length of the ray: |x| = hx, and with the distances p and q
+    from a corner's middle (p ry hy)^2 + (q rx hx)^2 = (rx hx ry hy)^2.
+    """
+
+    def __init__(self, front, rear, relative, thickness):
+        self.front, self.rates = np.array(front), (np.array(rear) - front) / thickness
+        self.relative, self.thickness = relative, thickness
+
+    def __call__(self, origin, direction, inside, own):
+        """Return (point, outward normal, class of the face, the face) or None."""
+        found = []
+        for face, (z, outward) in enumerate(((0.0, -1.0), (self.thickness, 1.0))):
+            if direction[2] * outward * (1 if inside else -1) > 0:
+                t = (z - origin[2]) / direction[2]
+                x, y, _ = point = origin + t * direction
+                h = self.front + z * self.rates
+                if Outline(h, h * self.relative).contains(x, y):
+                    found.append((t, point, np.array([0.0, 0.0, outward]), face, face))
+        z = Polynomial([origin[2], direction[2]])
+        h = [a + rate * z for a, rate in zip(self.front, self.rates)]
+        for signs in ((1, 1), (-1, 1), (-1, -1), (1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
+            found += self._wall(origin, direction, inside, h, np.array(signs))
+        found = [f for f in found if f[0] > -1e-10]
+        return min(found, key=lambda f: f[0])[1:] if found else None
+
+    def _wall(self, origin, direction, inside, h, signs):
+        """Return meetings with a piece of the wall: a corner by its signs, or a side, one of them 0."""
+        p, q = (Polynomial([o, d]) * s for o, d, s in zip(origin, direction, signs))
+        rx, ry = self.relative
+        if signs.all():
+            p, q = p - (1 - rx) * h[0], q - (1 - ry) * h[1]
+            a, b = rx * h[0], ry * h[1]
+            over = (p * b) ** 2 + (q * a) ** 2 - (a * b) ** 2
+        else:
+            over = p - h[0] if signs[0] else q - h[1]
+        roots = over.roots()
+        for _ in range(3):  # of Newton's method
+            roots = roots - over(roots) / over.deriv()(roots)
+        for t in roots[abs(roots.imag) < 1e-9].real:
+            point = origin + t * direction
+            width = self.front + point[2] * self.rates
+            beyond = (
+                np.where(signs, signs * point[:2], abs(point[:2])) > (1 - np.array(self.relative)) * width
+            )
+            if (
+                (beyond == (signs != 0)).all()
+                and 0 <= point[2] <= self.thickness
+                and (over.deriv()(t) > 0) == inside
+            ):
+                yield t, point, self._normal(point, signs, width), 2, 2
+
+    def _normal(self, point, signs, width):
+        if not signs.all():
+            slope = -abs(signs) @ self.rates
+        else:
+            semi = np.array(self.relative) * width
+            corner = (signs * point[:2] - width + semi) / semi
+            signs, slope = (
+                signs * corner / semi,
+                -(corner * (signs * point[:2] / semi * self.rates / width)).sum(),
+            )
+        normal = np.array([*signs, slope], dtype=float)
+        return normal / np.linalg.norm(normal)
+
+
+def trace_one(solid, ray, target, threshold, absorbing_wall=False, landings=None):
     """Return the flux of one ray by fate, (len(FATES),), branch by branch.
 
     solid : (origin, direction, inside, own face) -> (point, normal, 0 front, 1 rear or 2 edge, face) or None.
+    landings : a list to which x, y and flux of branches in the target plane are appended.
     """
     flux = dict.fromkeys(FATES, 0.0)
     start, direction, power = ray
@@ -55,12 +128,19 @@ def trace_one(solid, ray, target, threshold):
         origin, d, share, inside, own, left, met = stack.pop()
         meeting = solid(origin, d, inside, own)
         if meeting is None:
-            flux["failed" if inside else escape(origin, d, left, target)] += share
+            fate = "failed" if inside else escape(origin, d, left, target)
+            flux[fate] += share
+            if landings is not None and fate.endswith("_target"):
+                length = (target.receiver.pose.shift[2] - origin[2]) / d[2]
+                landings.append((*(origin + length * d)[:2], share))
             continue
         if met == 64:
             flux["trapped"] += share
             continue
         point, normal, kind, face = meeting
+        if absorbing_wall and kind == 2:
+            flux["blocked"] += share
+            continue
         normal = normal if inside else -normal
         eta = INDEX if inside else 1 / INDEX
         cosine = min(d @ normal, 1.0)
@@ -121,9 +201,9 @@ def escape(origin, d, left, target):
     )
 
 
-def traced_one_by_one(solid, rays, target, threshold):
+def traced_one_by_one(solid, rays, target, threshold, **settings):
     each = zip(rays.origin.T, rays.direction.T, rays.flux)
-    return np.array([trace_one(solid, ray, target, threshold) for ray in each]).T
+    return np.array([trace_one(solid, ray, target, threshold, **settings) for ray in each]).T
 
 
 def edge_gap(lens):
@@ -171,24 +251,39 @@ class MeshSolid:
     def rims(self, kind, s):
         """Return the ends of the rulings s of the edges +x, -x, +y, -y (2 to 5), each (n, 3), and their
         derivatives by s."""
+        sign, on_x = np.where(kind % 2 == 0, 1.0, -1.0), kind < 4
+        a, b = self.plan(np.where(on_x, sign, s), np.where(on_x, s, sign))
+        after = self.plan(np.where(on_x, sign, s + STEP), np.where(on_x, s + STEP, sign))
+        before = self.plan(np.where(on_x, sign, s - STEP), np.where(on_x, s - STEP, sign))
+        along = (np.array(after) - before) / (2 * STEP)
         ends = []
         for surface, vertex in ((self.lens.front, 0.0), (self.lens.rear, self.lens.thickness)):
             hx, hy = surface.half_width
-            sign = np.where(kind % 2 == 0, 1.0, -1.0)
-            on_x = kind < 4
-            x, y = np.where(on_x, sign * hx, s * hx), np.where(on_x, s * hy, sign * hy)
-            zero = np.zeros_like(s)
-            slope = np.where(on_x, surface(x, y, (0, 1)) * hy, surface(x, y, (1, 0)) * hx)
+            x, y, dx, dy = a * hx, b * hy, along[0] * hx, along[1] * hy
+            slope = surface(x, y, (1, 0)) * dx + surface(x, y, (0, 1)) * dy
             ends.append(np.column_stack([x, y, vertex + surface(x, y)]))
-            ends.append(np.column_stack([np.where(on_x, zero, hx), np.where(on_x, hy, zero), slope]))
+            ends.append(np.column_stack([dx, dy, slope]))
         return ends
+
+    def plan(self, a, b):
+        """Return where points of the square [-1, 1]^2 lie on front and rear, relative to the half-widths."""
+        if self.lens.front.outline.is_rectangle:
+            return a, b
+        square = np.maximum(abs(a), abs(b))
+        scale = square / np.maximum(
+            self.lens.front.outline.gauge(
+                *(np.array([a, b]) * np.array(self.lens.front.half_width)[:, None])
+            ),
+            1e-300,
+        )
+        return a * scale, b * scale
 
     def point(self, kind, a, b):
         if kind[0] >= 2:
             front, _, rear, _ = self.rims(kind, a)
             return (1 - b[:, None]) * front + b[:, None] * rear
         surface, vertex = ((self.lens.front, 0.0), (self.lens.rear, self.lens.thickness))[kind[0]]
-        x, y = (c * h for c, h in zip((a, b), surface.half_width))
+        x, y = (c * h for c, h in zip(self.plan(a, b), surface.half_width))
         return np.column_stack([x, y, vertex + surface(x, y)])
 
     def normal(self, kind, a, b):
@@ -196,7 +291,7 @@ class MeshSolid:
         normals = np.zeros((len(a), 3))
         for which, surface, sign in ((0, self.lens.front, -1), (1, self.lens.rear, 1)):
             m = kind == which
-            x, y = (c[m] * h for c, h in zip((a, b), surface.half_width))
+            x, y = (c[m] * h for c, h in zip(self.plan(a, b), surface.half_width))
             if m.any():
                 normals[m] = sign * np.column_stack(
                     [-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)]

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         Cells as Cells,
         corners as corners,
         rounding as rounding,
+        within as within,
     )
     from thbcad.certified.slope_and_curvature import (
         greatest_slope as greatest_slope,

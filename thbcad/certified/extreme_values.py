@@ -27,7 +27,7 @@ from thbcad.splines import BSplineSurface
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
-AT_RIM = 1e-8  # least tolerance over an outline: a sphere reaches its greatest height on all of its rim
+AT_RIM = 1e-7  # least tolerance over an outline: a sphere reaches its greatest height on all of its rim
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def minimum(
     outline : Outline or None, only points inside count; None is the whole graph
 
     The search ends when the bounds differ by `tolerance` times the greatest coefficient, over an outline that
-    is no rectangle by 1e-8 times at least.  Where the least value is taken along a whole curve it can end
+    is no rectangle by 1e-7 times at least.  Where the least value is taken along a whole curve it can end
     earlier, with wider bounds that hold too.
 
     Raises
@@ -128,7 +128,7 @@ def greatest(
 
     assess : (cells, best value so far) -> Assessment
 
-    The bounds differ by at most tolerance * scale, of at least 1e-8 where cells have a region, and some
+    The bounds differ by at most tolerance * scale, of at least 1e-7 where cells have a region, and some
     rounding, unless that needs more than 2^25 coefficients besides those given.
     """
     require_number("tolerance", tolerance, least=0)

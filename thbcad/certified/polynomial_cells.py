@@ -68,6 +68,13 @@ class Cells:
         vectors[:, moved] = np.einsum("im,dijm,jm->dm", by_s, net, by_t)
         return vectors, counts
 
+    def corners_inside(self) -> Booleans:
+        """Return which of the four corners themselves are proven to lie inside the region, (4, n)."""
+        if self.region is None:
+            return np.ones((4, self.box.shape[-1]), bool)
+        _, moved, counts = self.region.points(self.box)
+        return counts & ~moved
+
     def position(self, corner: int, k: int) -> tuple[float, float]:
         """Return (u, v) of a point that `met` stands for, of cell k."""
         u, v = self.box[corner // 2, 0, k], self.box[corner % 2, 1, k]

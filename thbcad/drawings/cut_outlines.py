@@ -73,7 +73,8 @@ def cut_lens(
         return None
     if aperture is None and lens.taper != UPRIGHT:
         raise ValueError(
-            "a flange is drawn where front and rear have one size; cut both by an aperture, or export step"
+            "a flange is drawn where front and rear have one size, and so is an outline; cut both by an "
+            "aperture, or export step"
         )
     around = None if flange is None else _drawn(flange.around(shape))
     return CutLens(lens, _drawn(shape), flange, around)

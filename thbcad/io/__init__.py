@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         BrepCurve as BrepCurve,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
+        edge_span as edge_span,
     )
     from thbcad.io.lens_json import (
         lens_from_dict as lens_from_dict,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         Flange as Flange,
         flanged_volume as flanged_volume,
         require_clear as require_clear,
+        rim_heights as rim_heights,
     )
     from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
     from thbcad.lens.graph_pieces import segment as segment
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         Side as Side,
         Surfaces as Surfaces,
         above as above,
+        edge_names as edge_names,
         optical_forms as optical_forms,
         outline_rims as outline_rims,
         placed_surfaces as placed_surfaces,

@@ -64,8 +64,8 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     """
     require_type("flange", flange, Flange)
     require_type("lens", lens, Lens)
-    top = max(value_range(curve)[1].upper for curve in _rims(lens, 0, semi_axes))
-    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in _rims(lens, 1, semi_axes))
+    top = max(value_range(curve)[1].upper for curve in rim_heights(lens, 0, semi_axes))
+    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in rim_heights(lens, 1, semi_axes))
     if flange.low < top + LEAST_SIZE:
         raise ValueError(
             f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
@@ -78,7 +78,7 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
         )
 
 
-def _rims(lens: Lens, k: int, semi_axes: tuple[float, float] | None) -> list[BSplineSurface]:
+def rim_heights(lens: Lens, k: int, semi_axes: tuple[float, float] | None = None) -> list[BSplineSurface]:
     """Return the heights of the rim of front (0) or rear (1), curve by curve, as graphs that are constant in
     their second parameter."""
     graph = lens.graphs()[k]

@@ -1,9 +1,9 @@
 """What manufacturing asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
 
-Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the
-CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Slopes and radii are
-those of the splines too; radii of such a conic differ from the splines' by up to 1e-4 of them where it is
-steep.  Volume and areas come by Gauss quadrature.
+All are those of what lies inside the outline.  Extremes come as certified enclosures of the spline graphs of
+`Lens.graphs`, which are the surfaces that the CAD files hold: conics other than paraboloids and planes lie
+within 1e-11 mm of them.  Slopes and radii are those of the splines too; radii of such a conic differ from the
+splines' by up to 1e-4 of them where it is steep.  Volume and areas come by Gauss quadrature.
 
 Concave and convex are meant as seen from the air, where the tool works: a front is concave where z bends
 towards -z, a rear where it bends towards +z.
@@ -15,15 +15,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
+from thbcad.certified import (
+    Enclosure,
+    greatest_slope,
+    least_radii,
+    minimum,
+    minimum_on_rim,
+    rounding,
+    value_range,
+)
 from thbcad.checks import EPS, require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.graph_pieces import segment
 from thbcad.lens.lens import Lens
+from thbcad.outlines import Outline, area_rule
 from thbcad.sags import gap_graph
 from thbcad.splines import UNIT, BSplineSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
+LEAST_LINES = 33  # each way, between which areas inside an outline are summed
 NM_PER_MM = 1e6
 MM3_PER_CM3 = 1e3
 
@@ -157,12 +168,12 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
     if density is not None:
         require_number("density", density, above=0, finite=True)
     front, rear = lens.graphs()
-    gap = gap_graph(front, rear, lens.thickness)
-    least, most = value_range(gap, tolerance=HEIGHT)
+    gap, outline = gap_graph(front, rear, lens.thickness), lens.rear.outline
+    least, most = value_range(gap, tolerance=HEIGHT, outline=outline)
     return Manufacturability(
         thickness=least,
         centre_thickness=_at_centre(gap),
-        edge_thickness=_at_rim(gap),
+        edge_thickness=_at_rim(gap, outline),
         greatest_thickness=most,
         front=_metrics(lens.front, front, air_above=False),
         rear=_metrics(lens.rear, rear, air_above=True),
@@ -172,20 +183,21 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
 
 
 def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceMetrics:
-    radii = least_radii(graph, BENDING)
+    outline = surface.outline
+    radii = least_radii(graph, BENDING, outline)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
     departure = None
     if surface.sag is not None:
         sag = surface.sag.to_bspline()
         kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width))
         departures = BSplineSurface(kv_x, kv_y, sag.coefficients)
-        departure = HeightRange(*value_range(departures, tolerance=HEIGHT))
-    square, error = graph.area()
+        departure = HeightRange(*value_range(departures, tolerance=HEIGHT, outline=outline))
+    square, error = graph.area() if outline.is_rectangle else _area(graph, outline)
     return SurfaceMetrics(
-        slope=_slope_angle(graph),
+        slope=_slope_angle(graph, outline),
         concave=concave,
         convex=convex,
-        heights=HeightRange(*value_range(graph, tolerance=HEIGHT)),
+        heights=HeightRange(*value_range(graph, tolerance=HEIGHT, outline=outline)),
         departure=departure,
         feature=_feature(surface),
         area=square,
@@ -193,33 +205,68 @@ def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -
     )
 
 
-def _slope_angle(graph: BSplineSurface) -> Enclosure:
+def _area(graph: BSplineSurface, outline: Outline) -> tuple[float, float]:
+    """Return the area inside an outline by 3 Gauss points each way on pieces of cells; its change from 2."""
+    u, v = (
+        np.union1d(kv.breaks, np.linspace(kv.start, kv.stop, LEAST_LINES)) for kv in (graph.kv_u, graph.kv_v)
+    )
+    areas = []
+    for count in (2, 3):
+        x, y, weights = area_rule(outline, u, v, count)
+        slopes = (graph(x, y, orders) for orders in ((1, 0), (0, 1)))
+        areas.append(float(weights @ np.sqrt(1 + sum(s**2 for s in slopes))))
+    return areas[1], abs(areas[1] - areas[0])
+
+
+def _slope_angle(graph: BSplineSurface, outline: Outline) -> Enclosure:
     """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4
     EPS."""
-    steepest = greatest_slope(graph, BENDING)
+    steepest = greatest_slope(graph, BENDING, outline)
     ends = steepest.lower, steepest.value, steepest.upper
     lower, value, upper = (float(np.degrees(np.arctan(s))) for s in ends)
     return replace(steepest, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
 
 
 def _at_centre(gap: BSplineSurface) -> Enclosure:
-    """Return the gap at x = y = 0, a mean of coefficients after 5 roundings per degree of each factor, and
-    the sums."""
+    """Return the gap at x = y = 0."""
     a, b = (kv.collocation([0.0]) for kv in (gap.kv_u, gap.kv_v))
     value = float((a @ gap.coefficients @ b.T.toarray()).item())
-    error = float(rounding(8 * (gap.kv_u.degree + gap.kv_v.degree + 2), np.abs(gap.coefficients).max()))
+    error = _mean_error(gap)
     return Enclosure(value - error, value + error, value, 0.0, 0.0)
 
 
-def _at_rim(gap: BSplineSurface) -> Enclosure:
-    """Return the least gap on the four sides; a side is a graph that does not vary across."""
+def _mean_error(gap: BSplineSurface) -> float:
+    """Return the error of means of coefficients: 5 roundings per degree of each factor, and the sums."""
+    return float(rounding(8 * (gap.kv_u.degree + gap.kv_v.degree + 2), np.abs(gap.coefficients).max()))
+
+
+def _at_rim(gap: BSplineSurface, outline: Outline) -> Enclosure:
+    """Return the least gap on the rim: in the corners that are cut off, and on four sides between them."""
+    (hx, hy), (cx, cy) = outline.half_width, outline.corners
+    if outline.is_rectangle:
+        return _lowest(_on_sides(gap, gap))
+    found = [minimum_on_rim(gap, outline, HEIGHT)]
+    if hx > cx and hy > cy:
+        sides = _on_sides(segment(gap, [hx - cx, hy]), segment(gap, [hx, hy - cy]))
+        error = _mean_error(gap)
+        found += [replace(s, lower=s.lower - error, upper=s.upper + error) for s in sides]
+    return _lowest(found)
+
+
+def _on_sides(wide: BSplineSurface, high: BSplineSurface) -> list[Enclosure]:
+    """Return the least gap on two sides along x of one graph and two along y of another; a side is a graph
+    that does not vary across."""
     sides = []
-    for end, x, y in ((0, gap.kv_u.start, gap.kv_v.start), (-1, gap.kv_u.stop, gap.kv_v.stop)):
-        along_x = minimum(BSplineSurface(gap.kv_u, UNIT, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
-        along_y = minimum(BSplineSurface(UNIT, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
+    for end, x, y in ((0, high.kv_u.start, wide.kv_v.start), (-1, high.kv_u.stop, wide.kv_v.stop)):
+        along_x = minimum(BSplineSurface(wide.kv_u, UNIT, wide.coefficients[:, [end, end]]), tolerance=HEIGHT)
+        along_y = minimum(BSplineSurface(UNIT, high.kv_v, high.coefficients[[end, end]]), tolerance=HEIGHT)
         sides += [replace(along_x, v=y), replace(along_y, u=x)]
-    best = min(sides, key=lambda side: side.value)
-    return replace(best, lower=min(side.lower for side in sides), upper=min(side.upper for side in sides))
+    return sides
+
+
+def _lowest(found: list[Enclosure]) -> Enclosure:
+    best = min(found, key=lambda each: each.value)
+    return replace(best, lower=min(each.lower for each in found), upper=min(each.upper for each in found))
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:

@@ -134,6 +134,14 @@ def ruled_edges(lens: Lens) -> list[BSplineSurface]:
     return edges
 
 
+def edge_names(lens: Lens) -> tuple[str, ...]:
+    """Return the names of the edges in the order of `ruled_edges`."""
+    outline = lens.rear.outline
+    if outline.is_rectangle:
+        return tuple(side.name for side in SIDES)
+    return tuple(f"edge {k + 1}" for k in range(len(outline.pieces)))
+
+
 def rim_pieces(lens: Lens) -> tuple[tuple[RimPiece, ...], tuple[RimPiece, ...]]:
     """Return the pieces of the outlines of front and rear, of equal relative position at equal parameters."""
     rear = lens.rear.outline.pieces

@@ -66,18 +66,23 @@ class Tessellation(Value):
 
 
 def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
-    """Return a mesh of the lens whose chord error is at most `chord`, mm.
+    """Return a mesh of a rectangular lens whose chord error is at most `chord`, mm; `thbcad.body_mesh` also
+    meshes others.
 
     single : round the vertices to float32; the chord error includes what that adds.
 
     Raises
     ------
-    ValueError : as `require_sound`; a chord below 1e-8 mm, or too small for float32; more than 20 million
-        triangles; vertices that float32 does not tell apart.
+    ValueError : as `require_sound`; a lens with an outline; a chord below 1e-8 mm, or too small for float32;
+        more than 20 million triangles; vertices that float32 does not tell apart.
     """
     require_type("lens", lens, Lens)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
     surfaces = placed_surfaces(require_sound(lens))
+    if not lens.rear.outline.is_rectangle:
+        raise ValueError(
+            f"tessellated meshes rectangular lenses, got one of {lens.rear.outline.text()}; use body_mesh"
+        )
     gap = gap_graph(*lens.graphs(), lens.thickness)
     added = ALLOWANCE + (_rounding(surfaces) if single else 0.0)
     if added > chord / 2:

@@ -61,13 +61,13 @@ def greatest_circle(a: Floats, b: Floats, c: Floats) -> float:
     return float(np.where(blunt, squares[2] / 4, around).max()) * (1 + 1e-12)
 
 
-def on_surfaces(lens: Lens, positions: Floats) -> list[Floats]:
-    """Return the points of front and rear at positions (n, 2), (n, 3) each; those that rounding put beside
+def on_surfaces(lens: Lens, front: Floats, rear: Floats) -> list[Floats]:
+    """Return the points of front and rear at positions (n, 2) each, (n, 3); those that rounding put beside
     the rectangle have the height of its rim."""
     levels = []
-    for graph, vertex in zip(lens.graphs(), (0.0, lens.thickness)):
-        x, y = (np.clip(row, kv.start, kv.stop) for row, kv in zip(positions.T, (graph.kv_u, graph.kv_v)))
-        levels.append(np.column_stack([positions, vertex + graph(x, y)]))
+    for graph, vertex, own in zip(lens.graphs(), (0.0, lens.thickness), (front, rear)):
+        x, y = (np.clip(row, kv.start, kv.stop) for row, kv in zip(own.T, (graph.kv_u, graph.kv_v)))
+        levels.append(np.column_stack([own, vertex + graph(x, y)]))
     return levels
 
 

@@ -56,7 +56,7 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
     positions, plan = _refined(np.array(polygon.corners), ears(polygon), longest, chord)
     bound = bounds.bend * greatest_circle(*(positions[plan[:, k]] for k in range(3))) / 2
     ring = _rim(plan)
-    vertices = np.concatenate(on_surfaces(lens, positions))
+    vertices = np.concatenate(on_surfaces(lens, positions, positions))
     if single:
         vertices = vertices.astype(np.float32).astype(np.float64)
     triangles = walled_triangles(plan, ring, len(positions), 1)

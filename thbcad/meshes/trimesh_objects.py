@@ -7,7 +7,8 @@ import trimesh
 
 from thbcad.cad.shapes import Part
 from thbcad.checks import require_type
-from thbcad.lens import Lens, Tessellation, face_colour, tessellated
+from thbcad.lens import Lens, Tessellation, face_colour
+from thbcad.meshes.bodies import body_mesh
 
 OPAQUE = 255
 
@@ -24,7 +25,7 @@ def to_trimesh(lens: Lens | Part | Tessellation, chord: float = 1e-3) -> trimesh
     Raises
     ------
     ImportError : trimesh is not installed.
-    ValueError : as `tessellated` and `part_mesh`; something else than these three.
+    ValueError : as `body_mesh` and `part_mesh`; something else than these three.
     """
     require_type("lens", lens, Lens, Part, Tessellation)
     if isinstance(lens, Part):
@@ -32,7 +33,7 @@ def to_trimesh(lens: Lens | Part | Tessellation, chord: float = 1e-3) -> trimesh
 
         mesh = part_mesh(lens, chord)
     else:
-        mesh = tessellated(lens, chord) if isinstance(lens, Lens) else lens
+        mesh = body_mesh(lens, chord) if isinstance(lens, Lens) else lens
     colours = np.array(
         [[*(round(OPAQUE * part) for part in face_colour(name)), OPAQUE] for name in mesh.names]
     )

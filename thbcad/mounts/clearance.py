@@ -13,9 +13,8 @@ from math import hypot
 
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
-from thbcad.lens import SIDES, Lens, require_sound, rim
+from thbcad.lens import Lens, require_sound, rim_heights
 from thbcad.mounts.records import LEAST, Mount, MountFlange, Point
-from thbcad.splines import UNIT, BSplineSurface
 
 ROUNDINGS = 32  # of float64, more than there are operations from the numbers of a mount to a distance
 
@@ -107,7 +106,7 @@ def _seat(flange: MountFlange, lens: Lens) -> tuple[float, float, bool]:
     if low >= top + LEAST and high <= bottom - LEAST:
         return low, high, False
     sizes = lens.front.half_width == lens.rear.half_width
-    rims = (_rim_range(front)[1], lens.thickness + _rim_range(rear)[0]) if sizes else (top, bottom)
+    rims = (_rim_range(lens, 0)[1], lens.thickness + _rim_range(lens, 1)[0]) if sizes else (top, bottom)
     if flush != "front" and low < rims[0] + LEAST:
         raise ValueError(
             f"the flange from z = {low:.6g} mm meets the front, which reaches up to z = {rims[0]:.6g} mm; "
@@ -135,10 +134,9 @@ def _levels(flange: MountFlange, lens: Lens) -> tuple[float, float, str]:
     return float(flange.seat), float(flange.seat) + flange.thickness, ""
 
 
-def _rim_range(graph: BSplineSurface) -> tuple[float, float]:
-    """Return certified bounds of the heights of the rims of a graph."""
-    curves = (rim(graph, side) for side in SIDES)
-    rims = [value_range(BSplineSurface(kv, UNIT, z[:, None].repeat(2, axis=1))) for kv, z in curves]
+def _rim_range(lens: Lens, k: int) -> tuple[float, float]:
+    """Return certified bounds of the heights of the rim of front (0) or rear (1)."""
+    rims = [value_range(curve) for curve in rim_heights(lens, k)]
     return min(low.lower for low, _ in rims), max(high.upper for _, high in rims)
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from thbcad.outlines.area_quadrature import area_rule as area_rule
     from thbcad.outlines.pieces import (
         LEAST_SIZE as LEAST_SIZE,
         Arc as Arc,

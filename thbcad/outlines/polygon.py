@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from thbcad.checks import Floats, floats
 from thbcad.outlines.pieces import LEAST_SIZE, Line
@@ -39,6 +39,15 @@ class Polygon:
     def area(self) -> float:
         """The area within, mm^2."""
         return _shoelace(np.array(self.corners))
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points lie inside, of their shape: rays to +x cross an odd number of sides."""
+        x, y = np.broadcast_arrays(floats(x), floats(y))
+        inside = np.zeros(x.shape, dtype=bool)
+        for (x0, y0), (x1, y1) in self.sides.tolist():
+            if y0 != y1:
+                inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+        return inside
 
     @property
     def sides(self) -> Floats:

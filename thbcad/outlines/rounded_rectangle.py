@@ -211,6 +211,41 @@ class Outline:
         corners = (cx - depth, cy - depth) if cx else (0.0, 0.0)
         return Outline((hx - depth, hy - depth), corners)
 
+    def chord(self, origin: Floats, direction: Floats) -> tuple[Floats, Floats]:
+        """Return between which t lines o + t d lie inside, (n,) each; start >= stop for none.
+
+        Where the line meets the rectangle in a corner, its meeting with the whole ellipse of the corner takes
+        that place: with its middle m, p = (o - m) / c and q = d / c,
+
+            t = (-p q -+ sqrt(q^2 - (p x q)^2)) / q^2.
+
+        origin, direction : o and d, (2, n) each, mm.
+        """
+        with np.errstate(divide="ignore"):
+            slabs = [
+                np.sort([(s * h - o) / d for s in (-1, 1)], axis=0)
+                for h, o, d in zip(self.half_width, origin, direction)
+            ]
+        start, stop = np.maximum(slabs[0][0], slabs[1][0]), np.minimum(slabs[0][1], slabs[1][1])
+        if self.is_rectangle:
+            return start, stop
+        moves = (direction[0] != 0) | (direction[1] != 0)
+        met, ends = (start < stop) & (moves | self.contains(*origin)), []
+        for end, side in ((start, -1.0), (stop, 1.0)):
+            place = np.where(np.isfinite(end), end, 0.0)
+            points = [o + place * d for o, d in zip(origin, direction)]
+            straight = [h - c for h, c in zip(self.half_width, self.corners)]
+            at_corner = (abs(points[0]) > straight[0]) & (abs(points[1]) > straight[1])
+            p = [(o - np.copysign(s, a)) / c for o, s, a, c in zip(origin, straight, points, self.corners)]
+            q = [d / c for d, c in zip(direction, self.corners)]
+            square = np.maximum(q[0] ** 2 + q[1] ** 2, TINY)
+            room = square - (p[0] * q[1] - p[1] * q[0]) ** 2
+            at_corner &= moves
+            met &= ~at_corner | (room >= 0)
+            root = (side * np.sqrt(np.maximum(room, 0.0)) - p[0] * q[0] - p[1] * q[1]) / square
+            ends.append(np.where(at_corner, root, end))
+        return np.where(met, ends[0], 1.0), np.where(met, ends[1], 0.0)
+
     def scaled(self, half_width: ArrayLike) -> Outline:
         """Return the outline stretched to other half-widths, mm."""
         (hx, hy), (rx, ry) = half_widths(half_width), self.relative_corners

@@ -9,7 +9,7 @@ import numpy as np
 
 from thbcad.certified import Enclosure, greatest_slope
 from thbcad.checks import EPS
-from thbcad.lens import SIDES, Lens, ruled_edges
+from thbcad.lens import Lens, edge_names, ruled_edges
 
 ANGLES = 1e-5  # relative tolerance of slopes
 ALONG, ACROSS = 257, 5  # positions on each wall, from rim to rim
@@ -40,20 +40,24 @@ def draft(lens: Lens) -> Draft:
     A wall between rims of equal size is parallel to the pull: its draft is 0.  Otherwise a wall leans, and
     leaves a mould that opens towards the smaller rim.
     """
-    front, rear = (_least_draft(greatest_slope(graph, ANGLES)) for graph in lens.own_graphs())
+    outlines = lens.front.outline, lens.rear.outline
+    front, rear = (
+        _least_draft(greatest_slope(graph, ANGLES, outline))
+        for graph, outline in zip(lens.own_graphs(), outlines)
+    )
     return Draft(front, rear, tuple(_walls(lens)))
 
 
 def _walls(lens: Lens) -> Iterator[WallDraft]:
     """Yield the least angle between each wall and the pull: arcsin |n_z| of its unit normal n."""
-    for side, wall in zip(SIDES, ruled_edges(lens)):
+    for name, wall in zip(edge_names(lens), ruled_edges(lens)):
         u, v = np.linspace(wall.kv_u.start, wall.kv_u.stop, ALONG), np.linspace(0, 1, ACROSS)
         points, along, across = (wall.grid(u, v, orders) for orders in ((0, 0), (1, 0), (0, 1)))
         normal = np.cross(along, across)
         lean = np.abs(normal[..., 2]) / np.linalg.norm(normal, axis=-1)
         at = np.unravel_index(int(np.argmin(lean)), lean.shape)
         x, y, _ = map(float, points[at])
-        yield WallDraft(side.name, float(np.degrees(np.arcsin(lean[at]))), x, y)
+        yield WallDraft(name, float(np.degrees(np.arcsin(lean[at]))), x, y)
 
 
 def _least_draft(slope: Enclosure) -> Enclosure:

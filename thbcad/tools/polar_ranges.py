@@ -68,6 +68,11 @@ def values(cells: Cells) -> RoundAxis:
     return RoundAxis.of(x, y, corners(cells.coefficients[:5]))
 
 
+def held(cells: Cells, numbers: Floats) -> Floats:
+    """Return numbers at the corners, (4, n), -inf at those outside the region of the cells."""
+    return np.where(cells.corners_inside(), numbers, -np.inf)
+
+
 def errors(cells: Cells) -> dict[str, float]:
     """Return bounds of the rounding errors of `values`, by the name of the derivative."""
     rho = float(_distances(cells)[1].max())

@@ -21,11 +21,12 @@ from functools import partial
 
 import numpy as np
 
-from thbcad.certified import Assessment, Cells, Enclosure, greatest
+from thbcad.certified import Assessment, Cells, Enclosure, greatest, within
 from thbcad.checks import require_number
+from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 from thbcad.tools.polar_cells import polar_cells
-from thbcad.tools.polar_ranges import SAFE, errors, ranges, values
+from thbcad.tools.polar_ranges import SAFE, errors, held, ranges, values
 from thbcad.tools.spiral_motion import RoundAxis, tool_acceleration
 
 TOLERANCE = 1e-3  # relative, finer than noses are measured, and machines keep accelerations
@@ -35,11 +36,15 @@ STRAIGHT, LEVEL, STILL = 1e-6, 1e-3, 0.1
 SECOND_ORDER = 2  # times the first-order bound of an error of 1e-9 covers what is of higher order
 
 
-def greatest_section_curvature(graph: BSplineSurface, tolerance: float = TOLERANCE) -> Enclosure:
+def greatest_section_curvature(
+    graph: BSplineSurface, tolerance: float = TOLERANCE, outline: Outline | None = None
+) -> Enclosure:
     """Return certified bounds of the greatest curvature of sections through the axis, z_rho_rho / w^3, 1/mm.
 
     A nose of radius r cuts a spiral without cutting into the graph exactly where r z_rho_rho / w^3 <= 1
     everywhere.  Curvatures below 0 count as 0.
+
+    outline : Outline or None, only points inside count
 
     Raises
     ------
@@ -48,26 +53,34 @@ def greatest_section_curvature(graph: BSplineSurface, tolerance: float = TOLERAN
     degrees = graph.kv_u.degree, graph.kv_v.degree
     if min(degrees) < 2:
         raise ValueError(f"curvature needs degree 2 or more in x and y, got degrees {degrees}")
-    return _not_below_zero(greatest(polar_cells(graph), _section_curvature, tolerance))
+    return _not_below_zero(greatest(within(polar_cells(graph), outline), _section_curvature, tolerance))
 
 
-def greatest_slope_along_cut(graph: BSplineSurface, tolerance: float = TOLERANCE) -> Enclosure:
+def greatest_slope_along_cut(
+    graph: BSplineSurface, tolerance: float = TOLERANCE, outline: Outline | None = None
+) -> Enclosure:
     """Return certified bounds of the greatest slope along circles round the axis, |z_theta| / rho.
+
+    outline : Outline or None, only points inside count
 
     Raises
     ------
     ValueError : a graph that is not scalar, derivatives above 1e40.
     """
-    return _not_below_zero(greatest(polar_cells(graph), _slope_along_cut, tolerance))
+    return _not_below_zero(greatest(within(polar_cells(graph), outline), _slope_along_cut, tolerance))
 
 
 def greatest_acceleration(
-    graph: BSplineSurface, nose: float = 0.0, advance: float = 0.0, tolerance: float = TOLERANCE
+    graph: BSplineSurface,
+    nose: float = 0.0,
+    advance: float = 0.0,
+    tolerance: float = TOLERANCE,
+    outline: Outline | None = None,
 ) -> Enclosure:
     """Return certified bounds of the greatest |z''| / omega^2 of the tool over the graph, mm.
 
     nose : radius of the tool's nose, mm.  advance : q, the way along rho for each radian, mm: the feed for
-    each revolution over 2 pi.  Both senses of feed and of rotation count.
+    each revolution over 2 pi.  Both senses of feed and of rotation count.  outline : as above
 
     Raises
     ------
@@ -75,19 +88,19 @@ def greatest_acceleration(
     """
     require_number("nose", nose, least=0, finite=True)
     require_number("advance", advance, least=0, finite=True)
-    fit = greatest_section_curvature(graph)
+    fit = greatest_section_curvature(graph, outline=outline)
     if nose * fit.upper >= 1:
         raise ValueError(
             f"a nose of {nose:g} mm is not proven to fit: the least concave radius of sections through the "
             f"axis is {1 / fit.upper:.6g} mm; take a smaller nose"
         )
     assess = partial(acceleration, nose=nose, advance=advance, free=1 - nose * fit.upper)
-    return _not_below_zero(greatest(polar_cells(graph), assess, tolerance))
+    return _not_below_zero(greatest(within(polar_cells(graph), outline), assess, tolerance))
 
 
 def _section_curvature(cells: Cells, best: float) -> Assessment:
     within, at = ranges(cells), values(cells)
-    met = np.maximum(at.bend, 0) / (1 + at.slope**2) ** 1.5
+    met = held(cells, np.maximum(at.bend, 0) / (1 + at.slope**2) ** 1.5)
     upper = np.maximum(within.bend, 0) / (1 + within.flat**2) ** 1.5 * SAFE
     # the derivative by the slope is at most 3/2 |z_rho_rho|
     of = errors(cells)
@@ -96,14 +109,14 @@ def _section_curvature(cells: Cells, best: float) -> Assessment:
 
 
 def _slope_along_cut(cells: Cells, best: float) -> Assessment:
-    met = abs(values(cells).across)
+    met = held(cells, abs(values(cells).across))
     return Assessment(met, errors(cells)["across"], ranges(cells).across, max(best, float(met.max()), LEVEL))
 
 
 def acceleration(cells: Cells, best: float, nose: float, advance: float, free: float) -> Assessment:
     """Assess |z''| / omega^2.  free : a bound of 1 - r z_rho_rho / w^3 from below, over the whole graph."""
     within, at = ranges(cells), values(cells)
-    met = tool_acceleration(at, nose, advance)
+    met = held(cells, tool_acceleration(at, nose, advance))
     least, most = ((1 + s**2) ** 1.5 for s in (within.flat, within.steep))
     gap = np.maximum(least - nose * within.bend, free * least) / SAFE
     # w^3 / G = 1 / (1 - r z_rho_rho / w^3)

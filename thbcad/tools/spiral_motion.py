@@ -25,6 +25,7 @@ from thbcad.checks import Floats, require_number
 from thbcad.splines import BSplineSurface
 
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+RIM = 1001  # points of a corner, by which its farthest one is known
 SECONDS = 60.0  # of a minute
 MINUTES = 60.0  # of an hour
 
@@ -91,7 +92,7 @@ def tool_acceleration(at: RoundAxis, nose: float, advance: float) -> Floats:
 
 @dataclass(frozen=True)
 class SpiralCut:
-    """A spiral from the rim of a rectangle or from outside to the axis.
+    """A spiral from the rim of an outline or from outside to the axis.
 
     feed : mm for each revolution.  radius : mm, where the spiral begins.
 
@@ -108,9 +109,16 @@ class SpiralCut:
             require_number(name, getattr(self, name), above=0, finite=True)
 
     @classmethod
-    def over(cls, half_width: tuple[float, float], feed: float) -> SpiralCut:
-        """Return the spiral that covers a rectangle up to its corners."""
-        return cls(feed, hypot(*half_width))
+    def over(
+        cls, half_width: tuple[float, float], feed: float, corners: tuple[float, float] = (0.0, 0.0)
+    ) -> SpiralCut:
+        """Return the spiral that covers a rectangle, or an outline with these corners, up to the farthest
+        point of its rim."""
+        if not any(corners):
+            return cls(feed, hypot(*half_width))
+        turn = np.linspace(0, pi / 2, RIM)
+        x, y = (h - c + c * f(turn) for h, c, f in zip(half_width, corners, (np.cos, np.sin)))
+        return cls(feed, float(np.hypot(x, y).max()))
 
     @property
     def advance(self) -> float:

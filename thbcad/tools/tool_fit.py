@@ -21,6 +21,7 @@ import numpy as np
 from thbcad.certified import Enclosure, least_radii, reciprocal
 from thbcad.checks import Floats, require_number
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 from thbcad.tools.spiral_bounds import greatest_section_curvature
 from thbcad.tools.spiral_motion import DERIVATIVES, round_axis
@@ -60,26 +61,30 @@ def air_side(lens: Lens, name: str) -> BSplineSurface:
     return rear if name == "rear" else BSplineSurface(front.kv_u, front.kv_v, 0.0 - front.coefficients)
 
 
-def ball_fit(graph: BSplineSurface, radius: float) -> Fit:
+def ball_fit(graph: BSplineSurface, radius: float, outline: Outline | None = None) -> Fit:
     """Return a ball end against the certified least concave radius of a graph with air above it.
+
+    outline : Outline or None, only points inside count
 
     Raises
     ------
     ValueError : a radius that is not positive, degree 1, a graph that is not scalar.
     """
     require_number("the radius of a ball", radius, above=0, finite=True)
-    return Fit(float(radius), least_radii(graph, RADII).concave)
+    return Fit(float(radius), least_radii(graph, RADII, outline).concave)
 
 
-def nose_fit(graph: BSplineSurface, radius: float) -> Fit:
+def nose_fit(graph: BSplineSurface, radius: float, outline: Outline | None = None) -> Fit:
     """Return a nose that cuts on a spiral round x = y = 0 against the sections through that axis.
+
+    outline : Outline or None, only points inside count
 
     Raises
     ------
     ValueError : as `ball_fit`.
     """
     require_number("the radius of a nose", radius, above=0, finite=True)
-    return Fit(float(radius), reciprocal(greatest_section_curvature(graph)))
+    return Fit(float(radius), reciprocal(greatest_section_curvature(graph, outline=outline)))
 
 
 def concavity(graph: BSplineSurface, x: Floats, y: Floats, spiral: bool) -> Floats:

@@ -197,7 +197,8 @@ def _tangents(screen: Screen) -> tuple[Array, Array]:
 def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
-    The envelope is sampled from within, by points of its surfaces; Gauss's rule takes means over pixels.
+    The envelope is sampled from within, by points of its surfaces within their outlines; its bound has
+    their whole rectangles.  Gauss's rule takes means over pixels.
 
     etendue : (rows, columns), mm^2 sr, the bound
     """
@@ -229,6 +230,8 @@ def _within(system: OpticalSystem) -> Array:
         (lens.rear, lens.thickness, freedom_of(spec.rear)),
     ):
         x, y = np.meshgrid(*(h * at for h in surface.half_width))
+        if not surface.outline.is_rectangle:
+            x, y = surface.outline.filled(x, y)
         for shift in (-freedom, freedom):
             points.append(np.stack([x, y, vertex + surface.conic(x, y) + shift], axis=-1).reshape(-1, 3))
     return np.concatenate(points)

@@ -97,20 +97,15 @@ def brightest(profile: Profile) -> float:
 def front_fraction(system: OpticalSystem) -> float:
     """Return the fraction of the source's flux that meets the front, by a fixed set of rays.
 
-    A ray meets the graph z(x, y) over the rectangle if it is below the graph where it enters the prism
-    |x| <= hx, |y| <= hy, and above it where it leaves the prism.
+    A ray meets the graph z(x, y) over the outline if it is below the graph where it enters the prism of the
+    outline, and above it where it leaves the prism.
     """
     front, rays = system.lens.front, system.source.rays(RAYS)
     if not isinstance(rays, Rays):
         return rays.total / (rays.total + rays.missed)
     origin, direction = rays.origin, rays.direction
-    with np.errstate(divide="ignore"):
-        slabs = [
-            np.sort([(s * h - o) / d for s in (-1, 1)], axis=0)
-            for h, o, d in zip(front.half_width, origin, direction)
-        ]
-    enter = np.maximum(0.0, np.maximum(slabs[0][0], slabs[1][0]))
-    leave = np.minimum(slabs[0][1], slabs[1][1])
+    enter, leave = front.outline.chord(origin[:2], direction[:2])
+    enter = np.maximum(0.0, enter)
     inside = enter < leave
     above = []
     for travel in (enter, leave):
@@ -146,7 +141,12 @@ def rear_area(lens: Lens) -> float:
     hx, hy = lens.rear.half_width
     at = (2 * np.arange(AREA_CELLS) + 1) / AREA_CELLS - 1
     zx, zy = (lens.rear.grid(hx * at, hy * at, d) for d in ((1, 0), (0, 1)))
-    return float(4 * hx * hy * np.sqrt(1 + zx * zx + zy * zy).mean())
+    stretch, outline = np.sqrt(1 + zx * zx + zy * zy), lens.rear.outline
+    if outline.is_rectangle:
+        return float(4 * hx * hy * stretch.mean())
+    return float(
+        outline.area * stretch[outline.contains(*np.meshgrid(hx * at, hy * at, indexing="ij"))].mean()
+    )
 
 
 def spread(system: OpticalSystem) -> Array:

@@ -69,7 +69,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
         raise UserError(
             f"only {fates.transmitted:.3g} {source.unit} of {source.flux:.3g} {source.unit} pass the {which} "
             f"(totally reflected {fates.total_internal:.3g}, past the rear surface {fates.missed_rear:.3g}, "
-            f"absorbed {fates.absorbed:.3g}); change the lens prescription"
+            f"absorbed {fates.absorbed:.3g}, blocked by stops or a clear aperture {fates.blocked:.3g}); "
+            "change the lens prescription"
         )
     return fates.transmitted
 

@@ -3,7 +3,7 @@
 All but the range are linear in the coefficients.  With the gap between equal relative positions of front and
 rear, and the volume V, the excesses are
 
-    least thickness t        1 - gap / t           over the rectangle, on the rim, or at x = y = 0
+    least thickness t        1 - gap / t           inside the outline, on the rim, or at x = y = 0
     greatest thickness t     gap / t - 1
     envelope (z0, z1)        (z0 - z) / t on the front, (z - z1) / t on the rear; t the thickness on the axis
     mass M, density rho      rho V / M - 1
@@ -12,8 +12,8 @@ rear, and the volume V, the excesses are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -27,9 +27,11 @@ from optics.designing.penalties.sample_points import (
     SurfaceSamples,
     free_surfaces,
     simpson,
+    within,
 )
 from optics.scene.problem import Limits
 from thbcad.lens import FreeformSurface, Lens, mass
+from thbcad.outlines import Outline, area_rule
 from thbcad.splines import KnotVector, gauss_rule, tensor_apply
 
 TIGHT = 1e-14  # of half the range: tolerance of its middle
@@ -44,6 +46,40 @@ class _Term:
     a: csr_array
     b: csr_array
 
+    def __call__(self, net: Floats) -> Floats:
+        return self.scale * tensor_apply(self.a, self.b, net)
+
+    def pulled(self, bar: Floats) -> Floats:
+        """Return the adjoint, applied to numbers (m, n)."""
+        return self.scale * tensor_apply(self.a.T, self.b.T, bar)
+
+
+@dataclass(frozen=True, eq=False)
+class _PointTerm(_Term):
+    """The same at points in a row: those of the diagonal, (1, n)."""
+
+    def __call__(self, net: Floats) -> Floats:
+        return self.scale * ((self.a @ net) * self.b.toarray()).sum(axis=1)[None]
+
+    def pulled(self, bar: Floats) -> Floats:
+        return self.scale * (self.a.T @ (bar[0][:, None] * self.b.toarray()))
+
+
+@dataclass(frozen=True, eq=False)
+class _SumTerm:
+    """The sum of a net times weights, (1, 1)."""
+
+    number: int
+    scale: float
+    weights: Floats
+
+    def __call__(self, net: Floats) -> Floats:
+        return np.full((1, 1), self.scale * float((self.weights * net).sum()))
+
+    def pulled(self, bar: Floats) -> Floats:
+        """Return the adjoint, applied to a number."""
+        return self.scale * bar[0, 0] * self.weights
+
 
 @dataclass(frozen=True, eq=False)
 class LinearExcess:
@@ -52,21 +88,19 @@ class LinearExcess:
     key: str
     mean: Floats
     offset: Floats
-    terms: Sequence[_Term]
+    terms: Sequence[_Term | _SumTerm]
 
     def __call__(self, nets: Sequence[Floats], shift: Floats) -> tuple[Floats, Pull]:
-        value = (
-            self.offset + shift + sum(t.scale * tensor_apply(t.a, t.b, nets[t.number]) for t in self.terms)
-        )
+        value = self.offset + shift + sum(term(nets[term.number]) for term in self.terms)
         return value[None], self._pull
 
     def _pull(self, bar: Floats, slopes: Sequence[Floats]) -> None:
-        for t in self.terms:
-            slopes[t.number][...] += t.scale * tensor_apply(t.a.T, t.b.T, bar[0])
+        for term in self.terms:
+            slopes[term.number][...] += term.pulled(bar[0])
 
     def scaled(self, factor: float, plus: float, key: str) -> LinearExcess:
         """Return factor times this excess plus a number, for another limit."""
-        terms = [_Term(t.number, factor * t.scale, t.a, t.b) for t in self.terms]
+        terms = [replace(t, scale=factor * t.scale) for t in self.terms]
         return LinearExcess(key, self.mean, factor * self.offset + plus, terms)
 
 
@@ -145,17 +179,31 @@ def _gaps(lens: Lens, key: str, fine: bool) -> list[LinearExcess]:
         "edge_thickness": [(x, wx, ends, both), (ends, both, y, wy)],
         "centre_thickness": [(np.zeros(1), one, np.zeros(1), one)],
     }
-    return [_gap(lens, s, t, np.outer(ws, wt)) for s, ws, t, wt in rules[key]]
+    found, unit = list[LinearExcess](), lens.rear.outline.scaled((1.0, 1.0))
+    if key == "edge_thickness" and not unit.is_rectangle:
+        s, t = _corner_rim(unit, len(x) + len(y))
+        found.append(_gap(lens, s, t, np.full((1, len(s)), 1 / len(s)), in_row=True))
+    if key != "edge_thickness" or not unit.is_ellipse:
+        found += [_gap(lens, s, t, within(unit, s, t, np.outer(ws, wt))) for s, ws, t, wt in rules[key]]
+    return found
 
 
-def _gap(lens: Lens, s: Floats, t: Floats, mean: Floats) -> LinearExcess:
-    """Return the gap in mm between equal relative positions s and t, from -1 to 1."""
+def _corner_rim(unit: Outline, count: int) -> tuple[Floats, Floats]:
+    """Return points on the rim of the corners of an outline, 2 * count + 4 of them."""
+    turn = np.linspace(0, np.pi / 2, count // 2 + 1)
+    s, t = (1 - c + c * f(turn) for c, f in zip(unit.corners, (np.cos, np.sin)))
+    return np.concatenate([s, s, -s, -s]), np.concatenate([t, -t, t, -t])
+
+
+def _gap(lens: Lens, s: Floats, t: Floats, mean: Floats, in_row: bool = False) -> LinearExcess:
+    """Return the gap in mm between equal relative positions s and t, from -1 to 1: on a grid, or in a row."""
     offset, terms = np.full(mean.shape, lens.thickness), list[_Term]()
     for sign, surface in ((-1.0, lens.front), (1.0, lens.rear)):
         x, y = s * surface.half_width[0], t * surface.half_width[1]
-        offset += sign * surface.conic(x[:, None], y[None, :])
+        offset += sign * surface.conic(x if in_row else x[:, None], y[None, :])
         if surface.sag is not None:
-            terms.append(_Term(len(terms), sign, *_operators(surface, x, y)))
+            kind = _PointTerm if in_row else _Term
+            terms.append(kind(len(terms), sign, *_operators(surface, x, y)))
     return LinearExcess("", mean, offset, terms)
 
 
@@ -167,12 +215,17 @@ def _operators(surface: FreeformSurface, x: Floats, y: Floats) -> tuple[csr_arra
 
 def _volume(lens: Lens) -> LinearExcess:
     """Return the volume in mm^3: that of the lens, and the integrals of `volume_between` over the changes."""
-    terms: list[_Term] = []
+    terms: list[_Term | _SumTerm] = []
     offset = lens.volume()
     for name, surface in free_surfaces(lens):
         assert surface.sag is not None
         embedding = surface.sag.space.embedding
         number, net = len({t.number for t in terms}), embedding.coefficients(surface.sag.coefficients)
+        if not surface.outline.is_rectangle:
+            weights = _weights_inside(lens, name, surface, embedding.kv_u, embedding.kv_v)
+            terms.append(_SumTerm(number, 1.0, weights))
+            offset -= float((weights * net).sum())
+            continue
         for a, b in _integrals(lens, name, embedding.kv_u, embedding.kv_v):
             terms.append(_Term(number, 1.0, csr_array(a[None]), csr_array(b[None])))
             offset -= float(a @ net @ b)
@@ -185,19 +238,42 @@ def _integrals(lens: Lens, name: str, kv_x: KnotVector, kv_y: KnotVector) -> lis
     See `thbcad.sags.volume_between`: with the share k = 1 - w of the front, w of the rear, the Jacobian of
     the solid holds +-a b z - k a b' t z_t - k a' b s z_s, derivatives by the relative positions s and t.
     """
-    (af, bf), (ar, br) = lens.front.half_width, lens.rear.half_width
-    sign, half = (-1.0, (af, bf)) if name == "front" else (1.0, (ar, br))
     rules = []
-    for kv, h in zip((kv_x, kv_y), half):
+    for kv, h in zip((kv_x, kv_y), getattr(lens, name).half_width):
         x, weights = gauss_rule(kv.breaks, kv.degree // 2 + 2)
         x = np.clip(x, kv.start, kv.stop)
         plain = kv.collocation(x).T @ (weights / h)
         rules.append((plain, kv.collocation(x, 1).T @ (weights * x / h)))  # x d/dx is s d/ds
     (plain_x, turned_x), (plain_y, turned_y) = rules
     rows = []
+    for plain, by_y, by_x in _factors(lens, name):
+        rows.append((plain * plain_x, plain_y))
+        rows.append((by_y * plain_x, turned_y))
+        rows.append((by_x * turned_x, plain_y))
+    return rows
+
+
+def _factors(lens: Lens, name: str) -> Iterator[tuple[float, float, float]]:
+    """Yield what z, t z_t and s z_s of a surface are multiplied by in the Jacobian, by Gauss's rule in w."""
+    (af, bf), (ar, br) = lens.front.half_width, lens.rear.half_width
+    sign = -1.0 if name == "front" else 1.0
     for w, weight in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
         a, b, k = (1 - w) * af + w * ar, (1 - w) * bf + w * br, 1 - w if name == "front" else w
-        rows.append((weight * sign * a * b * plain_x, plain_y))
-        rows.append((-weight * k * a * (br - bf) * plain_x, turned_y))
-        rows.append((-weight * k * b * (ar - af) * turned_x, plain_y))
-    return rows
+        yield weight * sign * a * b, -weight * k * a * (br - bf), -weight * k * b * (ar - af)
+
+
+def _weights_inside(
+    lens: Lens, name: str, surface: FreeformSurface, kv_x: KnotVector, kv_y: KnotVector
+) -> Floats:
+    """Return weights: the volume inside the outline changes by their sum times a change of the net."""
+    x, y, area = area_rule(surface.outline, kv_x.breaks, kv_y.breaks, kv_x.degree + kv_y.degree)
+    x, y = np.clip(x, kv_x.start, kv_x.stop), np.clip(y, kv_y.start, kv_y.stop)
+    part = area / np.prod(surface.half_width)
+    plain_x, plain_y = kv_x.collocation(x), kv_y.collocation(y)
+    integrals = (
+        plain_x.T @ (part[:, None] * plain_y),
+        plain_x.T @ ((part * y)[:, None] * kv_y.collocation(y, 1)),
+        kv_x.collocation(x, 1).T @ ((part * x)[:, None] * plain_y),
+    )
+    factors = np.sum(list(_factors(lens, name)), axis=0)
+    return sum((f * m.toarray() for f, m in zip(factors, integrals)), np.zeros((kv_x.dim, kv_y.dim)))

@@ -1,7 +1,8 @@
 """Points at which the penalties see the shape of a free surface, and the derivatives there.
 
 Means are taken by Simpson's rule on every knot span: derivatives of cubics are greatest at the knots, which
-are points of the rule.  The parameters of the sags are x and y in mm.
+are points of the rule.  Points outside the outline have the weight 0.  The parameters of the sags are x and y
+in mm.
 """
 
 from __future__ import annotations
@@ -13,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.outlines import Outline
 from thbcad.splines import KnotVector, tensor_apply
+
+EDGE = 1e-12  # relative: points that rounding put beside an outline
 
 Floats = NDArray[np.float64]
 Pull = Callable[[Floats, Sequence[Floats]], None]
@@ -22,7 +26,7 @@ Pull = Callable[[Floats, Sequence[Floats]], None]
 class Excess(Protocol):
     """By how much nets exceed a limit, relative to it, at points: at most 0 where the limit is kept.
 
-    key : of the limit.  mean : (m, n), weights of the points, whose sum is 1.
+    key : of the limit.  mean : (m, n), weights of the points, whose sum is 1, 0 of those that do not count.
     """
 
     @property
@@ -53,7 +57,7 @@ class SurfaceSamples:
         (self.x, wx), (self.y, wy) = (simpson(kv, fine) for kv in knots)
         self._matrices = [[kv.collocation(s, d) for d in range(3)] for kv, s in zip(knots, (self.x, self.y))]
         self._conic = surface.conic
-        self.mean = np.outer(wx, wy)
+        self.mean = within(surface.outline, self.x, self.y, np.outer(wx, wy))
 
     def sag(self, net: Floats, derivative: tuple[int, int]) -> Floats:
         """Return a derivative of the sag, (m, n)."""
@@ -88,6 +92,14 @@ def simpson(kv: KnotVector, fine: bool = False) -> tuple[Floats, Floats]:
     weights[:-1:2] += span / 6
     weights[2::2] += span / 6
     return points, weights
+
+
+def within(outline: Outline, x: Floats, y: Floats, weights: Floats) -> Floats:
+    """Return weights of the points x_i, y_j, those outside an outline 0, with a sum of 1."""
+    if outline.is_rectangle:
+        return weights
+    kept = weights * outline.contains(x[:, None], y, EDGE)
+    return kept / kept.sum()
 
 
 def _halved(breaks: Floats) -> Floats:

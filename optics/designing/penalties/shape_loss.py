@@ -76,18 +76,18 @@ class ShapePenalty:
     def exceeded(self, coefficients: Sequence[Floats]) -> bool:
         """Return whether a limit is exceeded at a point."""
         nets = self._nets(coefficients)
-        return any((e(nets, np.zeros_like(e.mean))[0] > 0).any() for e in self._excesses)
+        return any((_counted(e, nets, np.zeros_like(e.mean)) > 0).any() for e in self._excesses)
 
     def cleared(self, coefficients: Sequence[Floats]) -> bool:
         """Return whether half of every shift, or more, is left between excess and limit."""
         nets, pairs = self._nets(coefficients), zip(self._excesses, self._shifts)
-        return all((excess(nets, shift)[0] <= shift / 2).all() for excess, shift in pairs)
+        return all((_counted(excess, nets, shift) <= shift / 2).all() for excess, shift in pairs)
 
     def tightened(self, coefficients: Sequence[Floats]) -> ShapePenalty:
         """Return the penalty with the multipliers of a minimum, and HEAVIER times the weight."""
         nets, tightened = self._nets(coefficients), copy(self)
         pairs = zip(self._excesses, self._shifts)
-        grown = [np.maximum(excess(nets, shift)[0].max(axis=0), 0) for excess, shift in pairs]
+        grown = [np.maximum(_counted(excess, nets, shift).max(axis=0), 0) for excess, shift in pairs]
         tightened._weight *= HEAVIER
         tightened._shifts = [shift / HEAVIER for shift in grown]
         return tightened
@@ -100,6 +100,11 @@ class ShapePenalty:
 
     def _nets(self, coefficients: Sequence[Floats]) -> list[Floats]:
         return [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
+
+
+def _counted(excess: Excess, nets: Sequence[Floats], shift: Floats) -> Floats:
+    """Return an excess at points, -inf at those that do not count."""
+    return np.where(excess.mean > 0, excess(nets, shift)[0], -np.inf)
 
 
 def shape_penalty(

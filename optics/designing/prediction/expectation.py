@@ -24,7 +24,7 @@ from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.sensitivity import Floats, Sensitivity, sensitivity
 from optics.designing.prediction.start_light import light_before
 from optics.light.blur import blur_of
-from optics.light.outgoing import Concentration, greatest_concentration
+from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, mass
 
@@ -44,7 +44,9 @@ class Expectation:
 
     size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
     sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
-    efficiency, stray : of the transport start, share of the source's flux on the target and beside it.
+    efficiency, stray, blocked : of the transport start, share of the source's flux on the target, beside it,
+        and taken by stops and the clear aperture.
+    least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
     from_transport : the design starts from the whole transport map.
@@ -62,6 +64,8 @@ class Expectation:
     note: str
     efficiency: float
     stray: float
+    blocked: float
+    least: dict[str, tuple[float, float]]
     pixel: float
     net: float
     blur: float | None
@@ -109,6 +113,8 @@ def expected(
         note=start.note(fit),
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
+        blocked=fates.blocked / flux,
+        least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
         blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),

@@ -23,7 +23,10 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
-        f"{expected.stray:.1%} beside it",
+        f"{expected.stray:.1%} beside it"
+        + f", {expected.blocked:.1%} blocked by stops and the clear aperture"
+        * bool(expected.blocked),
+        _least_line(system, expected),
         f"{concentration_sentence(system, expected.concentration)}; at the start of the design",
         _detail_line(system, expected),
         _error_line(system, expected),
@@ -31,6 +34,19 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"about {expected.memory_mb / 1000:.2g} GB of memory",
         *_sensitivity_lines(system, expected),
     ]
+
+
+def _least_line(system: OpticalSystem, expected: Expectation) -> str:
+    """Return how small front and rear might be in their outline."""
+    sides = [
+        f"{name} {_by(half)} mm of {_by(getattr(system.lens, name).half_width)}"
+        for name, half in expected.least.items()
+    ]
+    return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
+
+
+def _by(size: tuple[float, float]) -> str:
+    return f"{size[0]:.4g} x {size[1]:.4g}"
 
 
 def _detail_line(system: OpticalSystem, expected: Expectation) -> str:

@@ -64,8 +64,8 @@ def part_checks(
     back = placed.placement.Inverted()
     off = {}
     for name, surface in (("front", lens.front), ("rear", lens.rear)):
-        full = 4 * surface.half_width[0] * surface.half_width[1]
-        off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
+        area = projected_area(placed.faces[name].Moved(back))
+        off[name] = abs(area / surface.outline.area - 1)
     trimmed = max(off.values()) > AREA
     most = OTHER_EDGES if trimmed else TOLERANCE
     checks.append(Check("tolerance that faces, edges and vertices need to meet", state.tolerance, most, "mm"))

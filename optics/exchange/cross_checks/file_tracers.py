@@ -20,7 +20,7 @@ from optics.light.tracing import LandingPoints
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
-from thbcad.lens import OpticalForm
+from thbcad.lens import FreeformSurface, OpticalForm
 from thbcad.sags import PlacedConic
 
 INDEX = re.compile(r"refractive index ([0-9.]+(?:[eE][-+]?[0-9]+)?)\Z")
@@ -98,7 +98,9 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     from optics.exchange.verification import tracer_by_occt, tracer_by_optiland  # OCCT
 
     index, target = index_of(file), system.target.receiver
-    start = min(_lowest(face) for face in (file.solid.front, file.solid.rear)) - 1.0
+    start = (
+        min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0
+    )
     if name != "mitsuba":
         trace = {"optiland": tracer_by_optiland, "occt": tracer_by_occt}[name](file, index, target)
         return FileTracer(name, trace, None, start, index, None)
@@ -108,10 +110,11 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     return FileTracer(name, fine, coarse, start, index, resolution)
 
 
-def _lowest(face: OpticalForm) -> float:
-    """Return a height that no point of a face is below, mm."""
+def _lowest(face: OpticalForm, surface: FreeformSurface) -> float:
+    """Return a height that no point of a face is below, mm.  surface : bounds conics without a rectangle."""
     if isinstance(face, PlacedConic):
-        return min(face.vertex, float(face(*face.half_width)))
+        bounded = np.isfinite(face.half_width).all()
+        return min(face.vertex, float(face(*(face.half_width if bounded else surface.half_width))))
     return float(face.coefficients[..., 2].min())
 
 
@@ -135,7 +138,8 @@ def _by_mitsuba(
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
     from optics.exchange.cross_checks.meshed_file import MeshedLens, optical_nodes  # OCCT
 
-    nodes = optical_nodes(file, least)
+    nodes = optical_nodes(file, least, [s.half_width for s in (system.lens.front, system.lens.rear)])
     load_mitsuba(threads=system.problem.run.threads)
-    fine, coarse = (MeshedLens(n, index, system.target.receiver) for n in (nodes, nodes.coarser))
+    outlines = [surface.outline for surface in (system.lens.front, system.lens.rear)]
+    fine, coarse = (MeshedLens(n, index, system.target.receiver, outlines) for n in (nodes, nodes.coarser))
     return fine, coarse

@@ -10,7 +10,8 @@ second of equal steps differs from that between all by sqrt(10) times its error 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
@@ -19,10 +20,12 @@ from numpy.typing import NDArray
 
 from optics.exchange.mitsuba import current_mitsuba, mitsuba_backend
 from optics.exchange.verification import StepFile, last_step, optical_faces, optical_form
+from optics.light.intersections import gauge
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from thbcad.cad.exchange import FaceNodes, face_nodes
+from thbcad.outlines import Outline
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
@@ -47,20 +50,24 @@ class OpticalNodes:
         )
 
 
-def optical_nodes(file: StepFile, least: int) -> OpticalNodes:
+def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float, float]]) -> OpticalNodes:
     """Return the OpticalNodes of a STEP file, at least `least` in each direction of faces that are not plane.
+
+    half_widths : of front and rear, mm, for conics that the file bounds by no rectangle.
 
     Raises
     ------
     OSError : the file cannot be read.  ValueError : it is no lens.
     """
     faces = []
-    for number in optical_faces(file.text):
+    for number, half_width in zip(optical_faces(file.text), half_widths):
         form = optical_form(file.text, file.text.faces[number])
         if form is None:
             raise ValueError(f"face {number} of the file is neither a B-spline nor a conic around z")
         u, v = (
-            _conic_parameters(form, least)
+            _conic_parameters(
+                form if np.isfinite(form.half_width).all() else replace(form, half_width=half_width), least
+            )
             if isinstance(form, PlacedConic)
             else _spline_parameters(form, least)
         )
@@ -95,13 +102,17 @@ def _parameters(kv: KnotVector, steps: int) -> Floats:
 class MeshedLens:
     """Rays through the meshes of a STEP file by Mitsuba, in single precision.
 
-    index : of the lens.  target : where the light is received.
+    index : of the lens.  target : where the light is received.  outlines : of front and rear; the meshes hold
+    their rectangles.
     """
 
-    def __init__(self, nodes: OpticalNodes, index: float, target: Receiver) -> None:
+    def __init__(
+        self, nodes: OpticalNodes, index: float, target: Receiver, outlines: Sequence[Outline]
+    ) -> None:
         self._mitsuba, self._target = current_mitsuba(), target
         self._backend = mitsuba_backend(self._mitsuba, "single")
         self._index = self._backend.dr.opaque(self._backend.Float, index)
+        self._outlines = outlines
         self._scenes = [_scene(self._mitsuba, face) for face in (nodes.front, nodes.rear)]
 
     def __call__(self, rays: Rays) -> LandingPoints:
@@ -110,7 +121,7 @@ class MeshedLens:
         point = mi.Point3f(*map(array, rays.origin))
         onward = mi.Vector3f(*map(array, rays.direction))
         flux = array(rays.flux)
-        for scene, outside in zip(self._scenes, (True, False)):
+        for scene, outline, outside in zip(self._scenes, self._outlines, (True, False)):
             met = scene.ray_intersect(
                 mi.Ray3f(point, onward), mi.RayFlags.All, coherent=False, active=flux > 0
             )
@@ -118,6 +129,8 @@ class MeshedLens:
             cosine = -dr.dot(onward, normal)
             reflected, behind, _, ratio = mi.fresnel(cosine, self._index)
             passes = met.is_valid() & (cosine > 0 if outside else cosine < 0)
+            if not outline.is_rectangle:
+                passes &= gauge(self._backend, outline, met.p.x, met.p.y) <= 1
             flux = dr.select(passes, flux * (1 - reflected), 0)
             point, onward = met.p, mi.refract(-onward, normal, behind, ratio)
         every = (*(getattr(v, axis) for v in (point, onward) for axis in "xyz"), flux)

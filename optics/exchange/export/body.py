@@ -109,7 +109,7 @@ class Body:
         if self.cavity is not None:
             return True
         curved = any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
-        return self.shaped and (self.polygon is None or curved)
+        return (self.shaped or not lens.rear.outline.is_rectangle) and (self.polygon is None or curved)
 
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.

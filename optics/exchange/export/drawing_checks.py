@@ -13,6 +13,7 @@ from optics.exchange.export.body import Body
 from thbcad.checks import Floats
 from thbcad.drawings import Sheet
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.outlines import Outline
 
 SVG = "{http://www.w3.org/2000/svg}"
 APPLICATION = "THBCAD"
@@ -114,10 +115,11 @@ def _shortfall(
     across = np.unique(np.concatenate([_chord_samples(line)[:, 0] for line in lines]))
     across = across[np.abs(across) <= surface.half_width[1 - axis]]
     heights = surface.grid(*((along, across) if axis == 0 else (across, along)))
-    inside = _within(body, *((along, across) if axis == 0 else (across, along)))
+    outline = surface.outline
+    inside = _within(body, outline, *((along, across) if axis == 0 else (across, along)))
     heights = np.where(inside, sign * (vertex + heights), -np.inf)
     heights = heights if axis == 0 else heights.T
-    shifts = (-limit, 0.0, limit) if body.shaped else (0.0,)
+    shifts = (-limit, 0.0, limit) if body.shaped or not outline.is_rectangle else (0.0,)
     curves = [_highest(line, across + shift, sign) for line in lines for shift in shifts]
     return float((heights.max(axis=0) - np.max(curves, axis=0)).max())
 
@@ -129,14 +131,14 @@ def _highest(line: Floats, positions: Floats, sign: int) -> Floats:
     return highest
 
 
-def _within(body: Body, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Return which positions of a grid x (n,), y (m,) lie in the outline of a body, (n, m)."""
+def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Return which positions of a grid x (n,), y (m,) lie in the outline of a body or its lens, (n, m)."""
     x, y = x[:, None], y[None, :]
     if body.aperture is not None:
         a, b = body.aperture
         return (x / a) ** 2 + (y / b) ** 2 <= 1
     if body.polygon is None:
-        return np.ones((len(x), y.shape[1]), dtype=np.bool_)
+        return outline.contains(x, y)
     inside = np.zeros((len(x), y.shape[1]), dtype=np.bool_)
     corners = np.asarray(body.polygon, dtype=np.float64)
     for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0)):

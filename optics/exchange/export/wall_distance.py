@@ -11,8 +11,8 @@ from scipy.interpolate import BSpline
 
 from optics.exchange.export.body import Body
 from thbcad.checks import Floats
-from thbcad.lens import SIDES, Flange, Lens, Side, placed_surfaces, rim
-from thbcad.outlines import Polygon
+from thbcad.lens import SIDES, Flange, Lens, Side, placed_surfaces, rim, walls_of
+from thbcad.outlines import Outline, Polygon
 
 
 def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]]) -> float:
@@ -24,10 +24,30 @@ def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]])
         sides = Polygon(tuple(body.polygon)).sides
         return max(_from_side(side, points) for side, (_, points) in zip(sides, samples))
     if body.aperture is None and body.flange is None:
+        if not lens.rear.outline.is_rectangle:
+            return max(_from_outline(lens, points) for _, points in samples)
         return max(edge_distance(lens, side, points) for side, (_, points) in zip(SIDES, samples))
-    half = np.array(body.aperture or lens.front.half_width)
-    round_ = body.aperture is not None
-    return max(_distance(name, points, half, round_, body.flange) for name, points in samples)
+    shape = walls_of(lens, body.aperture)
+    return max(_distance(name, points, shape, body.flange) for name, points in samples)
+
+
+def _from_outline(lens: Lens, points: Floats) -> float:
+    """Return the greatest distance from the wall between the rims of a lens with an outline, of upper bounds
+    in the direction of the axis: at the share w of the height from rim to rim the outline has the half-widths
+    (1 - w) h_front + w h_rear."""
+    unit = lens.rear.outline.scaled((1.0, 1.0))
+    low, high = np.array(lens.front.half_width), np.array(lens.rear.half_width)
+    w = np.full(len(points), 0.5)
+    for _ in range(STEPS):
+        relative = points[:, :2] / (low + w[:, None] * (high - low))
+        gauge = unit.gauge(*relative.T)
+        x, y = np.clip(relative.T / gauge, -1, 1)
+        front, rear = lens.front(x * low[0], y * low[1]), lens.thickness + lens.rear(x * high[0], y * high[1])
+        w = np.clip((points[:, 2] - front) / (rear - front), 0, 1)
+    half = low + w[:, None] * (high - low)
+    gauge = unit.gauge(*(points[:, :2] / half).T)
+    beside = np.hypot(*points[:, :2].T) * abs(1 / gauge - 1)
+    return float(np.hypot(beside, points[:, 2] - front - w * (rear - front)).max())
 
 
 def _from_side(side: Floats, points: Floats) -> float:
@@ -38,16 +58,15 @@ def _from_side(side: Floats, points: Floats) -> float:
     return float(np.hypot(*(relative - along[:, None] * step).T).max())
 
 
-def _distance(name: str, points: Floats, half: Floats, round_: bool, flange: Flange | None) -> float:
+def _distance(name: str, points: Floats, shape: Outline, flange: Flange | None) -> float:
     """Return the greatest distance from the plane of a flange or from an upright wall, of upper bounds along
     the ray from the axis."""
     if flange is not None and name.startswith(("flange front", "flange rear")):
         level = flange.low if name.startswith("flange front") else flange.high
         return float(np.abs(points[:, 2] - level).max())
     if flange is not None and name.startswith("flange side"):
-        half = half + flange.width
-    relative = np.abs(points[:, :2]) / half
-    size = np.hypot(*relative.T) if round_ else relative.max(axis=1)
+        shape = flange.around(shape)
+    size = shape.gauge(*points[:, :2].T)
     return float((np.hypot(*points[:, :2].T) * np.abs(1 / size - 1)).max())
 
 

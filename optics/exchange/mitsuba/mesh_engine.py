@@ -16,6 +16,7 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_tracer import MeshTracer
+from optics.exchange.mitsuba.scene import require_open
 from optics.light.engines import SOFT_RIM, Film, TracedModel, measured_rays
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
@@ -36,7 +37,13 @@ class MeshEngine:
     backend: Backend
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
-        """Return the light model of a system with the meshes of a lens, see `Engine`."""
+        """Return the light model of a system with the meshes of a lens, see `Engine`.
+
+        Raises
+        ------
+        UserError : as `require_open`.
+        """
+        require_open(system)
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(
             lens_mesh(lens),

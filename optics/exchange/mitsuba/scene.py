@@ -27,6 +27,7 @@ from thbcad.lens import Lens
 
 REFLECTANCE = 2.0**-7  # of the screen
 VERTICES = (449, 449)
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}  # on both sides
 DEPTH = 16  # most vertices of a light path
 TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 
@@ -58,24 +59,38 @@ def scene_dictionary(
     Raises
     ------
     UserError : a target in the far field, pixels that are not square, a point source of another intensity
-        than a uniform one.
+        than a uniform one, stops or a clear aperture.
     """
+    require_open(system)
     if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
     screen = screen or system.target.screen()
     square_pixels(screen)
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES) if isinstance(lens, Lens) else lens
-    glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
+    faces = mesh.shapes(
+        mi, bsdf=mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
+    )
+    if system.problem.lens.wall == "absorbing":
+        faces |= mesh.shapes(mi, ["edges"], mi.load_dict(BLACK))
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
     lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
     return {
         "type": "scene",
         "integrator": {"type": "ptracer", "max_depth": DEPTH},
         "source": _emitter(mi, system, lowest),
-        **mesh.shapes(mi, bsdf=glass),
+        **faces,
         "screen": screen_rectangle(mi, screen, system.target.z, REFLECTANCE),
         "sensor": watching_camera(mi, screen, system.target.z, highest, sigma),
     }
+
+
+def require_open(system: OpticalSystem) -> None:
+    """Raise UserError where stops or a clear aperture block light, of which meshes know nothing."""
+    if system.stops or any(system.problem.lens.clear_aperture):
+        raise UserError(
+            "scenes and meshes for Mitsuba hold neither [[stop]] nor lens.clear_aperture; leave them out, or "
+            'trace with optimizer.engine = "exact" or "mitsuba-exact"'
+        )
 
 
 def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:

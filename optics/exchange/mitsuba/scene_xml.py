@@ -18,7 +18,7 @@ import numpy as np
 from optics.base.runtime import Check
 from optics.exchange.mitsuba.loading import current_mitsuba
 from optics.exchange.mitsuba.mesh import FACES, LensMesh
-from optics.exchange.mitsuba.scene import REFLECTANCE, VERTICES, scene_dictionary
+from optics.exchange.mitsuba.scene import BLACK, REFLECTANCE, VERTICES, scene_dictionary
 from optics.exchange.mitsuba.scene_screen import overview_camera
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -77,6 +77,8 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
             files[path] = place.read_bytes()
             scene[name] = {"type": "ply", "filename": path.name, "bsdf": glass}
         scene["edges"]["face_normals"] = True
+        if system.problem.lens.wall == "absorbing":
+            scene["edges"]["bsdf"] = BLACK
         bitmap = scene["source"].get("emitter", {}).get("radiance", {}).pop("bitmap", None)
         if bitmap is not None:
             path = scene_file_names(out)[-1]

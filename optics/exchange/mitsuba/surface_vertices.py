@@ -7,7 +7,8 @@ and B, B' at y,
     z = conic + A C B^T,    zx = conic_x + A' C B^T,    zy = conic_y + A C B'^T.
 
 The derivative by the net is A^T gz B + A'^T gx B + A^T gy B'.  With the functions of other knots in place of
-the sag's it is that by the heights of another net over the surface.
+the sag's it is that by the heights of another net over the surface.  Over an outline with rounded corners the
+vertices lie on no lines: every one has a row of its own in the matrices of values and slopes.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ ORDERS = ((0, 0), (1, 0), (0, 1))
 
 @dataclass(frozen=True, eq=False)
 class SurfaceVertices:
-    """Vertices of one surface at the relative positions s x t in [-1, 1], t first.
+    """Vertices of one surface at the relative positions s x t in [-1, 1], t first; see `Outline.filled`.
 
     vertex : z of the surface's vertex in the lens's frame, mm.
     """
@@ -56,7 +57,13 @@ class SurfaceVertices:
     def positions(self) -> tuple[Floats, Floats]:
         """x and y of all vertices, (n,) each, mm."""
         x, y = (a.ravel() for a in np.meshgrid(*self._lines, indexing="ij"))
+        if not self._on_lines:
+            x, y = self.surface.outline.filled(x, y)
         return read_only(x), read_only(y)
+
+    @property
+    def _on_lines(self) -> bool:
+        return self.surface.outline.is_rectangle
 
     @cached_property
     def base(self) -> Floats:
@@ -70,12 +77,17 @@ class SurfaceVertices:
         """Return z, zx, zy, (3, n).  coefficients : (dim,), or None for the surface as it is."""
         if coefficients is not None:
             return self.base + self.push_forward(coefficients)
-        rows = np.stack([self.surface.grid(*self._lines, d).ravel() for d in ORDERS])
+        if self._on_lines:
+            rows = np.stack([self.surface.grid(*self._lines, d).ravel() for d in ORDERS])
+        else:
+            rows = np.stack([self.surface(*self.positions, d) for d in ORDERS])
         rows[0] += self.vertex
         return rows
 
     def push_forward(self, direction: Floats) -> Floats:
         """Return the change of `jet` with a change of the coefficients, (3, n)."""
+        if not self._on_lines:
+            return np.stack([rows @ direction for rows in self._rows(self.space)])
         (a0, a1), (b0, b1) = self._matrices
         net = self.space.embedding.coefficients(direction)
         values, slopes = (b @ net.T for b in (b0, b1))
@@ -87,6 +99,10 @@ class SurfaceVertices:
 
         knots : two knot vectors in mm; the derivative is then that by a net over these knots, (nx, ny).
         """
+        if not self._on_lines:
+            space = self.space if knots is None else THBSpace(*knots)
+            out: Floats = sum(rows.T @ g for rows, g in zip(self._rows(space), gradients.reshape(3, -1)))
+            return out if knots is None else out.reshape(knots[0].dim, knots[1].dim)
         (a0, a1), (b0, b1) = self._matrices if knots is None else self._on(knots)
         gz, gx, gy = gradients.reshape(3, len(self.s), len(self.t))
         along = a0.T @ gz + a1.T @ gx
@@ -114,6 +130,15 @@ class SurfaceVertices:
 
     def _on(self, knots: Sequence[KnotVector]) -> Matrices:
         return [(kv.collocation(line), kv.collocation(line, 1)) for kv, line in zip(knots, self._lines)]
+
+    def _rows(self, space: THBSpace) -> list[csr_array]:
+        """Return what the functions of a space over the rectangle add to z, zx and zy of every vertex."""
+        at, rates = [], []
+        for kv, a, h in zip((space.kv_u, space.kv_v), self.positions, self.surface.half_width):
+            low, high = kv.domain
+            at.append(np.clip(low + (high - low) * (a / h + 1) / 2, low, high))
+            rates.append((high - low) / (2 * h))
+        return [space.collocation(at[0], at[1], (k, m)) * (rates[0] ** k * rates[1] ** m) for k, m in ORDERS]
 
 
 def jet_operation(backend: Backend, surface: SurfaceVertices) -> type:

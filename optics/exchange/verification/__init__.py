@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from optics.exchange.verification.lone_file import bare_checks as bare_checks
     from optics.exchange.verification.occt_tracer import (
         occt_trace as occt_trace,
-        optical_faces as optical_faces,
-        optical_form as optical_form,
     )
     from optics.exchange.verification.optiland_tracer import (
         optiland_available as optiland_available,
@@ -34,6 +32,8 @@ if TYPE_CHECKING:
     from optics.exchange.verification.step_file import (
         ExportedStep as ExportedStep,
         StepFile as StepFile,
+        optical_faces as optical_faces,
+        optical_form as optical_form,
         state_checks as state_checks,
         text_volume_check as text_volume_check,
         volume_check as volume_check,

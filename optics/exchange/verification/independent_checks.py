@@ -8,24 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.occt_tracer import occt_trace, optical_faces, optical_form
+from optics.exchange.verification.occt_tracer import occt_trace
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
-from optics.exchange.verification.step_file import StepFile, text_volume_check
+from optics.exchange.verification.step_file import (
+    StepFile,
+    faces_besides,
+    optical_faces,
+    optical_form,
+    text_volume_check,
+)
 from optics.exchange.verification.trace_comparison import compared
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
-from thbcad.io import Brep, BrepEdge, BrepFace
-from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, rim, ruled_edges
+from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
+from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
+from thbcad.outlines import UPRIGHT, Line, RimPiece
 from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 Rows = NDArray[np.float64]
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
-ROUNDING = 1e-12  # of the direction of a line
+ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
+FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
+ALONG = 33  # points of an edge that are compared
 
 
 def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
@@ -59,19 +68,17 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
     """Return the Checks of the text of a STEP file against the lens in memory."""
     pair, optical = optical_forms(lens), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
-    flat = lens.front.half_width == lens.rear.half_width
     front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
-    corners = {_bits(corner) for form in pair for corner in _corners(form)}
-    rims = {row for form in pair for row in _rims(form)}
     counts = {
         "front numbers": differing_numbers(front, pair[0]),
         "rear numbers": differing_numbers(rear, pair[1]),
-        "edge face numbers": _other_planes(rest, lens) if flat else _other_ruled(rest, lens),
-        "rims and corners": sum(_loose_parts(edge, corners, rims) for edge in solid.edges),
+        "edge face numbers": _other_walls(rest, lens),
+        "rims and corners": _other_edges(solid.edges, lens),
     }
+    besides, number = faces_besides(lens, len(solid.faces))
     return [
         *whole_checks(solid)[0],
-        Check.none_of("text of the file: faces besides the six expected", abs(len(solid.faces) - 6)),
+        Check.none_of(f"text of the file: {besides}", number),
         *(
             Check.none_of(f"text of the file: {name} that differ from the lens in memory", value)
             for name, value in counts.items()
@@ -80,9 +87,39 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
     ]
 
 
+def _other_walls(faces: Sequence[BrepFace], lens: Lens) -> int:
+    """Return how many of the edge faces, or of their numbers, are not those of the lens."""
+    if lens.taper != UPRIGHT:
+        return _other_ruled(faces, lens)
+    pieces = lens.rear.outline.pieces
+    if lens.rear.outline.is_rectangle:
+        return _other_planes(faces, lens)
+    return abs(len(faces) - len(pieces)) + sum(not _stands_on(*pair) for pair in zip(faces, pieces))
+
+
+def _stands_on(face: BrepFace, piece: RimPiece) -> bool:
+    """Return whether a face is the plane or the cylinder along z over a piece of an outline."""
+    if isinstance(piece, Line):
+        if face.plane is None or face.plane[1, 2]:
+            return False
+        ends = np.array([piece.start, piece.stop])
+        beside = np.abs((ends - face.plane[0, :2]) @ face.plane[1, :2]).max()
+        return bool(beside <= ROUNDING * abs(ends).max())
+    if piece.is_round:
+        rows = face.cylinder
+        if rows is None or rows[1, :2].any():
+            return False
+        return (*rows[0, :2], rows[3, 0]) == (*piece.centre, piece.semi_axes[0])
+    swept = face.extrusion
+    if swept is None or swept.curve.conic is None or swept.vector[:2].any():
+        return False
+    conic = swept.curve.conic
+    return (*conic.placement[0, :2], *conic.sizes) == (*piece.centre, *sorted(piece.semi_axes, reverse=True))
+
+
 def _other_ruled(faces: Sequence[BrepFace], lens: Lens) -> int:
-    """Return how many numbers of the edge faces differ from the four ruled faces between the rims."""
-    off = abs(len(faces) - 4)
+    """Return how many numbers of the edge faces differ from the ruled faces between the rims."""
+    off = abs(len(faces) - len(edge_names(lens)))
     for face, ruled in zip(faces, ruled_edges(lens)):
         off += differing_numbers(face.surface, ruled)
     return off
@@ -96,6 +133,38 @@ def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:
             axis = int(np.argmax(face.plane[1] != 0))
             wanted.discard((axis, face.plane[0, axis]))
     return len(wanted) + abs(len(faces) - 4)
+
+
+def _other_edges(edges: Sequence[BrepEdge], lens: Lens) -> int:
+    """Return how many edges, or parts of them, are not those of the lens: by their numbers round a rectangle,
+    by points of them round another outline, where rims are fitted."""
+    if not lens.rear.outline.is_rectangle:
+        return sum(not _is_edge(edge, lens) for edge in edges)
+    pair = optical_forms(lens)
+    corners = {_bits(corner) for form in pair for corner in _corners(form)}
+    rims = {row for form in pair for row in _rims(form)}
+    return sum(_loose_parts(edge, corners, rims) for edge in edges)
+
+
+def _is_edge(edge: BrepEdge, lens: Lens) -> bool:
+    """Return whether an edge is a part of a rim, or a straight line from the front's rim to the rear's."""
+    span = edge_span(edge)
+    if span is None:
+        return False
+    points = edge.points(np.linspace(*span, ALONG))
+    on_rims = []
+    for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+        x, y, z = points.T
+        beside = abs(surface.outline.gauge(x, y) - 1) * max(surface.half_width)
+        x, y = (np.clip(row, -h, h) for row, h in zip((x, y), surface.half_width))
+        on_rims.append((beside <= FITTED) & (abs(vertex + surface(x, y) - z) <= FITTED))
+    if any(on.all() for on in on_rims):
+        return True
+    ends, steps = points[[0, -1]], points - points[0]
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    straight = bool(np.linalg.norm(np.cross(steps, along), axis=1).max() <= FITTED)
+    front, rear = (on[[0, -1]].tolist() for on in on_rims)
+    return straight and [front, rear] in ([[True, False], [False, True]], [[False, True], [True, False]])
 
 
 def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:

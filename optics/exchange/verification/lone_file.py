@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Check
-from optics.exchange.verification.occt_tracer import optical_form
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
-from optics.exchange.verification.step_file import StepFile, state_checks
+from optics.exchange.verification.step_file import StepFile, optical_form, state_checks
 from thbcad.cad.exchange import conic_faces, spline_faces
 from thbcad.io import Brep
 from thbcad.lens import FreeformSurface, require_sound_graphs

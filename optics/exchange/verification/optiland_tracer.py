@@ -14,7 +14,7 @@ tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ from optics.exchange.verification.independent_checks import RAYS
 from optics.exchange.verification.reference_tracer import last_step
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
+from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
@@ -74,14 +75,20 @@ def tracer_by_optiland(file: StepFile, index: float, receiver: Receiver) -> Call
     faces = file.solid.front, file.solid.rear
 
     def trace(rays: Rays) -> LandingPoints:
-        landing = optiland_trace(*faces, rays.origin.T, rays.direction.T, index, receiver)
+        landing = optiland_trace(*faces, rays.origin.T, rays.direction.T, index, receiver, file.rims)
         return LandingPoints(landing.points, landing.flux * rays.flux)
 
     return trace
 
 
 def optiland_trace(
-    front: OpticalForm, rear: OpticalForm, origins: Rows, directions: Rows, index: float, target: Receiver
+    front: OpticalForm,
+    rear: OpticalForm,
+    origins: Rows,
+    directions: Rows,
+    index: float,
+    target: Receiver,
+    rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
     """Trace rays of 1 W through two faces to a target, by optiland.
 
@@ -90,6 +97,7 @@ def optiland_trace(
 
     front, rear : as `optical_forms`, mm; splines have x along u and y along v.
     origins, directions : (n, 3) float, mm and unit vectors.
+    rims : of both faces, where these may not fill their rectangles.
 
     Raises
     ------
@@ -100,9 +108,11 @@ def optiland_trace(
         for first in range(0, len(origins), AT_ONCE):
             lit = np.arange(first, min(first + AT_ONCE, len(origins)))
             points, onward, weight = origins[lit], directions[lit], np.ones(len(lit))
-            for surface, indices in ((front, (1.0, index)), (rear, (index, 1.0))):
+            for k, (surface, indices) in enumerate(((front, (1.0, index)), (rear, (index, 1.0)))):
                 points, onward, transmittance = _through(surface, points, onward, indices)
                 passes, weight = transmittance > 0, weight * transmittance
+                if rims:
+                    passes[passes] = rims[k].holds(points[passes, :2])
                 points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
             ends, meets = last_step(points, onward, target)
             arrives = (onward[:, 2] > 0) & meets

@@ -9,7 +9,7 @@ from math import inf, nan
 import numpy as np
 
 from optics.base.runtime import Check
-from optics.exchange.verification.occt_tracer import optical_form
+from optics.exchange.verification.step_file import optical_form
 from thbcad.cad.exchange import SolidState, solid_volume
 from thbcad.io import MILLIMETRE, Brep, NotMeasured, areas, image_distance, turned_faces, volume
 from thbcad.lens import OpticalForm

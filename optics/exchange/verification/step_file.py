@@ -8,12 +8,20 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from optics.base.runtime import Check
-from thbcad.io import Brep, parse_brep, volume
-from thbcad.lens import Lens, OpticalForm
+from optics.exchange.verification.traced_faces import FaceRim
+from thbcad.io import Brep, BrepFace, parse_brep, volume
+from thbcad.lens import Lens, OpticalForm, edge_names
+from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
+from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
+
+Rows = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,17 @@ class StepFile:
         OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
         """
         return parse_brep(self.path)
+
+    @cached_property
+    def rims(self) -> tuple[FaceRim, FaceRim]:
+        """The curves round front and rear, of a file that holds a lens.
+
+        Raises
+        ------
+        OSError, ValueError : as `text`; there are not two optical faces.
+        """
+        front, rear = (FaceRim(self.text, self.text.faces[k]) for k in optical_faces(self.text))
+        return front, rear
 
     @cached_property
     def state(self) -> SolidState:
@@ -75,8 +94,6 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
-        from optics.exchange.verification.occt_tracer import optical_faces  # OCCT
-
         optical_faces(self.text)
         return self.text, self.solid
 
@@ -111,6 +128,15 @@ def state_checks(state: SolidState, by: str, faces: int | None = None) -> list[C
 
 
 VOLUME = 1e-10  # relative
+MISCOUNTED = "optical faces where a lens has 2, front and rear"
+COUNTS = {4: "four", 6: "six", 8: "eight", 10: "ten"}
+
+
+def faces_besides(lens: Lens, found: int) -> tuple[str, int]:
+    """Return what is counted, in words, and how many faces a solid has besides those of a lens: front, rear
+    and one for every edge."""
+    expected = 2 + len(edge_names(lens))
+    return f"faces besides the {COUNTS[expected]} expected", abs(found - expected)
 
 
 def text_volume_check(solid: Brep, lens: Lens) -> Check:
@@ -129,3 +155,66 @@ def volume_check(solid: Brep, wanted: float, limit: float) -> Check:
         off = inf
     name = "volume by quadrature over the text of the file against the closed form, relative"
     return Check(name, off, limit, "")
+
+
+def optical_faces(solid: Brep) -> tuple[int, int]:
+    """Return the indices of front and rear among the faces.
+
+    They are the faces of these names.  Where the names are missing or not unique, they are the lowest and the
+    highest of the faces that are splines curved in both directions, or planes, spheres and patches of conics
+    without holes across the middle: that of a spline, else that of the solid.
+
+    Raises
+    ------
+    ValueError : there are not two.
+    """
+    names = [face.name for face in solid.faces]
+    if names.count("front") == names.count("rear") == 1:
+        return names.index("front"), names.index("rear")
+    forms = {k: optical_form(solid, face) for k, face in enumerate(solid.faces)}
+    centres = {k: _centre(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
+    if len(centres) > 2:
+        raise ValueError(f"the file holds {len(centres)} {MISCOUNTED}")
+    ends = np.concatenate([edge.ends for edge in solid.edges])
+    middle = next(iter(centres.values()), (ends.min(axis=0) + ends.max(axis=0)) / 2)[:2]
+    heights = {k: float(centre[2]) for k, centre in centres.items()}
+    for k, form in forms.items():
+        if isinstance(form, PlacedConic) and len(solid.faces[k].loops) == 1:
+            own = face_corners(solid, solid.faces[k])[:, :2]
+            if (own.min(axis=0) <= middle).all() and (middle <= own.max(axis=0)).all():
+                heights[k] = float(form(*middle))
+    order = sorted(heights, key=lambda k: heights[k])
+    if len(order) < 2:
+        raise ValueError(f"the file holds {len(order)} {MISCOUNTED}")
+    return order[0], order[-1]
+
+
+def _centre(spline: BSplineSurface) -> Rows:
+    """Return the point at the middle of the parameters, (3,), mm."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    point: Rows = spline([u], [v])[0]
+    return point
+
+
+def optical_form(solid: Brep, face: BrepFace) -> OpticalForm | None:
+    """Return the surface under a face as a record; None unless it can be that of a front or a rear: a spline
+    curved in both directions, a plane across z, a sphere or a patch of a conic around z."""
+    surface = face.surface
+    if isinstance(surface, BSplineSurface):
+        # the ruled edges are straight in one direction
+        return surface if min(surface.kv_u.degree, surface.kv_v.degree) > 1 else None
+    corners = face_corners(solid, face)
+    half_width = rectangle_around(corners)
+    if face.plane is not None:
+        return conic_of_plane(face.plane, half_width)
+    if face.sphere is not None:
+        below = bool(corners[:, 2].sum() < len(corners) * face.sphere[0, 2])
+        return conic_of_sphere(face.sphere[:3], float(face.sphere[3, 0]), below, half_width)
+    return None if surface is None else conic_of_patch(surface, half_width)
+
+
+def face_corners(solid: Brep, face: BrepFace) -> Rows:
+    """Return the ends of the edges around a face, (n, 3), mm."""
+    numbers = {number for loop in face.loops for number, _ in loop}
+    ends = [edge.ends for edge in solid.edges if edge.number in numbers]
+    return np.concatenate(ends) if ends else np.empty((0, 3))

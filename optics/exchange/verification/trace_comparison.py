@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.reference_tracer import OpticalFaces, deposit, trace_step
+from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
+from optics.exchange.verification.step_file import StepFile
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.problem import Verify
+from optics.scene.receivers import Screen
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and threads may round it to none
@@ -49,14 +52,17 @@ def compared(
     backend: Backend,
     counts: Sequence[int],
     other: Callable[[Rays], LandingPoints],
+    blocked: bool = False,
 ) -> Comparison:
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
     other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
+    blocked : whether it knows of stops and of the clear aperture; else both traces leave them out.
     """
     rays = system.source.rays(counts)
     clear = system.path(lens).without_absorption()  # which the independent tracers leave out
+    clear = clear if blocked else clear.without_stops()
     _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     others, screen = other(single_rays(rays, lens)), system.target.screen()
@@ -75,19 +81,39 @@ def compared(
     )
 
 
-def light_checks(system: OpticalSystem, lens: Lens, step: OpticalFaces, backend: Backend) -> list[Check]:
+def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
+    """Return the irradiance by bilinear weights between pixel centres, (rows, columns), W/mm^2."""
+    good = np.isfinite(points).all(axis=1) & (flux > 0)
+    (sx, ox), (sy, oy) = screen.pixel_map()
+    column, row = points[good, 0] * sx + ox - 0.5, points[good, 1] * sy + oy - 0.5
+    rows, columns = screen.padded
+    image = np.zeros((rows, columns))
+    c, r = np.floor(column).astype(int), np.floor(row).astype(int)
+    for dr in (0, 1):
+        for dc in (0, 1):
+            weight = (1 - np.abs(row - r - dr)) * (1 - np.abs(column - c - dc)) * flux[good]
+            inside = (r + dr >= 0) & (r + dr < rows) & (c + dc >= 0) & (c + dc < columns)
+            np.add.at(image, (r[inside] + dr, c[inside] + dc), weight[inside])
+    return image / screen.pixel_area
+
+
+def light_checks(
+    system: OpticalSystem, lens: Lens, step: OpticalFaces, file: StepFile, backend: Backend
+) -> list[Check]:
     """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
 
+    step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits = system.problem.verify
+    limits, path = system.problem.verify, system.path(lens)
+    rims = () if lens.rear.outline.is_rectangle else file.rims
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(
-            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver
+            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver, path, rims
         )
 
-    seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
+    seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)
     return [
         Check.none_of("rays with another fate in the independent trace", seen.mismatched),
         Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),

@@ -118,7 +118,7 @@ def require_monte_carlo(
         with worker_pool(scheduler=scheduler):
             pass  # it answers
     for form in _forms(design, forms, periods):
-        form.drawn(getattr(design.lens, form.surface).half_width, seed=0)
+        form.drawn(getattr(design.lens, form.surface).outline, seed=0)
 
 
 def _forms(

@@ -62,15 +62,16 @@ class _Export:
             for name in ("export_step", "read_back_step")
         )
 
-    def checked(self) -> tuple[list[Check], ExportedStep]:
-        """Return the checks of the solid, and the file as OCCT reads it.
+    def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
+        """Return the checks of the solid, and the file as OCCT reads it, and the file itself.
 
         The text is read here as soon as it is written.
         """
         written = self._written.result()
-        volume = text_volume_check(StepFile(self._path).text, self._lens)
+        file = StepFile(self._path)
+        volume = text_volume_check(file.text, self._lens)
         step = self._read.result()
-        return [*written, *step.checks, volume], step
+        return [*written, *step.checks, volume], step, file
 
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
@@ -154,16 +155,20 @@ def write_result(
 
 
 def _checks(
-    design: DesignRecord, product: Manufacturability, solid: Sequence[Check], step: ExportedStep
+    design: DesignRecord,
+    product: Manufacturability,
+    solid: Sequence[Check],
+    step: ExportedStep,
+    file: StepFile,
 ) -> list[Check]:
     """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing.
 
-    solid, step : as of `_Export`.
+    solid, step, file : as of `_Export`.
     """
     system, lens, problem = design.system, design.lens, design.problem
     return [
         *solid,
-        *light_checks(system, lens, step, system.backend),
+        *light_checks(system, lens, step, file, system.backend),
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
     ]

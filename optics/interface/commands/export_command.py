@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,12 @@ from optics.exchange.mitsuba import (
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light, reported
 from optics.interface.commands.outcome import Outcome
+from optics.light.outgoing import cut_cost
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
 from thbcad.moulds import UNCHANGED, Factors, shrinkage_factors
-from thbcad.outlines import Polygon
+from thbcad.outlines import Outline, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 # options that change the body
@@ -62,13 +64,33 @@ def export(options: Namespace) -> Outcome:
         files, checks = run(lens, name, options.out, options.chord, body, labels)
     else:
         files, checks = _mounted(lens, name, options, labels)
-    numbers: dict[str, Any] = {"chord_mm": options.chord}
-    lines = _sizes(files)
+    lost, lines = _cut_cost(options.result, lens, body)
+    numbers = {"chord_mm": options.chord, **lost}
     if options.shrinkage is not None:
         numbers |= {"shrinkage_percent": options.shrinkage, "factors": body.factors}
         x, y, z = (f"{factor:.10g}" for factor in body.factors)
         lines.append(f"enlarged for shrinkage, by {x} in x, {y} in y and {z} in z")
-    return reported(options.out, name, files, checks, numbers, lines)
+    return reported(options.out, name, files, checks, numbers, [*_sizes(files), *lines])
+
+
+def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list[str]]:
+    """Return what a cut costs of the light, as data and as lines; nothing without a cut or a problem."""
+    if body.aperture is not None:
+        cut: Outline | Polygon = Outline(body.aperture, body.aperture)
+    elif body.polygon is not None:
+        cut = Polygon(tuple(body.polygon))
+    else:
+        return {}, []
+    if not Path(result).is_dir():
+        return {}, []
+    problem, _, _ = ResultFolder(result).read()
+    system = OpticalSystem(problem)
+    cost = cut_cost(system, lens, system.backend, cut)
+    line = (
+        f"the cut costs {cost.through:.2%} of the light through front and rear, "
+        f"{cost.on_target:.2%} of that on the target"
+    )
+    return {"cut_cost": asdict(cost)}, [line]
 
 
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.light.intersections.chords import chord as chord
     from optics.light.intersections.hits import (
         DeviceRays as DeviceRays,
         Hits as Hits,

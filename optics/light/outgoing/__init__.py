@@ -12,6 +12,11 @@ if TYPE_CHECKING:
         greatest_concentration as greatest_concentration,
     )
     from optics.light.outgoing.intensity_of_lens import outgoing_intensity as outgoing_intensity
+    from optics.light.outgoing.lit_points import (
+        CutCost as CutCost,
+        cut_cost as cut_cost,
+        least_half_widths as least_half_widths,
+    )
     from optics.light.outgoing.rays_of_lens import outgoing_rays as outgoing_rays
     from optics.light.outgoing.steps_on_target import OnTarget as OnTarget, StepsOnTarget as StepsOnTarget
 

@@ -15,7 +15,7 @@ SENTENCES = {
     "on_target": "leaves by the rear and meets the target",
     "off_target": "leaves by the rear and passes beside the target",
     "absorbed": "is absorbed in the lens",
-    "blocked": "is blocked by a stop, or beside the clear aperture",
+    "blocked": "is blocked by a stop, by an absorbing wall, or beside the clear aperture",
     "reflected_outside": "is reflected at the front and never enters",
     "edges_on_target": "leaves by an edge and meets the target",
     "edges_off_target": "leaves by an edge and passes beside the target",
@@ -64,7 +64,10 @@ class SequentialFates:
 
 @dataclass(frozen=True)
 class Fates:
-    """The source flux by fate, W, with all reflections at all six faces; the fates sum to the source flux."""
+    """The source flux by fate, W, with all reflections at all faces; the fates sum to the source flux.
+
+    blocked : by stops, beside clear apertures, and by absorbing walls.
+    """
 
     beside_lens: float
     reflected_outside: float

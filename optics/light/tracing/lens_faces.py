@@ -1,131 +1,26 @@
-"""The six faces of the closed lens, and where rays meet them.
+"""The faces of the closed lens, and where rays meet them.
 
-Front, rear and slanted edges are graphs z = Z(x, y) over convex pieces of the plan; edges between
-rims of equal half-width are walls, pieces of a plane x = const or y = const.  A ray meets a face
-where it passes from its own side to the other (glass to air or air to glass); a crossing the
-opposite direction does not count, so a ray may start on a face without meeting it again there.
+Front, rear and slanted edges of rectangles are graphs z = Z(x, y) over convex pieces of the plan; edges
+between rims of equal half-width are walls, pieces of a plane x = const or y = const.  Where corners are
+rounded, one ruled wall joins the rims.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.intersections import DeviceRays, PlacedSurface, first_crossing, last_root
+from optics.light.intersections import DeviceRays, PlacedSurface
+from optics.light.tracing.graph_face import START, GraphFace, Jet, Meeting
+from optics.light.tracing.ruled_wall import RuledWall
 from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # Z, dZ/dx, dZ/dy, or a vector
+from thbcad.outlines import Outline
 
 RIM = 1e-12  # of the lens's size: faces reach this far over their rims, so that no gap opens between them
-START = 1e-10  # of the lens's size: a ray that starts so near a face is on its own side of it
 WALL = 1e-9  # of the lens's size: rims whose half-widths differ by less are joined by a wall
-
-
-@dataclass(frozen=True, eq=False)
-class Meeting:
-    """Where rays meet a face: path length, mm, inf where they miss it, and the outward unit normal.
-
-    doubt : mm, from where on it is not decided whether the face is met; inf where it is.
-    """
-
-    path: DrArray
-    normal: Jet
-    doubt: DrArray
-
-
-@dataclass(eq=False)
-class GraphFace:
-    """The face z = Z(x, y) where a x + b y + c z + e >= 0 for every row of the domain.
-
-    height : x, y -> Z, Zx, Zy.  outward : +1 where air lies at greater z, else -1.
-    domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z, loosely.
-    cell : lengths in x and y, mm, within which Z is smooth.
-    surface : where the face is one, its first meetings are proven; else paths are sampled, twice a cell.
-    """
-
-    backend: Backend
-    height: Callable[[DrArray, DrArray], Jet]
-    outward: float
-    domain: Floats
-    cell: tuple[float, float]
-    size: float
-    surface: PlacedSurface | None = None
-
-    def __post_init__(self) -> None:
-        # opaque numbers do not become part of the kernels, which then serve every lens
-        self._rows = [[self._opaque(value) for value in row] for row in self.domain]
-        self._side = self._opaque(self.outward)
-        self._per_cell = [self._opaque(1 / c) for c in self.cell]
-        self._near, self._resolution = self._opaque(START * self.size), self._opaque(2.0**-51 * self.size)
-
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr = self.backend.dr
-        side = dr.select(rays.inside, self._side, -self._side)
-        start, stop = self._interval(rays)
-
-        def f(t: DrArray) -> Jet:
-            """Return the ray's depth on the other side, its rate, and the length of (-Zx, -Zy, 1)."""
-            x, y, z = rays.at(t)
-            dx, dy, dz = rays.direction
-            height, zx, zy = self.height(x, y)
-            return side * (z - height), side * (dz - zx * dx - zy * dy), dr.sqrt(1 + zx * zx + zy * zy)
-
-        value, _, scale = f(start)
-        on = (start <= 0) & (dr.abs(value) <= self._near * scale)
-        before = (value < 0) | on
-        doubt = self.backend.Float(dr.inf)
-        if self.surface is None:
-            crossed = [dr.abs(d) * (stop - start) * c for d, c in zip(rays.direction, self._per_cell)]
-            count = dr.ceil(2 * dr.maximum(*crossed)) + 2
-            low, high, found = first_crossing(self.backend, f, (start, stop), count, before)
-        else:
-            fall = self.surface.first_fall(rays, side > 0, (start, stop), before & (start < stop), on)
-            low, high = fall.low, fall.high
-            ahead = before & (low < high)
-            # where f falls to the end of the ray, the meeting may lie beyond
-            found = ahead & fall.resolved & ((high < stop) | (f(high)[0] >= 0))
-            doubt = dr.select(ahead & ~fall.resolved, low, doubt)
-        t = last_root(self.backend, f, (low, high), found, self._resolution)
-        x, y, _ = rays.at(t)
-        _, zx, zy = self.height(x, y)
-        length = self._side * dr.rsqrt(1 + zx * zx + zy * zy)
-        return Meeting(dr.select(found, t, dr.inf), (-zx * length, -zy * length, length), doubt)
-
-    def covers(self, x: DrArray, y: DrArray) -> DrArray:
-        """Return the mask of points whose plan lies in the domain."""
-        inside = True
-        for (a, b, _, e), row in zip(self._rows, self.domain):
-            if row[2] == 0:
-                inside = inside & (a * x + b * y + e >= 0)
-        return inside
-
-    def encloses(self, point: Jet) -> DrArray:
-        """Return the mask of points on the glass's side, or on the face."""
-        x, y, z = point
-        height, zx, zy = self.height(x, y)
-        return self._side * (z - height) <= self._near * self.backend.dr.sqrt(1 + zx * zx + zy * zy)
-
-    def _interval(self, rays: DeviceRays) -> tuple[DrArray, DrArray]:
-        """Return the path lengths, start > stop for none, between which the ray is in the domain."""
-        dr, Float = self.backend.dr, self.backend.Float
-        start, stop = Float(0), Float(dr.inf)
-        (ox, oy, oz), (dx, dy, dz) = rays.origin, rays.direction
-        for a, b, c, e in self._rows:
-            here, rate = a * ox + b * oy + c * oz + e, a * dx + b * dy + c * dz
-            t = -here / rate
-            start = dr.select(rate > 0, dr.maximum(start, t), start)
-            stop = dr.select(rate < 0, dr.minimum(stop, t), stop)
-            stop = dr.select((rate == 0) & (here < 0), -1, stop)
-        return start, stop
-
-    def _opaque(self, value: float) -> DrArray:
-        return self.backend.dr.opaque(self.backend.Float, float(value))
 
 
 @dataclass(eq=False)
@@ -169,12 +64,18 @@ class WallFace:
         return Meeting(dr.select(found & covered, t, dr.inf), normal, Float(dr.inf))
 
 
-def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace]:
-    """Return the front, the rear and the edges +x, -x, +y, -y."""
+def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace | RuledWall]:
+    """Return the front, the rear and the edges: +x, -x, +y, -y of a rectangle, else one."""
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
     surfaces = [PlacedSurface(backend, lens.front, 0.0), PlacedSurface(backend, lens.rear, lens.thickness)]
+    outlines = [s.outline for s in (lens.front, lens.rear)]
+    graphs = [
+        _surface_face(backend, s, outline, outward, size)
+        for s, outline, outward in zip(surfaces, outlines, (-1.0, 1.0))
+    ]
+    if not outlines[0].is_rectangle:
+        return [*graphs, RuledWall(surfaces, outlines, START * size, RIM * size)]
     rims = list(zip(lens.front.half_width, lens.rear.half_width))
-    graphs = [_surface_face(backend, s, outward, size) for s, outward in zip(surfaces, (-1.0, 1.0))]
     sides = [(axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
     slanted = [side for side in sides if abs(np.subtract(*rims[side[0]])) > WALL * size]
     graphs += [_edge_face(_Edge(surfaces, *side), size) for side in slanted]
@@ -235,11 +136,17 @@ class _Edge:
         return [[self.sign * a, b, 0, e] if self.axis == 0 else [b, self.sign * a, 0, e] for a, b, e in rows]
 
 
-def _surface_face(backend: Backend, surface: PlacedSurface, outward: float, size: float) -> GraphFace:
+def _surface_face(
+    backend: Backend, surface: PlacedSurface, outline: Outline, outward: float, size: float
+) -> GraphFace:
     hx, hy = surface.half_width
-    plan = [[1, 0, 0, hx], [-1, 0, 0, hx], [0, 1, 0, hy], [0, -1, 0, hy]]
+    if outline.is_rectangle:
+        plan, rounded = [[1, 0, 0, hx], [-1, 0, 0, hx], [0, 1, 0, hy], [0, -1, 0, hy]], None
+    else:
+        (cx, cy), more = outline.corners, RIM * size
+        plan, rounded = [], Outline((hx + more, hy + more), (cx + more, cy + more))
     domain = _domain(plan, surface.low, surface.high, size)
-    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface)
+    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface, rounded)
 
 
 def _edge_face(edge: _Edge, size: float) -> GraphFace:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
+    EDGE,
     FRONT,
     LEFT,
     NEVER,
@@ -40,22 +41,24 @@ class TargetArea:
     """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
 
     stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
     """
 
     receiver: Receiver
     half_width: tuple[float, float]
     stops: tuple[Stop, ...] = ()
     clear: Outline | None = None
+    absorbing_wall: bool = False
 
     @classmethod
     def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
         """Return what lies around the lens of a path."""
-        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear)
+        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear, path.absorbing_wall)
 
     @property
     def blocks(self) -> bool:
         """Whether anything blocks light."""
-        return bool(self.stops) or self.clear is not None
+        return bool(self.stops) or self.clear is not None or self.absorbing_wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +121,21 @@ def trace_nonsequential(
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
 
+    def dimmed(branches: Branches, path: Floats) -> Branches:
+        """Return branches behind paths, mm, and account for what glass absorbs there."""
+        if not absorption:
+            return branches
+        kept = np.where(branches.inside, np.exp(-absorption * path), 1.0)
+        account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+        return replace(branches, flux=branches.flux * kept)
+
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         if target.blocks:
-            blocked = np.isfinite(_blocked_after(branches, meetings, target))
-            account(branches[blocked], FATES.index("blocked"))
+            length = _blocked_after(branches, meetings, target)
+            blocked = np.isfinite(length)
+            account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
             branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
@@ -136,13 +148,10 @@ def trace_nonsequential(
         if generation == bounces:
             account(branches[~leaving], FATES.index("trapped"))
             break
-        if absorption:
-            path = np.linalg.norm(meetings.point - branches.origin, axis=0)
-            kept = np.where(leaving, 1.0, np.where(branches.inside, np.exp(-absorption * path), 1.0))
-            account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
-            branches = replace(branches, flux=branches.flux * kept)
+        branches, meetings = branches[~leaving], meetings[~leaving]
+        branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
-        branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
+        branches = refracted[meetings.transmittance > 0] + reflected
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
@@ -157,25 +166,29 @@ def trace_nonsequential(
     return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
 
 
-def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) -> Branches:
+def seen_branches(
+    backend: Backend, lens: Lens, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
-    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped.
+    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
+    so is what meets an absorbing wall.
     """
     require_rays(rays)
     solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        onward = ~(leaving | (absorbing_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])
         if not generation:
-            gone.append(reflected[~leaving])
-        branches = refracted[~leaving & passes]
+            gone.append(reflected[onward])
+        branches = refracted[onward & passes]
         if generation:
-            branches = branches + reflected[~leaving & ~passes]
+            branches = branches + reflected[onward & ~passes]
         if not len(branches.ray):
             break
     return sum(gone[1:], start=gone[0])
@@ -229,9 +242,11 @@ def trace_paths(
 
 
 def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
-    """Return the path lengths after which branches meet a stop, or a holder; inf of others."""
+    """Return the path lengths after which branches meet a stop, a holder or a black wall; inf of others."""
     first = np.full(len(branches.ray), np.inf)
     ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    if target.absorbing_wall:
+        first = np.where(meetings.face == EDGE, ahead, first)
     if target.clear is not None:
         x, y, _ = meetings.point
         on = np.isin(meetings.face, (FRONT, REAR))

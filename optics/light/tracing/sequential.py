@@ -212,6 +212,8 @@ class Tracer:
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
         def total(values: DrArray, mask: DrArray | bool) -> float:
+            if mask is False:
+                return 0.0
             every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
             return float(dr.sum(every).numpy()[0])
 

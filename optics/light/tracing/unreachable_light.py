@@ -40,7 +40,7 @@ def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str
         backward = direction[2] <= 0
         x, y, z = origin
         hx, hy = surface.shape.half_width
-        over = (np.abs(x) <= hx) & (np.abs(y) <= hy)
+        over = surface.shape.outline.contains(x, y)
         height = surface.shape(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
         behind = ~backward & over & (z > height + ON_SURFACE * max(hx, hy))
         yield f"comes to surface {k} from behind; turn the surface round", coming[backward].sum() / total
@@ -49,9 +49,12 @@ def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str
             text = "starts behind the first surface, in the solid or beyond it; move the source back"
         yield text, coming[behind].sum() / total
         coming = passage.leaving.numpy() + none
-    arriving = landing.flux.numpy() + none
+    arriving, blocked = landing.flux.numpy() + none, none > 0
+    if not isinstance(landing.blocked, bool):
+        blocked = landing.blocked.numpy()
     cosine = np.sqrt(np.maximum(1 - landing.p.numpy() ** 2 - landing.q.numpy() ** 2, 0.0))
-    yield "comes to the receiver from behind; turn the receiver round", (coming - arriving).sum() / total
+    behind = (coming - arriving)[~blocked].sum() / total
+    yield "comes to the receiver from behind; turn the receiver round", behind
     yield (
         "runs along the receiver, within a degree; tilt the receiver",
         arriving[cosine < GRAZING].sum() / total,

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
@@ -20,6 +22,7 @@ from optics.reporting.view import (
     corners,
     placed,
     solid_faces,
+    stop_rims,
     with_far_rays,
 )
 from optics.scene.system import OpticalSystem
@@ -46,7 +49,8 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     scene = placed(problem, faces)
     body = corners(scene.lens)
     target = scene.target if scene.target.size else corners(with_far_rays(scene.lens))
-    boxes = [_wider(scene.box(body, scene.source, target), 0.06)]
+    stops = stop_rims(system, lens)
+    boxes = [_wider(scene.box(body, scene.source, target, *(rims[0] for rims in stops)), 0.06)]
     if np.ptp(scene.box(body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
         boxes.append(_wider(scene.box(body, scene.source), 0.25))
     shapes = np.array([np.divide(*np.ptp(box, axis=0)) for box in boxes])  # width / height
@@ -57,6 +61,8 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
         position = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
         axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
         _draw(axes, scene, faces, irradiance, paths)
+        for rims in stops:
+            _stop(axes, scene, rims)
         (left, low), (right, high) = box
         axes.set_xlim(left, right)
         axes.set_ylim(low, high)
@@ -80,6 +86,18 @@ def _draw(
     draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
     if scene.target.size:
         _target(axes, scene, irradiance)
+
+
+def _stop(axes: Axes, scene: Scene, rims: Sequence[Array]) -> None:
+    """Draw a stop as a thin plate.  rims : as of `stop_rims`."""
+    shape = Path.make_compound_path(*(Path(scene(rim).T, closed=True) for rim in map(_closed, rims)))
+    before = bool(rims[-1][2].mean() < scene.lens[2].mean())
+    patch = PathPatch(shape, facecolor=INK, edgecolor=INK, lw=0.8, alpha=0.5, zorder=1.6 if before else 3.5)
+    axes.add_patch(patch)
+
+
+def _closed(rim: Array) -> Array:
+    return np.concatenate([rim, rim[:, :1]], axis=1)
 
 
 def _wider(box: Array, margin: float) -> Array:

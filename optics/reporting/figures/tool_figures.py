@@ -84,14 +84,15 @@ def _acceleration(figure: Figure, axes: Axes, surface: SurfaceFindings, motion: 
     x, y = _grid(surface)
     at = round_axis(surface.graph, x.ravel(), y.ravel())
     over = tool_acceleration(at, surface.fit.tool, motion.cut.advance).reshape(x.shape)
-    limit = max(float(over.max()), float(motion.gaps.kernel.max()))
-    _map(figure, axes, surface, over, ("magma", 0.0, limit), (motion.kernel.u, motion.kernel.v))
     gaps = motion.gaps
-    for side in np.split(np.arange(len(gaps.x)), 4):
-        x, y, kernel = (a[side[::THIN]] for a in (gaps.x, gaps.y, gaps.kernel))
-        axes.pcolormesh(x, y, kernel, shading="gouraud", cmap="magma", vmin=0, vmax=limit)
-    _, u, v = gaps.worst()
-    axes.plot([u], [v], "o", mfc="none", mec="tab:orange", ms=9)
+    limit = max(float(over.max()), float(gaps.kernel.max()) if gaps else 0.0)
+    _map(figure, axes, surface, over, ("magma", 0.0, limit), (motion.kernel.u, motion.kernel.v))
+    if gaps is not None:
+        for side in np.split(np.arange(len(gaps.x)), 4):
+            x, y, kernel = (a[side[::THIN]] for a in (gaps.x, gaps.y, gaps.kernel))
+            axes.pcolormesh(x, y, kernel, shading="gouraud", cmap="magma", vmin=0, vmax=limit)
+        _, u, v = gaps.worst()
+        axes.plot([u], [v], "o", mfc="none", mec="tab:orange", ms=9)
     reach = 1.03 * motion.cut.radius
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)

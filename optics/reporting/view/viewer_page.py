@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.light.tracing import RayPath
+from optics.reporting.view.drawn_stops import stop_rims
 from optics.reporting.view.scene_layout import Scene, block_means, caption, corners, placed
 from optics.reporting.view.solid_renderer import Face, solid_faces
 from optics.scene.system import OpticalSystem
@@ -45,7 +46,8 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
     body = corners(scene.lens)
     far = [scene.target] if scene.target.size else [points[:, -1:] for points, _ in shown]
-    around = np.concatenate([body, scene.source, *far], axis=1)
+    stops = [rim for rims in stop_rims(system, lens) for rim in rims]
+    around = np.concatenate([body, scene.source, *stops, *far], axis=1)
     data = {
         "caption": caption(system.problem, scene),
         "angles": [
@@ -59,6 +61,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
         "source": np.unique(scene.source.T, axis=0).tolist()
         if not np.ptp(scene.source[:2])
         else scene.source.T.tolist(),
+        "stops": [rim.T.tolist() for rim in stops],
         "target": _target(scene, irradiance),
         "rays": _rays(shown),
     }

@@ -85,6 +85,7 @@ class LightPath:
     soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
     stops : plates that block light on its way through air.
+    absorbing_wall : light that meets the edges of the lens ends there; else they are polished.
 
     Raises
     ------
@@ -98,6 +99,7 @@ class LightPath:
     share: float = 1.0
     soft_rim: float = 0.0
     stops: tuple[Stop, ...] = ()
+    absorbing_wall: bool = False
 
     def __post_init__(self) -> None:
         if len(self.media) != len(self.surfaces) + 1:
@@ -123,6 +125,7 @@ class LightPath:
         absorption: float,
         stops: tuple[Stop, ...] = (),
         clear: Outline | None = None,
+        absorbing_wall: bool = False,
     ) -> LightPath:
         """Return the path through front and rear of a lens in air, in the frame of its front vertex.
 
@@ -130,7 +133,8 @@ class LightPath:
         """
         front = Surface(lens.front, clear=clear)
         rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=clear)
-        return cls((front, rear), (AIR, Medium(lens.index, absorption), AIR), receiver, stops=stops)
+        media = AIR, Medium(lens.index, absorption), AIR
+        return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
 
     @property
     def sags(self) -> list[THBSurface]:

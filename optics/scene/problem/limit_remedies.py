@@ -18,6 +18,7 @@ from math import ceil, floor, inf, isinf, log10
 from optics.scene.problem.manufacturing_limits import Miss, limit_misses
 from optics.scene.problem.problem_record import Problem
 from thbcad.lens import Manufacturability, mass
+from thbcad.outlines import Outline
 
 DIGITS = 4  # of the numbers in a remedy
 THICKNESS = "lens.thickness"
@@ -88,8 +89,8 @@ def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[
         return f"lens.{miss.surface}.radius", [_rounded(radius, radius > 0) if times > 0 else inf], radius > 0
     amount = miss.most
     if miss.key == "mass":
-        x, y = lens.rear.half_width
-        amount /= mass(4 * x * y, lens.density)
+        half = lens.rear.half_width
+        amount /= mass(Outline(half, lens.corners(half)).area, lens.density)
     thickness = lens.thickness - amount if miss.beyond else lens.thickness + amount
     return THICKNESS, [_rounded(thickness, not miss.beyond)], not miss.beyond
 

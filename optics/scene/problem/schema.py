@@ -13,6 +13,7 @@ PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
 SHAPES = ("rectangle", "ellipse", "ring")  # of stops
+WALLS = ("polished", "absorbing")
 OUTLINES = ("rectangle", "round", "ellipse", "rounded")
 LEAST_FLUX = 1e-12  # of source.unit
 SUN = 0.2665  # degrees: the mean half-angle of its disk
@@ -287,6 +288,9 @@ class LensSpec:
         low=0,
         high=LONGEST,
         note="mm, half-widths of what a holder leaves free of both surfaces, like the outline; 0 is all",
+    )
+    wall: str = option(
+        "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
     front: Front = option()
     rear: Rear = option()

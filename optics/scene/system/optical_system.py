@@ -199,9 +199,9 @@ class OpticalSystem:
 
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
         """Return the paths of light of the source's own wavelength through a lens, one to each target."""
-        clear = self.clear_aperture(lens)
+        clear, black = self.clear_aperture(lens), self.problem.lens.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear)
+            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black)
             for target in self.targets
         )
 

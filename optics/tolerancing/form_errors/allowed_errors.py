@@ -28,6 +28,7 @@ from optics.tolerancing.form_errors.local_formula import SIDES, Floats, LocalFor
 from optics.tolerancing.form_errors.period_bands import Band, BandFormula, period_bands_of, seen_by_cells
 from optics.tolerancing.perturbations import HeightSum, random_field
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 
 Progress = Callable[[str, int, int], None]
 
@@ -139,7 +140,7 @@ def form_errors_of(
             return local_formula_of(system, lens, side, backend, counts)
 
         formula = formula_of((nx, ny))
-        probed = _Probed(formula, _target(system, formula), getattr(lens, side).half_width, formula_of)
+        probed = _Probed(formula, _target(system, formula), getattr(lens, side).outline, formula_of)
         own, costs, maps = probed.rel_l2, [], []
         for band in bands[side]:
             if progress:
@@ -161,7 +162,7 @@ class _Probed:
 
     formula: LocalFormula
     target: Floats
-    half_width: tuple[float, float]
+    outline: Outline
     finer: Callable[[Counts], LocalFormula]
 
     @cached_property
@@ -187,12 +188,14 @@ class _Probed:
         seen = seen_by_cells(band, _cell(formula))
         # both images are scaled to unit mean in rel_l2
         scale = float(self.target.mean() / picture.mean() / np.linalg.norm(self.target))
-        probes = [random_field(band, PROBE_RMS, self.half_width, seed) for seed in range(PROBES)]
+        half, corners = self.outline.half_width, self.outline.corners
+        probes = [random_field(band, PROBE_RMS, half, seed, corners) for seed in range(PROBES)]
         changes = [np.linalg.norm(formula.linear_change(probe) / formula.shown) for probe in probes]
         change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS / seen
         allowed = sqrt((self.rel_l2 + rise) ** 2 - self.rel_l2**2) / change
         field = HeightSum(((allowed / PROBE_RMS, probes[0]),))
         whole = HeightSum(((allowed / PROBE_RMS / seen, probes[0]),))  # as large as cells see it
+        inside = self.outline.contains(*formula.points) | self.outline.is_rectangle
         traced = formula.traced_irradiance(whole) / formula.shown
         cost = BandCost(
             band=band,
@@ -203,7 +206,7 @@ class _Probed:
             slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
             allowed_rms=allowed,
             allowed_pv_sine=PV_OF_SINE * allowed / expected.worst,
-            allowed_pv_field=float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0])),
+            allowed_pv_field=float(np.ptp(field.jet(*(a[inside] for a in formula.points))[0])),
             traced_rel_l2=rel_l2(traced, self.target),
         )
         return cost, expected.relative

@@ -22,6 +22,7 @@ from optics.tolerancing.machining.response_to_slopes import landing_response
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 from thbcad.tools import (
     SURFACES,
@@ -50,18 +51,19 @@ class SpiralMotion:
     """A slow tool servo on one surface.
 
     cut : the spiral.  kernel : mm, greatest |z''| / omega^2 over the lens, certified
-    gaps : the tool beside the lens, sampled.  clearance : degrees, least clearance angle, certified
+    gaps : the tool beside the lens, sampled; None of a round lens, which it never leaves
+    clearance : degrees, least clearance angle, certified
     """
 
     cut: SpiralCut
     kernel: Enclosure
-    gaps: Gaps
+    gaps: Gaps | None
     clearance: Enclosure
 
     @property
     def greatest(self) -> float:
         """The greatest |z''| / omega^2 over lens and gaps, mm."""
-        return max(self.kernel.upper, self.gaps.worst()[0])
+        return max(self.kernel.upper, self.gaps.worst()[0] if self.gaps else 0.0)
 
     def acceleration(self, rpm: float) -> float:
         """Return the greatest acceleration over lens and gaps, m/s^2."""
@@ -164,9 +166,9 @@ def _surface(
     rays: int,
     yardstick: float,
 ) -> SurfaceFindings:
-    graph, radius = air_side(lens, name), order.radius
+    graph, radius, outline = air_side(lens, name), order.radius, getattr(lens, name).outline
     assert radius is not None  # surfaces are looked at for a tool
-    fit = nose_fit(graph, radius) if order.spiral else ball_fit(graph, radius)
+    fit = nose_fit(graph, radius, _turned(outline)) if order.spiral else ball_fit(graph, radius, outline)
     response = landing_response(system, lens, backend, name, rays)
     blur = cusp_blur(graph, response, system.target.screen(), order) if len(response.x) else None
     if blur is not None and blur.unknown == 1:
@@ -183,37 +185,45 @@ def _surface(
         light = light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
     motion = None
     if order.spiral and fit.proven and pitch is not None:
-        motion = spiral_motion(graph, radius, pitch)
-    rows = None if order.spiral or pitch is None else row_cut(graph, order, pitch)
+        motion = spiral_motion(graph, outline, radius, pitch)
+    rows = None if order.spiral or pitch is None else row_cut(graph, outline, order, pitch)
     # the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits
-    heights = cusps_of(graph, *_grid(graph), order, 1.0).height
+    heights = cusps_of(graph, *_grid(outline), order, 1.0).height
     anywhere = float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
     return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, motion, rows)
 
 
-def _grid(graph: BSplineSurface) -> tuple[Floats, Floats]:
-    """Return x and y of points all over a surface, its rim too, (n,) each."""
-    sides = (np.linspace(kv.start, kv.stop, ANYWHERE) for kv in (graph.kv_u, graph.kv_v))
-    x, y = np.meshgrid(*sides)
-    return x.ravel(), y.ravel()
+def _grid(outline: Outline) -> tuple[Floats, Floats]:
+    """Return x and y of points all over a surface, on the rim of a rectangle too, (n,) each."""
+    x, y = np.meshgrid(*(np.linspace(-h, h, ANYWHERE) for h in outline.half_width))
+    inside = outline.contains(x, y)
+    return x[inside], y[inside]
 
 
-def row_cut(graph: BSplineSurface, order: ToolOrder, step: float) -> RowCut:
+def _turned(outline: Outline) -> Outline | None:
+    """Return over what a nose on a spiral cuts: a disk; else the whole rectangle, where the graph goes on."""
+    x, y = outline.half_width
+    return outline if outline.is_ellipse and x == y else None
+
+
+def row_cut(graph: BSplineSurface, outline: Outline, order: ToolOrder, step: float) -> RowCut:
     """Return the rows of a ball over a surface, along its slopes, and the hours at its speed."""
-    x, y = _grid(graph)
+    x, y = _grid(outline)
     along, across = (graph.kv_u, graph.kv_v) if order.rows == "x" else (graph.kv_v, graph.kv_u)
     slope = graph(x, y, (1, 0) if order.rows == "x" else (0, 1))
     rows = ceil((across.stop - across.start) / step) + 1
-    length = rows * (along.stop - along.start) * float(np.sqrt(1 + slope**2).mean())
+    share = 1.0 if outline.is_rectangle else outline.area / float(4 * np.prod(outline.half_width))
+    length = rows * (along.stop - along.start) * float(np.sqrt(1 + slope**2).mean()) * share
     return RowCut(rows, length / 1e3, length / (order.speed or SPEED) / 60)
 
 
-def spiral_motion(graph: BSplineSurface, nose: float, feed: float) -> SpiralMotion:
+def spiral_motion(graph: BSplineSurface, outline: Outline, nose: float, feed: float) -> SpiralMotion:
     """Return the motion of a nose that fits, on a spiral with a feed for each revolution, mm."""
-    cut = SpiralCut.over((graph.kv_u.stop, graph.kv_v.stop), feed)
-    kernel = greatest_acceleration(graph, nose, cut.advance)
+    cut, disk = SpiralCut.over(outline.half_width, feed, outline.corners), _turned(outline)
+    kernel = greatest_acceleration(graph, nose, cut.advance, outline=disk)
     # the least clearance angle: the arctangent of the greatest slope along the cut, degrees
-    slope = greatest_slope_along_cut(graph)
+    slope = greatest_slope_along_cut(graph, outline=disk)
     lower, value, upper = (degrees(atan(s)) for s in (slope.lower, slope.value, slope.upper))
     clearance = replace(slope, lower=lower * ROUND_DOWN, value=value, upper=upper / ROUND_DOWN)
-    return SpiralMotion(cut, kernel, rim_gaps(graph, nose), clearance)
+    gaps = rim_gaps(graph, nose) if disk is None else None
+    return SpiralMotion(cut, kernel, gaps, clearance)

@@ -10,7 +10,7 @@ from optics.scene.problem import position
 from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
-from thbcad.tools import Draft, Fit
+from thbcad.tools import Draft, Fit, Gaps
 
 NM = 1e6  # of a mm
 LONG = 24.0  # hours of one pass: no machine keeps its temperature so long
@@ -143,16 +143,19 @@ def _motion_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     if motion is None:
         yield f"how a tool turns the {surface.name} is unknown: it is not proven to fit"
         return
-    worst, x, y = motion.gaps.worst()
+    beside, gaps = "", motion.gaps
+    if gaps is not None:
+        worst, x, y = gaps.worst()
+        beside = f", and by {worst:.5g} mm beside it, at x = {x:.4g}, y = {y:.4g} mm (sampled)"
     yield (
         f"the tool on the {surface.name} accelerates by up to {motion.kernel.upper:.5g} mm times the square "
-        f"of the angular speed over the lens, most {position(motion.kernel)} (certified), and by "
-        f"{worst:.5g} mm beside it, at x = {x:.4g}, y = {y:.4g} mm (sampled)"
+        f"of the angular speed over the lens, most {position(motion.kernel)} (certified){beside}"
     )
-    yield (
-        f"beside the lens, up to the corners' radius of {motion.cut.radius:.4g} mm, the tool follows "
-        f"{EXTENSION}; there its height goes from {motion.gaps.t.min():.4g} to {motion.gaps.t.max():.4g} mm"
-    )
+    if gaps is not None:
+        yield (
+            f"beside the lens, up to the corners' radius of {motion.cut.radius:.4g} mm, the tool follows "
+            f"{EXTENSION}; there its height goes from {gaps.t.min():.4g} to {gaps.t.max():.4g} mm"
+        )
     yield (
         f"the clearance angle behind the edge must be at least {motion.clearance.upper:.4g} degrees, "
         f"{position(motion.clearance)}"
@@ -224,7 +227,6 @@ def _rows_data(order: ToolOrder, cut: RowCut) -> dict[str, float]:
 
 
 def _motion_data(order: ToolOrder, motion: SpiralMotion) -> dict[str, Any]:
-    worst, x, y = motion.gaps.worst()
     rpm = order.rpm
     highest = None if order.acceleration is None else motion.highest_rpm(order.acceleration)
     if rpm is None and highest is not None and isfinite(highest):
@@ -234,16 +236,21 @@ def _motion_data(order: ToolOrder, motion: SpiralMotion) -> dict[str, Any]:
         "turns": motion.cut.turns,
         "length_m": motion.cut.length,
         "acceleration_over_omega2_mm": _bounds(motion.kernel),
-        "beside_the_lens": {
-            "extension": EXTENSION,
-            "acceleration_over_omega2_mm": {"measured": worst, "x": x, "y": y},
-            "height_mm": [float(motion.gaps.t.min()), float(motion.gaps.t.max())],
-        },
+        **({} if motion.gaps is None else {"beside_the_lens": _beside(motion.gaps)}),
         "clearance_degrees": _bounds(motion.clearance),
         "rpm": rpm,
         "highest_rpm": highest if highest is None or isfinite(highest) else None,
         "acceleration_m_s2": None if rpm is None else motion.acceleration(rpm),
         "hours": None if rpm is None else motion.cut.hours(rpm),
+    }
+
+
+def _beside(gaps: Gaps) -> dict[str, Any]:
+    worst, x, y = gaps.worst()
+    return {
+        "extension": EXTENSION,
+        "acceleration_over_omega2_mm": {"measured": worst, "x": x, "y": y},
+        "height_mm": [float(gaps.t.min()), float(gaps.t.max())],
     }
 
 

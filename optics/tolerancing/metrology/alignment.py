@@ -140,8 +140,8 @@ def _nearest(
 
 def _near(surface: FreeformSurface, points: Floats, motion: Pose, beside: float) -> NDArray[np.bool_]:
     """Return which points lie over a surface, or beside it by a part of its half-width at most."""
-    reach = (1 + beside) * np.reshape(surface.half_width, (2, 1))
-    return np.asarray((np.abs(motion.inverse().points(points)[:2]) <= reach).all(axis=0))
+    x, y, _ = motion.inverse().points(points)
+    return surface.outline.contains(x, y, beside)
 
 
 def _aligned(surface: FreeformSurface, points: Floats, motion: Pose, beside: float) -> Alignment:

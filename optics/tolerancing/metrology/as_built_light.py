@@ -152,7 +152,7 @@ def light_as_built(
         no_fit = str(error)
     chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
-    known = measured_light(aligned[way].points[:2], lit, designed.half_width)
+    known = measured_light(aligned[way].points[:2], lit, designed.outline)
 
     def rel_l2(surface: FreeformSurface) -> float:
         made = with_surface(lens, side, surface)

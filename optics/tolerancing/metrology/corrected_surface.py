@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import floor, log2, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from optics.tolerancing.metrology.alignment import Alignment, Floats
@@ -30,7 +31,8 @@ DEGREE = 3
 class MadeSurface:
     """A surface as it was made.
 
-    surface : FreeformSurface.  fit : of the correction.  covered : fraction of its cells that hold a point.
+    surface : FreeformSurface.  fit : of the correction.  covered : fraction of its cells, those with their
+    middle inside the outline, that hold a point.
     unresolved : correlation of the fit's residuals between neighbouring points; that of noise is 0.
     """
 
@@ -68,7 +70,9 @@ def made_surface(
     whole = designed if designed.sag is not None else designed.with_sag(THBSurface(base, np.zeros(base.dim)))
     u, v = whole.to_parameters(x, y)
     fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
-    cells = len(np.unique(space.locate(u, v)))
+    held = np.zeros(len(space.cells), bool)
+    held[space.locate(u, v)] = True
+    inside = _inside(designed, space)
     # the mean product of each residual with that of the nearest other point, over the mean square
     nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)[1][:, 1]
     likeness = np.mean(fit.residuals * fit.residuals[nearest]) / (np.mean(fit.residuals**2) or 1.0)
@@ -76,9 +80,17 @@ def made_surface(
         designed=designed,
         surface=_made(designed, fit.surface),
         fit=fit,
-        covered=cells / len(space.cells),
+        covered=float((held & inside).sum() / inside.sum()),
         unresolved=float(likeness),
     )
+
+
+def _inside(designed: FreeformSurface, space: THBSpace) -> NDArray[np.bool_]:
+    """Return which cells have their middle inside the outline of a surface."""
+    middles = (space.boxes[:, ::2] + space.boxes[:, 1::2]).T / 2
+    ends = [(kv.start, kv.stop) for kv in (space.kv_u, space.kv_v)]
+    x, y = (h * (2 * m - a - b) / (b - a) for h, m, (a, b) in zip(designed.half_width, middles, ends))
+    return designed.outline.contains(x, y)
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

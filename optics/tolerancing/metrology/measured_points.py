@@ -95,7 +95,7 @@ def read_measured(
     if len(x) < LEAST_POINTS:
         raise UserError(f"{path} holds {len(x)} points with a value, fewer than {LEAST_POINTS}")
     hx, hy = surface.half_width
-    on = (np.abs(x) <= hx) & (np.abs(y) <= hy)
+    on = surface.outline.contains(x, y)
     reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
     if on.mean() < LEAST_INSIDE:
         raise UserError(

@@ -15,6 +15,7 @@ from scipy.stats import qmc
 from optics.base.runtime import UserError
 from optics.tolerancing.perturbations import Perturbation, random_field
 from thbcad.checks import require_integer, require_number
+from thbcad.outlines import Outline
 
 REPLICATES = 8  # independent scramblings of the points: their spread tells the error of every result
 MOST_SAMPLES = 1 << 20
@@ -48,14 +49,14 @@ class FormTolerance:
     def name(self) -> str:
         return f"{self.surface}.form"
 
-    def drawn(self, half_width: tuple[float, float], seed: int) -> Perturbation:
-        """Return one form error.  half_width : of the surface, mm.
+    def drawn(self, outline: Outline, seed: int) -> Perturbation:
+        """Return one form error.  outline : of the surface, over which it has its rms.
 
         Raises
         ------
         UserError : see `random_field`.
         """
-        field = random_field(self.band, self.rms, half_width, seed)
+        field = random_field(self.band, self.rms, outline.half_width, seed, outline.corners)
         return Perturbation(front_error=field) if self.surface == "front" else Perturbation(rear_error=field)
 
 

@@ -68,9 +68,9 @@ class ErrorModel:
 
     def form(self, seed: int) -> list[Perturbation]:
         """Return random form errors of the surfaces.  seed : of all of them."""
-        half_widths = {"front": self.lens.front.half_width, "rear": self.lens.rear.half_width}
+        outlines = {"front": self.lens.front.outline, "rear": self.lens.rear.outline}
         seeds = np.random.default_rng(seed).integers(1 << 63, size=len(self.forms))
-        return [form.drawn(half_widths[form.surface], int(s)) for form, s in zip(self.forms, seeds)]
+        return [form.drawn(outlines[form.surface], int(s)) for form, s in zip(self.forms, seeds)]
 
     def irradiance(self, draw: Draw) -> NDArray[np.float64]:
         """Return the light of a lens, (rows, columns)."""

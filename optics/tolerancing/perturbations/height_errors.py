@@ -15,6 +15,7 @@ from scipy import fft
 from optics.base.runtime import UserError
 from optics.scene.paths import HeightError
 from thbcad.checks import half_widths, read_only, require_integer, require_number
+from thbcad.outlines import Outline
 
 Floats = NDArray[np.float64]
 
@@ -186,16 +187,20 @@ def shortest_period(half_width: tuple[float, float]) -> float:
 
 
 def random_field(
-    band: tuple[float, float], rms: float, half_width: tuple[float, float], seed: int
+    band: tuple[float, float],
+    rms: float,
+    half_width: tuple[float, float],
+    seed: int,
+    corners: tuple[float, float] = (0.0, 0.0),
 ) -> SplineHeight:
-    """Return a random height error over a rectangle.
+    """Return a random height error over a rectangle, of which a surface fills an outline.
 
     All directions carry the same power, and all octaves of the period within the band: the power per area of
     wave vectors falls with 1 / |k|^2.  The phases are independent.  It is scaled to the rms about its own
-    mean, over the rectangle's control points.
+    mean, over the middles of spans inside the outline.
 
     band : shortest and longest period, mm.  rms : mm.  half_width : mm.  seed : of pseudo-random numbers
-    (`numpy.random.default_rng`).
+    (`numpy.random.default_rng`).  corners : mm, of the outline, see `thbcad.outlines.Outline`.
 
     Raises
     ------
@@ -224,8 +229,12 @@ def random_field(
     field = SplineHeight(net, half_width)
     x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(field.half_width, spans))
     points = np.meshgrid(x, y, indexing="ij")
-    unscaled = float(field.jet(points[0].ravel(), points[1].ravel())[0].std())
-    return SplineHeight((net - net.mean()) * (rms / unscaled), half_width)
+    heights = field.jet(points[0].ravel(), points[1].ravel())[0]
+    outline = Outline(field.half_width, corners)
+    if outline.is_rectangle:
+        return SplineHeight((net - net.mean()) * (rms / float(heights.std())), half_width)
+    heights = heights[outline.contains(*points).ravel()]
+    return SplineHeight((net - heights.mean()) * (rms / float(heights.std())), half_width)
 
 
 def _band(

@@ -42,7 +42,7 @@ def test_a_sphere_over_a_disk_has_its_height_to_the_tolerance_of_rims():
     height = 150 - np.sqrt(150**2 - R**2)
     greatest = value_range(cap, tolerance=1e-12, outline=DISK)[1]
     assert greatest.lower - 1e-11 <= height <= greatest.upper + 1e-11  # of the spline
-    assert greatest.upper - greatest.lower < 1.1e-8 * np.abs(cap.coefficients).max()
+    assert greatest.upper - greatest.lower < 1.1e-7 * np.abs(cap.coefficients).max()
     around = minimum_on_rim(cap, DISK)
     assert around.lower - 1e-11 <= height <= around.upper + 1e-11
 
@@ -112,7 +112,7 @@ def test_no_point_inside_lies_beyond_the_bounds_and_some_point_meets_them(case):
         whole = value_range(graph, derivative)
         assert greatest.lower <= whole[1].upper
         assert least.upper >= whole[0].lower
-        assert greatest.upper <= whole[1].upper + 2e-8 * size
+        assert greatest.upper <= whole[1].upper + 2e-7 * size
     around = minimum_on_rim(graph, outline)
     z = graph(*np.clip(rim, 0, h[:, None]))
     assert around.lower <= z.min() + 1e-11

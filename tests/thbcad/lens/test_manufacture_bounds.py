@@ -365,3 +365,40 @@ def test_a_lens_is_wanted():
 def test_a_wavelength_is_a_positive_number():
     with pytest.raises(ValueError, match="wavelength"):
         feature_of(space()).wavelengths(0.0)
+
+
+def test_metrics_of_a_round_lens_are_those_of_its_disk():
+    """z = -r^2 / 200 on a disk of 30 mm: at the rim 8 - 4.5 mm thick and 0.3 steep; its area is that of a
+    paraboloid, 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1)."""
+    r, disk = 30.0, (30.0, 30.0)
+    flat, bowl = FreeformSurface(disk, corners=disk), FreeformSurface(disk, Conic(-100.0, -1.0), None, disk)
+    made = manufacturability(Lens(flat, bowl, 8.0, 1.5), density=1.2)
+    assert made.mass == pytest.approx(1.2e-3 * np.pi * (8 * r**2 - r**4 / 400), rel=1e-12)
+    for found in (made.thickness, made.edge_thickness):
+        assert found.lower <= 3.5 <= found.upper < 3.5 + 1e-9
+    assert made.greatest_thickness.value == pytest.approx(8.0, abs=1e-12)
+    assert made.rear.heights.upper == pytest.approx(4.5, abs=1e-9)
+    slope = np.degrees(np.arctan(0.3))
+    assert made.rear.slope.lower <= slope * (1 + 1e-15)
+    assert slope <= made.rear.slope.upper < slope * (1 + 2e-5)
+    assert made.rear.area == pytest.approx(2 * np.pi * 1e4 / 3 * (1.09**1.5 - 1), rel=1e-12)
+    assert made.front.area == pytest.approx(np.pi * r * r, rel=1e-13)
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_the_edge_of_a_wavy_lens_is_the_least_gap_met_on_its_rim(share):
+    half = np.array([5.0, 3.0])
+    corners, sag = tuple(share * half), rough(tuple(half))
+    lens = Lens(
+        FreeformSurface(half, corners=corners), FreeformSurface(half, sag=sag, corners=corners), 2.0, 1.5
+    )
+    found = manufacturability(lens).edge_thickness
+    turn = np.stack([f(np.linspace(0, 2 * np.pi, 4001)) for f in (np.cos, np.sin)])
+    e = np.sign(turn) * (1 - share + share * abs(turn))
+    t = np.linspace(share - 1, 1 - share, 1001)
+    sides = (
+        np.concatenate([[[t, 0 * t + s], [0 * t + s, t]] for s in (-1, 1)]).transpose(1, 0, 2).reshape(2, -1)
+    )
+    gap = 2.0 + lens.rear(*(np.concatenate([e, sides], axis=1) * half[:, None]))
+    assert found.lower <= gap.min() + 1e-12
+    assert gap.min() < found.upper + 1e-4

@@ -17,10 +17,13 @@ from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
 from thbcad.io import obj_bytes, ply_bytes, stl_bytes
 from thbcad.lens import (
     Flange,
+    FreeformSurface,
+    Lens,
     Tessellation,
     aperture_volume,
     flanged_volume,
     polygon_volume,
+    ruled_edges,
     tessellated,
 )
 from thbcad.meshes import glb_bytes
@@ -76,6 +79,51 @@ def test_a_body_is_closed_and_within_its_chord(lens, aperture, flange, single):
         assert np.abs(heights(lens, points, face)).max() <= mesh.chord
     assert (mesh.vertices == mesh.vertices.astype(np.float32)).all() or not single
     assert mesh.faces.max() == len(mesh.names) - 1
+
+
+def outlined(lens, share, scale=(1.0, 1.0)):
+    """A lens with corners that are a share of its half-widths, and a front of another size."""
+    surfaces = (
+        FreeformSurface(half, s.conic, s.sag, tuple(np.multiply(share, half)))
+        for s, half in (
+            (lens.front, np.multiply(lens.front.half_width, scale)),
+            (lens.rear, lens.rear.half_width),
+        )
+    )
+    return Lens(*surfaces, lens.thickness, lens.index)
+
+
+@pytest.mark.parametrize("lens", [WAVY, PLAIN, BALL])
+def test_a_lens_within_an_ellipse_has_the_mesh_of_that_aperture(lens):
+    lens = outlined(lens, (0, 0))
+    half = lens.rear.half_width
+    assert body_mesh(outlined(lens, (1, 1)), CHORD) == body_mesh(lens, CHORD, half)
+
+
+@pytest.mark.parametrize("share", [(1, 1), (0.3, 0.5), (1, 0.5)])
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (0.8, 0.6)])
+def test_a_lens_within_an_outline_is_closed_and_within_its_chord(share, scale):
+    lens, chord = outlined(WAVY, share, scale), 4 * CHORD
+    mesh = body_mesh(lens, chord)
+    made = to_trimesh(mesh)
+    assert mesh.chord <= chord
+    assert (made.is_watertight, made.is_winding_consistent, made.euler_number) == (True, True, 2)
+    assert abs(made.volume - lens.volume()) <= mesh.chord * made.area
+    for face in (0, 1):
+        assert np.abs(heights(lens, samples(mesh, face), face)).max() <= mesh.chord
+    places, normals = zip(*map(points_and_normals, ruled_edges(lens)))
+    walls = np.concatenate([samples(mesh, face) for face in range(2, 6)])
+    # the nearest of points about 0.05 mm apart, on edges whose curvature is at most 2 / mm
+    at = cKDTree(np.concatenate(places)).query(walls)[1]
+    off = ((walls - np.concatenate(places)[at]) * np.concatenate(normals)[at]).sum(axis=1)
+    assert np.abs(off).max() <= mesh.chord + 0.05**2
+
+
+def points_and_normals(edge):
+    u, v = np.linspace(edge.kv_u.start, edge.kv_u.stop, 201), np.linspace(0, 1, 81)
+    points, along, across = (edge.grid(u, v, orders).reshape(-1, 3) for orders in ((0, 0), (1, 0), (0, 1)))
+    normals = np.cross(along, across)
+    return points, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
 def test_a_flange_has_its_planes_and_its_outline():

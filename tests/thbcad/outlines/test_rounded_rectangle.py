@@ -101,3 +101,18 @@ def test_the_device_has_the_same_gauge(outline, seed):
 def test_impossible_corners_are_refused(half_width, corners, words):
     with pytest.raises(ValueError, match=words):
         Outline(half_width, corners)
+
+
+@pytest.mark.parametrize("corners", [(2.0, 2.0), (5.0, 4.0), (0.3, 1.5)])
+def test_a_chord_ends_where_the_gauge_is_one(corners):
+    outline, rng = Outline((5.0, 4.0), corners), np.random.default_rng(3)
+    origin, direction = rng.uniform(-7, 7, (2, 2000)), rng.normal(size=(2, 2000))
+    direction[:, :20], direction[0, 20:40], direction[1, 40:60] = 0.0, 0.0, 0.0
+    start, stop = outline.chord(origin, direction)
+    met = start < stop
+    t = np.linspace(-40, 40, 4001)[:, None]  # steps of a fiftieth of the direction
+    gauge = outline.gauge(*(o + t * d for o, d in zip(origin, direction)))
+    assert (met | (gauge > 1).all(axis=0)).all()
+    ends, o, d = (a[:, met & np.isfinite(start)] for a in (np.array([start, stop]), origin, direction))
+    assert (outline.gauge(*(o + ends.mean(axis=0) * d)) <= 1 + 1e-12).all()
+    assert outline.gauge(*(o[:, None] + ends * d[:, None])) == pytest.approx(np.ones_like(ends), abs=1e-12)

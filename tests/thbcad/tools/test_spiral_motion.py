@@ -7,6 +7,7 @@ from scipy.optimize import minimize_scalar
 
 from tests.thbcad.tools.cases import cylinder, paraboloid, plane, rough, saddle
 from thbcad.lens import FreeformSurface
+from thbcad.outlines import Outline
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.tools import (
@@ -164,6 +165,28 @@ def test_a_nose_that_does_not_fit_is_refused_with_the_radius():
     line = KnotVector.uniform(1, 2, -1.0, 1.0)
     with pytest.raises(ValueError, match="degree 2 or more"):
         greatest_section_curvature(BSplineSurface(line, line, np.zeros((3, 3))))
+
+
+def test_over_a_disk_the_bounds_are_those_of_its_points():
+    """Of a rough graph and the corners of its square, where it is steeper."""
+    disk, graph = Outline((5.0, 5.0), (5.0, 5.0)), rough(np.random.default_rng(1))
+    inside = disk.contains(X, Y)
+    at = round_axis(graph, X[inside], Y[inside])
+    pairs = [
+        (greatest_acceleration(graph, 0.1, 0.01, outline=disk), tool_acceleration(at, 0.1, 0.01)),
+        (greatest_section_curvature(graph, outline=disk), at.bend / (1 + at.slope**2) ** 1.5),
+        (greatest_slope_along_cut(graph, outline=disk), abs(at.across)),
+    ]
+    for found, values in pairs:
+        assert found.upper >= values.max() * (1 - 1e-12)
+        assert found.lower >= 0.9 * values.max()
+        assert found.upper <= found.lower * 1.01
+        assert disk.contains(found.u, found.v)
+    tilted = greatest_slope_along_cut(plane(0.3, -0.4), outline=disk)
+    assert tilted.lower <= 0.5 <= tilted.upper
+    assert SpiralCut.over((5.0, 5.0), 0.01, (5.0, 5.0)).radius == pytest.approx(5.0, rel=1e-15)
+    rounded = SpiralCut.over((5.0, 4.0), 0.01, (1.0, 1.0))
+    assert rounded.radius == pytest.approx(np.hypot(4.0, 3.0) + 1.0, rel=1e-6)
 
 
 def test_a_spiral_takes_its_radius_over_the_feed_turns():

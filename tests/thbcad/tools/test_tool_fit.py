@@ -6,9 +6,10 @@ from hypothesis import given, settings, strategies as st
 
 from tests.thbcad.tools.cases import cylinder, paraboloid, rough
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.sags import Conic
-from thbcad.splines import KnotVector, interpolate
-from thbcad.tools import air_side, ball_fit, concavity, nose_fit
+from thbcad.outlines import Outline
+from thbcad.sags import Conic, square_coefficients
+from thbcad.splines import BSplineSurface, KnotVector, interpolate
+from thbcad.tools import air_side, ball_fit, concavity, draft, nose_fit
 
 
 def test_a_ball_fits_a_bowl_up_to_the_radius_of_its_bottom():
@@ -110,3 +111,19 @@ def _depth(graph, radius, x, y, reach=1.0):
     under = d2 < radius**2
     gap = z - np.sqrt(np.where(under, radius**2 - d2, 0)) - graph.grid(u, v)
     return gap[under].min()
+
+
+def test_what_a_disk_leaves_out_bounds_neither_tools_nor_draft():
+    """z = x^2 y^2 / 500 bends most in the corners of the square, also in sections through the axis."""
+    kv, disk = KnotVector.uniform(3, 4, -5.0, 5.0), Outline((5.0, 5.0), (5.0, 5.0))
+    graph = BSplineSurface(kv, kv, np.outer(square_coefficients(kv), square_coefficients(kv)) / 500)
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(-5, 5, 401)] * 2))
+    held = disk.contains(x, y)
+    least = 1 / concavity(graph, x[held], y[held], spiral=False).max()
+    found = ball_fit(graph, 1.0, disk).least
+    assert found.lower <= least <= found.upper * 1.01
+    assert nose_fit(graph, 1.0, disk).least.lower > 1.2 * nose_fit(graph, 1.0).least.upper
+    flat = FreeformSurface((5.0, 5.0), corners=(5.0, 5.0))
+    bowl = FreeformSurface((5.0, 5.0), Conic(-20.0, -1.0), None, (5.0, 5.0))
+    slope = 90 - draft(Lens(flat, bowl, 3.0, 1.5)).rear.value
+    assert slope == pytest.approx(np.degrees(np.arctan(0.25)), rel=1e-5)

@@ -13,7 +13,7 @@ from thbcad.cad.exchange import GLASS
 from thbcad.cad.parts.mount_solids import mounted_part
 from thbcad.cad.parts.named_booleans import fused, named_part, numbered, without
 from thbcad.cad.parts.search import occt_shape, one_solid
-from thbcad.cad.shapes import NAMES, Part, lens_part
+from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens
 from thbcad.mounts import Mount
@@ -47,9 +47,10 @@ class LensPart(bd.BasePartObject):
         mode: bd.Mode = bd.Mode.ADD,
     ) -> None:
         require_type("lens", lens, Lens)
-        solid = bd.Solid(lens_part(lens).solid, label=label)
+        part = lens_part(lens)
+        solid = bd.Solid(part.solid, label=label)
         super().__init__(solid, rotation=rotation, align=align, mode=mode)
-        self._describe(lens, NAMES * len(self.solids()))
+        self._describe(lens, tuple(part.names) * len(self.solids()))
         for name, place in _places(lens).items():
             bd.RigidJoint(name, self, self.solids()[0].location * place)
 

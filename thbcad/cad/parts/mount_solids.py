@@ -13,14 +13,16 @@ from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeVertex,
 )
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeRevol
-from OCP.gp import gp_Ax1, gp_Dir, gp_Pln, gp_Pnt, gp_Vec
+from OCP.gp import gp_Ax1, gp_Dir, gp_Pln, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
 
 from thbcad.cad.exchange import faces_of
 from thbcad.cad.parts.named_booleans import fused, named_part, without
 from thbcad.cad.shapes import Part, lens_part
-from thbcad.lens import Lens
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.mounts import Gate, Hole, Mount, MountProof, Post, require_mount
+from thbcad.outlines import Outline
 
 Point3 = tuple[float, float, float]
 
@@ -41,8 +43,7 @@ def mount_part(mount: Mount, proof: MountProof, lens: Lens) -> Part:
     body = _flange_body(mount, proof)
     part = named_part(body, ["flange"] * len(faces_of(body)))
     if proof.framed:
-        x, y = lens.front.half_width
-        part = without(part, _box((-x, -y, proof.low - 1), (x, y, proof.high + 1)), "flange")
+        part = without(part, _prism(lens.front.outline, proof.low - 1, proof.high + 1), "flange")
     if mount.gate is not None:
         part = fused(part, _gate_body(mount, mount.gate, proof), "gate")
     count = {"hole": 0, "pin": 0, "boss": 0}
@@ -118,6 +119,17 @@ def _gate_body(mount: Mount, gate: Gate, proof: MountProof) -> TopoDS_Shape:
     if axis == 1:
         low, high = (low[1], low[0], low[2]), (high[1], high[0], high[2])
     return _box(low, high)
+
+
+def _prism(outline: Outline, low: float, high: float) -> TopoDS_Shape:
+    """Return what lies within an outline between two heights."""
+    x, y = outline.half_width
+    if outline.is_rectangle:
+        return _box((-x, -y, low), (x, y, high))
+    flat = FreeformSurface((x, y), corners=outline.corners)
+    lift = gp_Trsf()
+    lift.SetTranslation(gp_Vec(0, 0, low))
+    return lens_part(Lens(flat, flat, high - low, 1.5)).solid.Moved(TopLoc_Location(lift))
 
 
 def _box(low: Point3, high: Point3) -> TopoDS_Shape:

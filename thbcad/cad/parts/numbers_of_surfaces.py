@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from OCP.Geom import (
     Geom_BSplineSurface,
+    Geom_CylindricalSurface,
     Geom_ElementarySurface,
+    Geom_Ellipse,
     Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
     Geom_Surface,
+    Geom_SurfaceOfLinearExtrusion,
 )
 from OCP.gp import gp_Trsf
 
@@ -26,7 +29,7 @@ class SurfaceNumbers:
 
     kind : the type of the surface, with the degrees of a spline
     fixed : (n,) float, knots with their multiplicities and weights, or radii
-    moved : (m, 3) float, poles in mm, or the origin of a plane or a sphere and its three unit axes
+    moved : (m, 3) float, poles in mm, or the origin of another surface and its three unit axes
     """
 
     kind: str
@@ -83,7 +86,8 @@ class SurfaceNumbers:
 def surface_numbers(geom: Geom_Surface) -> SurfaceNumbers:
     """Return the SurfaceNumbers of an OCCT surface, of its basis where it is a trimmed one.
 
-    Surfaces that are neither splines nor planes, spheres and their like have no numbers.
+    Surfaces that are neither splines, nor planes, spheres and their like, nor cylinders over ellipses have no
+    numbers.
     """
     while isinstance(geom, Geom_RectangularTrimmedSurface):
         geom = geom.BasisSurface()
@@ -94,8 +98,14 @@ def surface_numbers(geom: Geom_Surface) -> SurfaceNumbers:
         frame = geom.Position()
         axes = [frame.XDirection(), frame.YDirection(), frame.Direction()]
         rows = np.array([frame.Location().Coord(), *(axis.Coord() for axis in axes)])
-        radius = [geom.Radius()] if isinstance(geom, Geom_SphericalSurface) else []
-        return SurfaceNumbers(kind, np.array(radius), rows)
+        has_radius = isinstance(geom, (Geom_SphericalSurface, Geom_CylindricalSurface))
+        return SurfaceNumbers(kind, np.array([geom.Radius()] if has_radius else []), rows)
+    if isinstance(geom, Geom_SurfaceOfLinearExtrusion) and isinstance(geom.BasisCurve(), Geom_Ellipse):
+        conic = geom.BasisCurve()
+        frame = conic.Position()
+        axes = [frame.XDirection(), frame.YDirection(), geom.Direction()]
+        rows = np.array([frame.Location().Coord(), *(axis.Coord() for axis in axes)])
+        return SurfaceNumbers(kind, np.array([conic.MajorRadius(), conic.MinorRadius()]), rows)
     return SurfaceNumbers(kind, np.empty(0), np.empty((0, 3)))
 
 

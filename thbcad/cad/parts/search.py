@@ -22,7 +22,7 @@ from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens, OpticalForm
 
 OPTICAL = ("front", "rear")
-ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the rectangle of a lens
+ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the outline of a lens
 REMEDY = "add to a lens with thbcad.cad.join, or without clean()"
 APART = 10 * TOLERANCE  # mm; booleans of OCCT move edges by a few of its tolerances
 
@@ -223,8 +223,8 @@ def _faces_at(
 
 
 def _beyond(face: TopoDS_Face, back: Any, surface: FreeformSurface) -> Floats | None:
-    """Return the point of a face's edges, in the lens's frame, that lies farthest outside of the rectangle
-    of a surface, None where none does."""
+    """Return the point of a face's edges, in the lens's frame, that lies farthest outside of the outline of
+    a surface, None where none does."""
     points = []
     for edge in edges_of(face):
         if not BRep_Tool.Degenerated_s(edge):
@@ -232,7 +232,8 @@ def _beyond(face: TopoDS_Face, back: Any, surface: FreeformSurface) -> Floats | 
             steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE)
             points += [curve.Value(t).Transformed(back).Coord() for t in steps.tolist()]
     rows = np.array(points).reshape(-1, 3)
-    outside = (np.abs(rows[:, :2]) - surface.half_width).max(axis=1, initial=-np.inf)
+    # a lower bound of the distance
+    outside = (surface.outline.gauge(*rows[:, :2].T) - 1) * min(surface.half_width)
     far = int(np.argmax(outside)) if len(rows) else 0
     return rows[far] if len(rows) and outside[far] > APART else None
 

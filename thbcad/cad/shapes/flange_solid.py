@@ -11,13 +11,14 @@ from OCP.TopoDS import TopoDS
 from thbcad.cad.shapes.forms import form_of, optical_face
 from thbcad.cad.shapes.part import Part
 from thbcad.cad.shapes.rings import Wall, plane_face, wall_faces
-from thbcad.cad.shapes.topology import NAMES, closed_part, turned
+from thbcad.cad.shapes.topology import closed_part, turned
 from thbcad.cad.shapes.trimmed_solid import Bounded, ruled_faces, upright_faces
 from thbcad.cad.shapes.walls import RuledWall, UprightWall, form_ring
 from thbcad.lens import (
     SIDES,
     Flange,
     Lens,
+    edge_names,
     optical_forms,
     require_clear,
     require_sound,
@@ -25,6 +26,8 @@ from thbcad.lens import (
     walls_of,
 )
 from thbcad.outlines import UPRIGHT, Outline
+
+HALVES = ("edge 1", "edge 2")  # of an aperture
 
 
 def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> Part:
@@ -47,7 +50,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
         builder, lens, shape, semi_axes is not None or lens.taper == UPRIGHT
     )
     outline = UprightWall(flange.around(shape).pieces)
-    edges = NAMES[2:] if shape.is_rectangle else [f"edge {k + 1}" for k in range(len(wall.ends))]
+    edges = HALVES if semi_axes is not None else edge_names(lens)
     inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
     faces = [
         front,

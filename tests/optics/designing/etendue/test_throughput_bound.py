@@ -22,6 +22,7 @@ from optics.designing.etendue.throughput_bound import (
     throughput,
 )
 from optics.light.blur import patch_images
+from optics.light.tracing import Tracer
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT, examples
@@ -144,6 +145,20 @@ def test_area_of_a_paraboloid(problem_file):
     lens = OpticalSystem(load_problem(problem_file())).lens
     expected = dblquad(lambda y, x: sqrt(1 + (x * x + y * y) / 1600), -10, 10, -10, 10)[0]
     assert rear_area(lens) == pytest.approx(expected, rel=1e-7)
+
+
+def test_area_and_light_of_a_round_lens(problem_file, backend):
+    """The area of a paraboloid over its disk; light beside the front is that of a trace of the same rays."""
+    near = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
+    system = OpticalSystem(load_problem(problem_file({**near, "lens.outline": "round"})))
+    lens, r = system.lens, system.lens.rear.half_width[0] / 40
+    # pixels that the circle cuts count whole or not: r / 512 of it, at random
+    assert rear_area(lens) == pytest.approx(2 * pi * 40**2 / 3 * ((1 + r * r) ** 1.5 - 1), rel=1e-6)
+    rays = system.source.rays(RAYS)
+    tracer = Tracer(backend, system.path(lens), rays)
+    _, landing = tracer.trace()
+    beside = tracer.fates(landing, system.target.settings.half_width).beside_lens
+    assert front_fraction(system) == pytest.approx(1 - beside / rays.total, abs=1e-12)
 
 
 def test_share_that_meets_a_plane_front(problem_file):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ pytest.importorskip("mitsuba")
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.mesh import FACES, LensMesh
 from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space
+from thbcad.lens import Lens
 
 EPS = 2.0**-23  # of float32
 
@@ -27,6 +29,13 @@ def mi(backend):
 def two_free_lens():
     """Return a lens whose faces are both free and of different size."""
     return hollow_lens(lambda space: rough(space, 0.3), lambda space: rough(space, 0.1, 6), (4, 3))
+
+
+def rounded_lens(share):
+    """Return that lens with corners of a share of the half-widths."""
+    lens = two_free_lens()
+    surfaces = (replace(s, corners=tuple(share * h for h in s.half_width)) for s in (lens.front, lens.rear))
+    return Lens(*surfaces, lens.thickness, lens.index)
 
 
 def stored(mi, owner, name=None):
@@ -62,7 +71,9 @@ def volume(triangles):
 
 
 @pytest.mark.parametrize(
-    "lens", [small_lens(sag=rough(small_space())), two_free_lens()], ids=["plane front", "both free"]
+    "lens",
+    [small_lens(sag=rough(small_space())), two_free_lens(), rounded_lens(0.4), rounded_lens(1.0)],
+    ids=["plane front", "both free", "rounded", "round"],
 )
 def test_the_faces_close_outward_and_enclose_the_volume(mi, lens):
     """The volume of the mesh errs by the chords, h^2: from one grid to one twice as fine the error falls by
@@ -79,8 +90,8 @@ def test_the_faces_close_outward_and_enclose_the_volume(mi, lens):
     assert errors[2] < errors[1] / 3
 
 
-def test_vertices_and_normals_are_those_of_the_surfaces(mi):
-    lens = two_free_lens()
+@pytest.mark.parametrize("lens", [two_free_lens(), rounded_lens(0.4)], ids=["rectangle", "rounded"])
+def test_vertices_and_normals_are_those_of_the_surfaces(mi, lens):
     mesh = LensMesh.uniform(lens, (33, 29))
     shapes = mesh.shapes(mi)
     for name, surface, vertex, side in (
@@ -110,15 +121,19 @@ def test_the_chord_error_is_kept(mi):
     assert chord / 100 < error < chord
 
 
+@pytest.mark.parametrize("lens", [two_free_lens(), rounded_lens(0.4)], ids=["rectangle", "rounded"])
 @pytest.mark.parametrize("name", ["front", "rear"])
-def test_the_matrices_give_the_surface(name):
-    lens = two_free_lens()
+def test_the_matrices_give_the_surface(name, lens):
     vertices, sag = LensMesh.uniform(lens, (21, 18)).surfaces[name], getattr(lens, name).sag
     # sums of a few hundred products of numbers up to 10, and slopes of them
     np.testing.assert_allclose(vertices.jet(sag.coefficients), vertices.jet(), rtol=0, atol=1e-12)
     rng = np.random.default_rng(1)
     c, g = rng.standard_normal(sag.space.dim), rng.standard_normal((3, 21 * 18))
     assert np.vdot(vertices.push_forward(c), g) == pytest.approx(vertices.pull_back(g) @ c, rel=1e-12)
+    knots = [
+        kv.rescale(-h, h) for kv, h in zip((sag.space.kv_u, sag.space.kv_v), vertices.surface.half_width)
+    ]
+    assert vertices.pull_back(g, knots).ravel() == pytest.approx(vertices.pull_back(g), rel=1e-10, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["front", "rear"])

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.exchange.verification.conic_face import ConicFace
 from optics.exchange.verification.independent_checks import text_and_occt_checks
 from optics.exchange.verification.lone_file import bare_checks
 from optics.exchange.verification.optiland_tracer import optiland_checks
 from optics.exchange.verification.reference_tracer import trace_step
 from optics.exchange.verification.step_checks import surface_deviation, verify
 from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.traced_faces import ConicFace
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
 from tests.cases import examples

@@ -11,8 +11,8 @@ import pytest
 
 from optics.exchange.verification.independent_checks import text_and_occt_checks
 from optics.exchange.verification.lone_file import _axis, bare_checks
-from optics.exchange.verification.occt_tracer import occt_trace, optical_faces
-from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.occt_tracer import occt_trace
+from optics.exchange.verification.step_file import StepFile, optical_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
 from oracles.light_formulas import fresnel, meridional

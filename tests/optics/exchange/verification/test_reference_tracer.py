@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.exchange.verification.reference_tracer import ParametricFace, _intersect, trace_step
+from optics.exchange.verification.reference_tracer import _intersect, trace_step
+from optics.exchange.verification.traced_faces import ParametricFace
 from optics.light.intersections import SearchedHits
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays

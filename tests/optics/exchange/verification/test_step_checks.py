@@ -14,9 +14,9 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.TopoDS import TopoDS_Compound
 
 from optics.base.runtime import Check, verification
-from optics.exchange.verification.reference_tracer import deposit
 from optics.exchange.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
 from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.trace_comparison import deposit
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem, lens_product
 from tests.optics.cases import moved_point

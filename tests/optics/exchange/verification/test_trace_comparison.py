@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from optics.exchange.verification.reference_tracer import trace_step
-from optics.exchange.verification.trace_comparison import compared
-from optics.light.tracing import LandingPoints
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.exchange.verification.trace_comparison import compared, light_checks
+from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.problem import Problem, load_problem
+from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
 from thbcad.lens import placed_surfaces
 
@@ -52,3 +53,32 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
         return LandingPoints(seen.points, flux)
 
     assert compared(system, system.lens, backend, (9, 9), losing).mismatched == 4
+
+
+@pytest.mark.parametrize(
+    "source", [{"kind": "collimated", "half_width": (8, 8)}, {"kind": "point", "half_angle": 25}]
+)
+def test_the_independent_trace_blocks_the_same_rays(source):
+    stops = (
+        {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
+        {"shape": "ring", "half_width": (2, 1.5), "inner": (1, 0.5), "position": (1, 2, 30), "hole": False},
+    )
+    size = {"half_width": (10, 10)}
+    problem = Problem(
+        source={"distance": 20, **source},
+        lens={"index": 1.5, "thickness": 6, "front": size, "rear": size, "outline": "round"},
+        target={"kind": "tophat", "distance": 60, "half_width": (20, 20), "pixels": (16, 16)},
+        stop=stops,
+    ).with_(**{"lens.clear_aperture": (7, 7), "lens.rear.radius": -40.0, "stop.1.tilt": (40, 0, 0)})
+    system = solvable_system(problem)
+    lens, path = system.lens, system.path(system.lens)
+    front, rear = placed_surfaces(lens)
+    faces = SimpleNamespace(front=front, rear=rear)
+    assert all(check.ok for check in light_checks(system, lens, faces, system.backend))
+    rays = single_rays(system.source.rays((101, 101)), lens)
+    tracer = Tracer(system.backend, path, rays)
+    _, landing = tracer.trace()
+    seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, path.receiver, path)
+    fates = tracer.fates(landing, (20, 20))
+    assert fates.blocked > 0.5
+    assert seen.flux.sum() == pytest.approx(fates.transmitted, abs=1e-12)

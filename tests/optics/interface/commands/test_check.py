@@ -1,6 +1,7 @@
 """What `thbcad check` prints."""
 
 import json
+import math
 
 import pytest
 
@@ -18,6 +19,24 @@ def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
     assert "skip" not in brief
     for word in (" g; rear with", "z_freedom allows", "rel_l2: ", "of index", "of ripple", "of decentre"):
         assert word in brief
+
+
+def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, capsys):
+    """The beam of 19 mm is parallel to the rear; the clear aperture leaves 8/9.5 of it each way."""
+    path = str(write_problem(tmp_path, {}))
+    assert main(["check", path]) == 0
+    wide = "least half-width that loses no light: front 9.5 x 9.5 mm of 10 x 10, rear 9.5 x 9.5 mm of 10 x 10"
+    said = capsys.readouterr().out
+    assert wide in said
+    assert "blocked" not in said
+    assert main(["check", path, "--set", "lens.clear_aperture=[8, 8]", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["expected"]
+    assert found["blocked"] == pytest.approx(1 - (8 / 9.5) ** 2, abs=1e-5)
+    assert found["least"]["rear"] == pytest.approx([8, 8], rel=1 / 256)  # corners of cells
+    stop = 'stop=[{shape="ellipse", half_width=[6, 6], position=[0, 0, -1]}]'
+    assert main(["check", path, "--set", stop]) == 0
+    share = 1 - math.pi * 36 / 19**2
+    assert f"{share:.1%} blocked by stops and the clear aperture" in capsys.readouterr().out
 
 
 def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):

@@ -83,7 +83,9 @@ def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
         NAMED["lens.material"],
         NAMED["export.author"],
     )
-    capsys.readouterr()
+    assert "the cut costs " in capsys.readouterr().out
+    report = json.loads((tmp_path / "cut.step.json").read_text("utf-8"))
+    assert 0.5 < report["cut_cost"]["through"] < 0.9
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,7 @@ def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend,
         return local_formula_of(system, lens, "rear", backend, counts)
 
     def of(counts):
-        return _Probed(finer(counts), target, lens.rear.half_width, finer).cost(band, RISE)[0]
+        return _Probed(finer(counts), target, lens.rear.outline, finer).cost(band, RISE)[0]
 
     usual, fine = of((48, 48)), of((640, 640))
     assert usual.change_per_mm == pytest.approx(fine.change_per_mm, rel=0.03)
@@ -151,7 +151,7 @@ def test_no_regular_ripple_of_the_allowed_height_brings_more_than_the_rise(tmp_p
     def finer(counts):
         return local_formula_of(system, lens, "rear", backend, counts)
 
-    probed = _Probed(finer((160, 160)), target, lens.rear.half_width, finer)
+    probed = _Probed(finer((160, 160)), target, lens.rear.outline, finer)
     cost, _ = probed.cost((1.0, 2.0), RISE)
     fine = finer((480, 480))
     for direction in (11.0, 34.0, 80.0):

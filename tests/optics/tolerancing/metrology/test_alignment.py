@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology import best_fit, by_datums
+from optics.tolerancing.metrology import best_fit, by_datums, made_surface
 from optics.tolerancing.metrology.alignment import outliers
-from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
+from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad import Pose
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
@@ -111,3 +113,16 @@ def test_a_best_fit_brings_points_nearer_however_weak_a_motion_is(
 def test_points_that_leave_the_surface_are_refused() -> None:
     with pytest.raises(UserError, match="beside the surface"):
         best_fit(freeform(), points_of(freeform()) + np.array([[30.0], [0.0], [0.0]]))
+
+
+def test_points_outside_the_outline_lie_beside_the_surface():
+    """A square grid over an ellipse: what stands in the corners changes nothing, and all of the ellipse is
+    covered."""
+    surface = replace(freeform(), corners=HALF_WIDTH)
+    x, y = (a.ravel() for a in np.meshgrid(*(h * np.linspace(-1, 1, 80) for h in HALF_WIDTH)))
+    inside = surface.outline.contains(x, y)
+    points = np.stack([x, y, surface(x, y) + np.where(inside, ripple(x, y), 5.0)])
+    aligned = by_datums(surface, points)
+    assert np.array_equal(aligned.points[:2], points[:2, inside])
+    assert np.abs(aligned.heights).max() < 3e-4
+    assert made_surface(surface, aligned).covered == 1

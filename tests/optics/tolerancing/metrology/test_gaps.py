@@ -24,6 +24,7 @@ from optics.tolerancing.metrology.measured_area import measured_light
 from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.metrology.cases import ripple
+from thbcad.outlines import Outline
 from thbcad.sags import Conic
 
 HALF_WIDTH = (10.0, 8.0)
@@ -43,7 +44,17 @@ def random_points(count, seed):
 @examples(25)
 @given(st.integers(100, 20_000), st.integers(0, 1 << 30))
 def test_points_at_random_all_over_leave_no_gap(count: int, seed: int) -> None:
-    assert measured_light(random_points(count, seed), everywhere(), HALF_WIDTH) == 1
+    assert measured_light(random_points(count, seed), everywhere(), Outline(HALF_WIDTH)) == 1
+
+
+@examples(15)
+@given(st.integers(100, 5_000), st.integers(0, 1 << 30))
+def test_points_at_random_all_over_an_ellipse_leave_no_gap(count: int, seed: int) -> None:
+    """Strips at its rim are as small as it is there."""
+    ellipse, rays = Outline(HALF_WIDTH, HALF_WIDTH), everywhere()
+    points = random_points(2 * count, seed)
+    flux = rays.flux * ellipse.contains(rays.x, rays.y)
+    assert measured_light(points[:, ellipse.contains(*points)], replace(rays, flux=flux), ellipse) == 1
 
 
 @examples(25)
@@ -54,7 +65,7 @@ def test_points_on_a_grid_all_over_leave_no_gap(columns: int, rows: int) -> None
         line = (inside * h * np.linspace(-1, 1, n) for h, n in zip(HALF_WIDTH, (columns, rows)))
         points = np.stack([g.ravel() for g in np.meshgrid(*line)])
         if 0.3 < columns / rows < 4:
-            assert measured_light(points, everywhere(), HALF_WIDTH) == 1
+            assert measured_light(points, everywhere(), Outline(HALF_WIDTH)) == 1
 
 
 @examples(25)
@@ -64,7 +75,7 @@ def test_a_part_that_was_not_measured_is_seen(part: float, count: int, seed: int
     line = (h * np.linspace(-1, 1, side) for h in HALF_WIDTH)
     points = np.stack([g.ravel() for g in np.meshgrid(*line)]) if grid else random_points(count, seed)
     cut = HALF_WIDTH[0] * (2 * part - 1)
-    known = measured_light(points[:, points[0] <= cut], everywhere(), HALF_WIDTH)
+    known = measured_light(points[:, points[0] <= cut], everywhere(), Outline(HALF_WIDTH))
     assert known < 1
     assert known == pytest.approx(part, abs=2.5 / side**0.5)
 
@@ -73,9 +84,9 @@ def test_a_hole_is_seen_wherever_light_crosses_it() -> None:
     points = random_points(10_000, 3)
     hole = np.hypot(points[0] - 4, points[1] + 2) > 1
     lit = everywhere()
-    assert 0.985 < measured_light(points[:, hole], lit, HALF_WIDTH) < 1
+    assert 0.985 < measured_light(points[:, hole], lit, Outline(HALF_WIDTH)) < 1
     dark = np.where(np.hypot(lit.x - 4, lit.y + 2) < 1.5, 0.0, 1.0)
-    assert measured_light(points[:, hole], replace(lit, flux=dark), HALF_WIDTH) == 1
+    assert measured_light(points[:, hole], replace(lit, flux=dark), Outline(HALF_WIDTH)) == 1
 
 
 @pytest.fixture(scope="module")

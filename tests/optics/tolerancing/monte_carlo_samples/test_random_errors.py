@@ -7,6 +7,7 @@ from hypothesis import given, strategies as st
 from optics.base.runtime import UserError
 from optics.tolerancing.monte_carlo_samples import FormTolerance
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
+from thbcad.outlines import Outline
 
 
 @given(st.integers(0, 40), st.integers(1, 6), st.integers(0, 2**32))
@@ -44,7 +45,7 @@ def test_bad_forms_are_refused(surface, rms, words):
 
 
 def test_a_form_lies_on_its_surface_alone():
-    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn((6.0, 4.0), 3)
+    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(Outline((6.0, 4.0)), 3)
     assert drawn.rear_error is None
     x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))
     assert drawn.front_error.jet(x.ravel(), y.ravel())[0].std() == pytest.approx(1e-5, rel=0.05)

@@ -5,6 +5,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.tolerancing.perturbations import random_field, shortest_period
+from thbcad.outlines import Outline
 
 HALF = (30.0, 20.0)
 
@@ -17,6 +18,16 @@ def samples(field, n=400):
 @pytest.mark.parametrize("band", [(1.0, 2.0), (2.0, 5.0), (5.0, 60.0)])
 def test_the_rms_over_the_aperture_is_the_one_asked_for(band):
     assert samples(random_field(band, 3e-5, HALF, 4)).std() == pytest.approx(3e-5, rel=5e-3)
+
+
+def test_the_rms_of_an_outline_is_that_inside_about_its_own_mean():
+    """Long waves have another mean and another rms over the ellipse than over the rectangle."""
+    x, y = (h * (2 * np.arange(400) + 1 - 400) / 400 for h in HALF)
+    inside = Outline(HALF, HALF).contains(x[:, None], y)
+    field = samples(random_field((20.0, 60.0), 3e-5, HALF, 4, corners=HALF))
+    assert field[inside].std() == pytest.approx(3e-5, rel=3e-2)  # whole spans count at the rim
+    assert abs(field[inside].mean()) < 3e-2 * 3e-5
+    assert field.std() != pytest.approx(3e-5, rel=6e-2)
 
 
 def test_the_power_lies_in_the_band():
