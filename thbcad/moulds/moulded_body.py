@@ -3,7 +3,7 @@ smaller surface."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,11 @@ class BodyOptions:
                 require_number(name, getattr(self, name), finite=True)
         if self.land is not None and not self.annulus:
             raise ValueError("a land needs annulus = true, got its z alone")
+
+    def scaled(self, factor: float) -> BodyOptions:
+        """Return the options of the body enlarged by a factor in x, y and z."""
+        parting, land = (None if z is None else factor * z for z in (self.parting, self.land))
+        return replace(self, parting=parting, land=land, edge_radius=factor * self.edge_radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +203,8 @@ class MouldedBody:
         """Raise ValueError unless walls and rounded edges are proven to lie around an outline.
 
         Of two convex outlines one lies a depth within the other where its support function is everywhere less
-        by that depth.  That of half-widths h and corners c is |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
+        by that depth.  That of half-widths h and corners c is
+        |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
         """
         for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
             wall = self.wall(number)

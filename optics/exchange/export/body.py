@@ -21,8 +21,8 @@ from thbcad.lens import (
     require_polygon,
 )
 from thbcad.meshes import body_mesh
-from thbcad.moulds import UNCHANGED, Factors, Insert, enlarged
-from thbcad.outlines import Shape
+from thbcad.moulds import UNCHANGED, BodyOptions, Factors, Insert, MouldedBody, enlarged
+from thbcad.outlines import Outline, Shape
 from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
@@ -50,12 +50,14 @@ class Body:
     factors : of x, y and z, by which lens and outline are enlarged, so that what has shrunk is the design
     cavity : "front" or "rear": no lens, but the insert that makes this surface; None is the lens
     back : z of the insert's plane back, mm, enlarged too; None as in `Insert.of`
+    moulded : of the body that leaves a mould; None is the lens with its own walls
+    clear : the outline that this body must leave free; None asks for nothing
 
     Raises
     ------
     UserError : patches or separate together with another option; a polygon together with an aperture or a
         flange; a flange, whose width is one number, that is enlarged unlike in x and y; a flange of an
-        insert; a back without an insert.
+        insert; a back without an insert; a moulded body with another shape, or enlarged unlike.
     """
 
     aperture: tuple[float, float] | None = None
@@ -66,6 +68,8 @@ class Body:
     factors: Factors = UNCHANGED
     cavity: str | None = None
     back: float | None = None
+    moulded: BodyOptions | None = None
+    clear: Outline | None = None
 
     def __post_init__(self) -> None:
         if self.cavity is not None and (self.patches or self.separate or self.flange is not None):
@@ -74,6 +78,13 @@ class Body:
             )
         if self.back is not None and self.cavity is None:
             raise UserError("--back is that of an insert: add --cavity front or rear, or leave it out")
+        if self.moulded is not None and (self.patches or self.shaped):
+            raise UserError(
+                "lens.body makes the walls of the solid: leave out --patches, --aperture, --polygon and "
+                "--flange, or export lens.json of the result, which is the lens without its body"
+            )
+        if self.moulded is not None and len(set(self.factors)) > 1:
+            raise UserError("the draft of lens.body needs one --shrinkage for x, y and z")
         if self.patches + self.separate + self.shaped > 1:
             raise UserError("--patches, --separate and --aperture, --polygon or --flange exclude each other")
         if self.polygon is not None and (self.aperture is not None or self.flange is not None):
@@ -86,6 +97,11 @@ class Body:
                 "ones of x and y"
             )
 
+    @property
+    def rounded(self) -> bool:
+        """Whether the solid is a moulded body with rounded edges, of which no closed form says the volume."""
+        return self.is_moulded and self.moulded is not None and self.moulded.edge_radius > 0
+
     def enlarged(self, lens: Lens) -> tuple[Lens, Body]:
         """Return the lens and the options in the size of the mould, and nothing left to enlarge."""
         if self.factors == UNCHANGED:
@@ -96,7 +112,15 @@ class Body:
         polygon = self.polygon and [(x * a, y * b) for a, b in self.polygon]
         back = None if self.back is None else z * self.back
         body = replace(self, aperture=aperture, flange=flange, polygon=polygon, factors=UNCHANGED, back=back)
+        if self.moulded is not None:
+            clear = self.clear and self.clear.scaled([x * h for h in self.clear.half_width])
+            body = replace(body, moulded=self.moulded.scaled(z), clear=clear)
         return enlarged(lens, self.factors), body
+
+    @property
+    def is_moulded(self) -> bool:
+        """Whether the solid is a moulded body: inserts and loose faces are those of the lens."""
+        return self.moulded is not None and self.cavity is None and not self.separate
 
     @property
     def shaped(self) -> bool:
@@ -106,7 +130,7 @@ class Body:
     def fitted(self, lens: Lens) -> bool:
         """Return whether some edges are fitted, within 1e-9 mm: level lines, ellipses above curved faces,
         sides of a polygon above spheres and other curved conics; those of an insert may be."""
-        if self.cavity is not None:
+        if self.cavity is not None or self.is_moulded:
             return True
         curved = any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
         return (self.shaped or not lens.rear.outline.is_rectangle) and (self.polygon is None or curved)
@@ -116,13 +140,15 @@ class Body:
 
         Raises
         ------
-        ValueError : an aperture, a polygon or a flange that the lens has no room for; as `Insert.of`.
+        ValueError : an aperture, a polygon or a flange that the lens has no room for; as `Insert.of`,
+            `MouldedBody.of` and `moulded_part`.
         """
         # OCCT
         from thbcad.cad.shapes import (
             flanged_part,
             insert_part,
             lens_part,
+            moulded_part,
             patched_part,
             polygon_part,
             trimmed_part,
@@ -130,6 +156,8 @@ class Body:
 
         if self.cavity is not None:
             return insert_part(self._insert(lens, self.cavity))
+        if self.moulded is not None:
+            return moulded_part(MouldedBody.of(lens, self.moulded, self.clear))
         if self.patches:
             return patched_part(lens)
         if self.flange:
@@ -148,9 +176,11 @@ class Body:
         return body_mesh(lens, chord, self.aperture, self.flange, single, self.polygon)
 
     def volume(self, lens: Lens) -> float:
-        """Return the volume in mm^3 by quadrature over the splines."""
+        """Return the volume in mm^3 by quadrature over the splines; of a body with sharp edges."""
         if self.cavity is not None:
             return self._insert(lens, self.cavity).volume()
+        if self.moulded is not None:
+            return MouldedBody.of(lens, self.moulded).volume()
         if self.flange:
             return flanged_volume(lens, self.flange, self.aperture)
         if self.polygon is not None:

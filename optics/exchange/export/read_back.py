@@ -55,7 +55,14 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, body: Body)
     from optics.exchange.verification import differing_numbers, surface_deviation  # OCCT
 
     by = f"{name.upper()} read back by OCCT"
-    checks = _whole_checks(read, by, faces, body.volume(lens))
+    if body.rounded:
+        more = max(0.0, read.volume / body.volume(lens) - 1)
+        checks = [
+            *state_checks(read, by, faces),
+            Check(f"volume beyond that with sharp edges, relative, {by}", more, VOLUME, ""),
+        ]
+    else:
+        checks = _whole_checks(read, by, faces, body.volume(lens))
     for face, (word, exact, surface, vertex) in zip((read.front, read.rear), body.optical(lens)):
         differing, off = differing_numbers(face, exact), surface_deviation(face, surface, vertex)
         checks += [

@@ -15,6 +15,7 @@ from optics.exchange.export import (
     export as run,
     format_of,
     labelled_lens,
+    moulded_in,
     require_free,
     require_free_files,
 )
@@ -58,6 +59,8 @@ def export(options: Namespace) -> Outcome:
         options.cavity,
         options.back,
     )
+    if options.mount is None:
+        body = moulded_in(options.result, body)
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
     if options.mount is None:

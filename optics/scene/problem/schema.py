@@ -244,6 +244,39 @@ def freedom_of(surface: Front | Rear) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BodySpec:
+    """The body that leaves a mould, as the table [lens.body]; `thbcad export` writes it as a solid.
+
+    Examples
+    --------
+    >>> BodySpec(draft=2.0, annulus=True).parting
+    'auto'
+    """
+
+    draft: float = option(0.0, low=0, high=45, note="degrees by which the walls taper from the parting line")
+    parting: float | str = option(
+        AUTO,
+        low=-LONGEST,
+        high=LONGEST,
+        note="mm, z of the parting line; auto is that of the land, else midway between the rims",
+        auto=True,
+    )
+    annulus: bool = option(
+        False, note="a flat land from the smaller surface's rim to the outline of the larger"
+    )
+    land: float | str = option(
+        AUTO,
+        low=-LONGEST,
+        high=LONGEST,
+        note="mm, z of that land; auto is the rim's, 0.1 mm outside where that is not level",
+        auto=True,
+    )
+    edge_radius: float = option(
+        0.0, low=0, high=LONGEST, note="mm, between the wall and the surfaces; outside of clear_aperture"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class LensSpec:
     """The lens before it is designed, as the table [lens].
 
@@ -292,6 +325,7 @@ class LensSpec:
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
+    body: BodySpec | None = option(None, note="the body for a mould, which thbcad export writes")
     front: Front = option()
     rear: Rear = option()
 

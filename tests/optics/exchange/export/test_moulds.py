@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from optics.exchange.export import MESHES, SOLIDS
-from tests.optics.cases import rough, small_lens, small_space
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import rough, small_lens, small_space, store_result, write_problem
 from tests.optics.exchange.export.cases import names, run
 from thbcad import write_lens
 from thbcad.cad.exchange import read_step
 from thbcad.lens import placed_surfaces
+from thbcad.surfaces import THBSurface
 
 LENS = small_lens(sag=rough(small_space()))
 FACTORS = (1.004, 0.99, 1.012)
@@ -108,3 +111,65 @@ def test_inserts_and_lens_fill_a_block(capsys, native, tmp_path, options):
         volumes.append(read_step(tmp_path / "s.step").volume)
     area = {0: 400, 3: np.pi * 4.5 * 4, 7: 28}[len(options)]
     assert sum(volumes) == pytest.approx(16 * area, rel=2e-6)
+
+
+DOME = {
+    "lens.outline": "round",
+    "lens.thickness": 14.0,
+    "lens.front.half_width": [10.0, 10.0],
+    "lens.front.radius": -15.0,
+    "lens.rear.half_width": [24.0, 24.0],
+    "lens.rear.radius": -36.0,
+    "lens.rear.conic": -1.0,
+    "lens.clear_aperture": [9.5, 9.5],
+    "lens.body.draft": 2.0,
+    "lens.body.annulus": True,
+}
+
+
+@pytest.fixture
+def dome(tmp_path):
+    """A result whose rear has a sag, and whose problem asks for a body."""
+
+    def stored(height=0.0, **keys):
+        problem = load_problem(write_problem(tmp_path, DOME | keys))
+        lens = OpticalSystem(problem).lens
+        sag = THBSurface(lens.rear.sag.space, rough(lens.rear.sag.space, height))
+        store_result(tmp_path / "result", problem, lens.with_sags([sag]))
+        return tmp_path / "result"
+
+    return stored
+
+
+@pytest.mark.parametrize(("radius", "name"), [*((0.0, name) for name in SOLIDS), (0.3, "step")])
+def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, name, radius):
+    """Also enlarged: front and rear bit for bit, with sharp edges the volume of the closed form."""
+    result = dome(0.0 if radius else 0.02, **{"lens.body.edge_radius": radius})
+    done = run(capsys, "export", result, "--out", tmp_path / f"body.{name}", "--shrinkage", 0.5)
+    assert (done.code, done.err) == (0, "")
+    stored = json.loads((tmp_path / f"body.{name}.json").read_text())
+    assert stored["ok"]
+    if name == "step":
+        named = read_step(tmp_path / "body.step").face_names
+        assert {"front", "rear", "land"} < set(named)
+        assert any(word.startswith("radius") for word in named) == bool(radius)
+
+
+@pytest.mark.parametrize(
+    ("keys", "options", "words"),
+    [
+        ({}, ["--aperture", 5, 5], "lens.body makes the walls of the solid"),
+        ({}, ["--shrinkage", 1, 1, 2], "the draft of lens.body needs one --shrinkage"),
+        ({"lens.clear_aperture": [9.9999, 9.9999], "lens.body.land": -4.5}, [], "eats the clear aperture"),
+        ({"lens.body.parting": 9.0}, [], "must lie below the rear's rim"),
+        ({"lens.body.edge_radius": 9.0}, [], "edge_radius = 9 mm needs up to"),
+        ({}, ["--format", "stl"], "lens.body needs step, iges, brep"),
+        ({"lens.body.edge_radius": 0.3}, ["--format", "iges"], "lens.body.edge_radius needs step"),
+    ],
+    ids=str,
+)
+def test_a_body_that_a_mould_cannot_make_is_refused(capsys, dome, tmp_path, keys, options, words):
+    out = tmp_path / f"body.{options[1] if '--format' in options else 'step'}"
+    done = run(capsys, "export", dome(**keys), "--out", out, *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert words in done.err

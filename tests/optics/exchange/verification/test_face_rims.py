@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from optics.exchange.verification.conic_face import FaceRim
+
 from optics.exchange.verification.independent_checks import text_checks
 from thbcad.cad.exchange import step_bytes
 from thbcad.io import brep_of_text
