@@ -138,7 +138,7 @@ def export(
 
     chord : mm, the error that meshes may have, and grid sags between their points
     body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
-        drawings
+        drawings, factors of all
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -150,6 +150,7 @@ def export(
     for option, asked, allowed in (
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
+        ("--cavity needs", body.cavity is not None, SOLIDS),
         ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:
@@ -157,6 +158,7 @@ def export(
     require_writable(path)
     require_readers(name)
     try:
+        lens, body = body.enlarged(lens)
         if name in MESHES:
             write, single = MESHES[name]
             mesh = body.mesh(lens, chord, single)
@@ -255,8 +257,9 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
     if body.patches:
         return files, patch_checks(lens, path, len(part.faces))
     read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
-    checks = solid_checks(lens, read, name, len(part.faces), body.volume(lens))
-    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and body.shaped else checks
+    checks = solid_checks(lens, read, name, len(part.faces), body)
+    walled = body.shaped or body.cavity is not None
+    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and walled else checks
 
 
 def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:

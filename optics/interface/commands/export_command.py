@@ -32,10 +32,12 @@ from optics.light.outgoing import cut_cost
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
+from thbcad.moulds import UNCHANGED, Factors, shrinkage_factors
 from thbcad.outlines import Outline, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
-SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
+# options that change the body
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate", "shrinkage", "cavity", "back")
 
 
 def export(options: Namespace) -> Outcome:
@@ -52,6 +54,9 @@ def export(options: Namespace) -> Outcome:
         options.patches,
         options.separate,
         _polygon(options.polygon),
+        _factors(options.shrinkage),
+        options.cavity,
+        options.back,
     )
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
@@ -61,6 +66,10 @@ def export(options: Namespace) -> Outcome:
         files, checks = _mounted(lens, name, options, labels)
     lost, lines = _cut_cost(options.result, lens, body)
     numbers = {"chord_mm": options.chord, **lost}
+    if options.shrinkage is not None:
+        numbers |= {"shrinkage_percent": options.shrinkage, "factors": body.factors}
+        x, y, z = (f"{factor:.10g}" for factor in body.factors)
+        lines.append(f"enlarged for shrinkage, by {x} in x, {y} in y and {z} in z")
     return reported(options.out, name, files, checks, numbers, [*_sizes(files), *lines])
 
 
@@ -154,6 +163,19 @@ def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | Non
         return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
     except ValueError as error:
         raise UserError(f"--polygon: {error}") from None
+
+
+def _factors(percent: Sequence[float] | None) -> Factors:
+    """Return the factors of x, y and z that --shrinkage asks for.
+
+    Raises
+    ------
+    UserError : as `shrinkage_factors`.
+    """
+    try:
+        return UNCHANGED if percent is None else shrinkage_factors(percent)
+    except ValueError as error:
+        raise UserError(f"--shrinkage: {error}") from None
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:
