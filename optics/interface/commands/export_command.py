@@ -101,7 +101,7 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
 
     Raises
     ------
-    UserError : another option of the solid beside it; as `mount_from` and `export_mounted`.
+    UserError : another option of the solid, or lens.body, beside it; as `mount_from` and `export_mounted`.
     """
     from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
@@ -109,6 +109,10 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
     if any(getattr(options, name) for name in shapes):
         raise UserError(
             f"a mount has its own flange on the whole lens: leave out {', '.join(f'--{s}' for s in shapes)}"
+        )
+    if moulded_in(options.result, Body()).moulded is not None:
+        raise UserError(
+            "a mount stands on the lens without lens.body: export lens.json of the result with --mount"
         )
     return export_mounted(lens, mount_from(options.mount), name, options.out, options.chord, labels)
 

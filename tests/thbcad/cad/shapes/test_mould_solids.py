@@ -29,6 +29,7 @@ def oval(radius):
 
 
 DOME = Lens(disk(10, -15.0), disk(24, -36.0), 14, 1.5)
+NARROW = Lens(disk(10, 99.0), disk(10.05, -99.0), 6, 1.5)
 BODIES = {
     "round": (Lens(disk(10, 80.0), disk(10, -60.0), 6, 1.5), BodyOptions(3, 3.5)),
     "round, freeform": (Lens(disk(10, 80.0), disk(10, -60.0, rough(), -1.0), 6, 1.5), BodyOptions(3)),
@@ -104,6 +105,11 @@ def test_build123d_finds_the_draft_in_the_file(moulded, tmp_path):
         (DOME, {"annulus": True, "parting": -6}, "must lie above the land"),
         (BODIES["freeform dome"][0], {"annulus": True, "land": -3.34}, "crosses the rim of the front"),
         (DOME, {"land": 1}, "a land needs annulus"),
+        (
+            Lens(disk(10, 99.0), disk(10.05, -99.0), 6, 1.5),
+            {"annulus": True, "draft": 5, "parting": 4},
+            "no width",
+        ),
         (BODIES["rounded"][0], {"draft": 45, "parting": 4.5}, "has nothing left"),
     ],
     ids=str,
