@@ -70,7 +70,7 @@ def body_mesh(
     if flange is not None:
         require_clear(lens, flange, aperture)
     outer = shape if flange is None else flange.around(shape)
-    bounds = bounds_of(lens, max(outer.half_width))
+    bounds = bounds_of(lens, max(outer.half_width), (shape, shape))
     added = bounds.rounding(single)
     plan, bound = plan_within(shape, outer, bounds, chord - added)
     vertices = _vertices(lens, plan, shape, outer, flange)

@@ -19,7 +19,7 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.lens import MOST_TRIANGLES
-from thbcad.meshes.plans import Bounds, greatest_circle, too_many
+from thbcad.meshes.plans import Bends, Bounds, least_circles, too_many
 from thbcad.outlines import Outline
 
 
@@ -32,7 +32,7 @@ def plan_within(shape: Outline, outer: Outline, bounds: Bounds, chord: float) ->
     while 4 * cells**2 <= MOST_TRIANGLES:
         plan = unit_plan(shape, cells)
         bend = max(outer.corners) * turning(outer) ** 2
-        bound = bounds.bend * circle_of(plan * shape.half_width) / 2
+        bound = max(plan_error(bends, plan * shape.half_width) for bends in bounds.bends)
         bound += bend * (2 / cells) ** 2 / 8 * (1 + bounds.slope)
         if bound <= chord:
             return plan, bound
@@ -40,10 +40,12 @@ def plan_within(shape: Outline, outer: Outline, bounds: Bounds, chord: float) ->
     raise too_many(chord)
 
 
-def circle_of(plan: Floats) -> float:
-    """Return R^2 of the greatest of the least circles round the triangles of a plan, mm^2."""
+def plan_error(bends: Bends, plan: Floats) -> float:
+    """Return the chord error of a surface on the triangles of a plan, mm."""
     a, b, c, d = plan[:-1, :-1], plan[1:, :-1], plan[1:, 1:], plan[:-1, 1:]
-    return max(greatest_circle(a, b, c), greatest_circle(a, c, d))
+    circles = np.maximum(least_circles(a, b, c), least_circles(a, c, d))
+    low, high = (f.reduce([a, b, c, d]) for f in (np.minimum, np.maximum))
+    return float((bends.over(low, high) * circles).max()) / 2
 
 
 def turning(outline: Outline) -> float:

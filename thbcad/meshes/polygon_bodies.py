@@ -22,7 +22,7 @@ from thbcad.lens import (
     require_polygon,
     walled_triangles,
 )
-from thbcad.meshes.plans import bounds_of, greatest_circle, on_surfaces, too_many
+from thbcad.meshes.plans import bounds_of, least_circles, on_surfaces, too_many
 from thbcad.outlines import Polygon
 
 ROUNDINGS = 16  # of a turn's two products of differences of coordinates, each up to (2 m)^2 eps for |x| <= m
@@ -46,7 +46,7 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
         million triangles.
     """
     polygon = require_polygon(lens, corners)
-    bounds = bounds_of(lens, float(np.abs(polygon.corners).max()))
+    bounds = bounds_of(lens, float(np.abs(polygon.corners).max()), (lens.front.outline, lens.rear.outline))
     added = bounds.rounding(single)
     if added >= chord:
         raise ValueError(f"chord must be greater than {added:.2g} mm, by which rounding moves vertices")
@@ -54,7 +54,8 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
     if 2 * polygon.area > MOST_TRIANGLES * longest**2 * 3**0.5 / 4:  # even of equilateral ones
         raise too_many(chord)
     positions, plan = _refined(np.array(polygon.corners), ears(polygon), longest, chord)
-    bound = bounds.bend * greatest_circle(*(positions[plan[:, k]] for k in range(3))) / 2
+    circles = least_circles(*(positions[plan[:, k]] for k in range(3)))
+    bound = bounds.bend * float(circles.max()) / 2
     ring = _rim(plan)
     vertices = np.concatenate(on_surfaces(lens, positions, positions))
     if single:

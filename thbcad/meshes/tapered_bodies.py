@@ -22,7 +22,7 @@ from thbcad.lens import (
     require_apart,
     rim_indices,
 )
-from thbcad.meshes.outline_plans import circle_of, turning, unit_plan
+from thbcad.meshes.outline_plans import plan_error, turning, unit_plan
 from thbcad.meshes.plans import Bounds, bounds_of, on_surfaces, too_many
 from thbcad.outlines import Outline
 
@@ -37,7 +37,7 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
     ValueError : a chord error that needs more than 20 million triangles.
     """
     shapes = lens.front.outline, lens.rear.outline
-    bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes))
+    bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes), shapes)
     added = bounds.rounding(single)
     plan, bound, chords = _plan(shapes, bounds, chord - added)
     front, rear = on_surfaces(lens, *((plan * shape.half_width).reshape(-1, 2) for shape in shapes))
@@ -61,19 +61,20 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
 
 
 def _plan(shapes: tuple[Outline, Outline], bounds: Bounds, chord: float) -> tuple[Floats, float, float]:
-    """Return the unit plan with the fewest cells that keep half a chord error, its error on front and rear,
-    and that of the walls but for their twist."""
+    """Return the unit plan with the fewest cells that keep a chord error, on the walls but for their twist
+    half of it, and both errors."""
     bend = max(max(shape.corners) * turning(shape) ** 2 for shape in shapes) * (1 + bounds.slope)
     speed = max(max(shape.corners) * turning(shape) for shape in shapes)
     cells = 1
     while 4 * cells**2 <= MOST_TRIANGLES:
         plan = unit_plan(shapes[1], cells)
-        circle = max(circle_of(plan * shape.half_width) for shape in shapes)
-        bound = bounds.bend * circle / 2 + bend / cells**2 / 2
+        pairs = zip(bounds.bends, shapes)
+        bound = max(plan_error(bends, plan * shape.half_width) for bends, shape in pairs)
+        bound += bend / cells**2 / 2
         chords = (bend + bounds.bend * speed**2) / cells**2 / 2
-        if max(bound, chords) <= chord / 2:
+        if max(bound, 2 * chords) <= chord:
             return plan, bound, chords
-        much = 2 * max(bound, chords) / chord if chord > 0 else 4.0
+        much = max(bound, 2 * chords) / chord if chord > 0 else 4.0
         cells = max(cells + 1, int(np.ceil(cells * np.sqrt(much))))
     raise too_many(chord)
 

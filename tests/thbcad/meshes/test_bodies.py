@@ -14,6 +14,8 @@ from tests.cases import examples
 from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
 from thbcad import body_mesh, to_trimesh
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
+from thbcad.fitting import quasi_interpolate
+from thbcad.hierarchy import THBSpace
 from thbcad.io import obj_bytes, ply_bytes, stl_bytes
 from thbcad.lens import (
     Flange,
@@ -29,6 +31,8 @@ from thbcad.lens import (
 from thbcad.meshes import glb_bytes
 from thbcad.meshes.polygon_bodies import ears
 from thbcad.outlines import Polygon
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
 FLANGE = Flange(2.0, 0.3, 1.0)
 APERTURE = (4.5, 3.5)
@@ -124,6 +128,23 @@ def points_and_normals(edge):
     points, along, across = (edge.grid(u, v, orders).reshape(-1, 3) for orders in ((0, 0), (1, 0), (0, 1)))
     normals = np.cross(along, across)
     return points, normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_what_a_surface_does_outside_its_outline_costs_no_triangles(scale):
+    """A peak in the corner of the square, which the rectangular lens has; a right triangle needs as many for
+    its curvature in a disk as in the square."""
+    kv = KnotVector.uniform(3, 20)
+    peak = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 2 * np.exp(-500 * ((u - 0.02) ** 2 + v**2)))
+    counts = []
+    for share in (0.0, 1.0):
+        half, small = (20.0, 20.0), (20.0 * scale, 20.0 * scale)
+        front = FreeformSurface(small, corners=(share * small[0], share * small[1]))
+        rear = FreeformSurface(half, Conic(-60.0, -1.0), peak, (20.0 * share, 20.0 * share))
+        mesh = body_mesh(Lens(front, rear, 14.0, 1.5), CHORD)
+        assert mesh.chord <= CHORD
+        counts.append(len(mesh.triangles))
+    assert counts[1] <= 1.2 * counts[0]
 
 
 def test_a_flange_has_its_planes_and_its_outline():
