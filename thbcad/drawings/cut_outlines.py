@@ -25,14 +25,22 @@ THINNEST = 1e-9  # mm; corners that lie nearer in v are at one
 class CutLens:
     """A lens that is cut by upright walls, with a flange or without.
 
-    shape : Outline or Polygon of the walls
+    shape : Outline or Polygon of the walls; of slanted ones that of the greater half-widths
     flange : Flange or None.  around : the outline of the flange, else None
+    slanted : whether the walls run between outlines of two sizes, those of front and rear
     """
 
     lens: Lens
     shape: Shape
     flange: Flange | None = None
     around: Shape | None = None
+    slanted: bool = False
+
+    @property
+    def shapes(self) -> tuple[Shape, Shape]:
+        """The outlines of front and rear."""
+        lens = self.lens
+        return (lens.front.outline, lens.rear.outline) if self.slanted else (self.shape, self.shape)
 
     @property
     def planes(self) -> tuple[float, float]:
@@ -40,13 +48,11 @@ class CutLens:
         x, y = (_plane(a, b) for a, b in zip(*(corner.tolist() for corner in box_of(self.shape))))
         return x, y
 
-    def text(self) -> str:
-        """Return the size of the outline in words."""
-        if isinstance(self.shape, Outline):
-            return self.shape.text(digits=7)
-        low, high = box_of(self.shape)
-        a, b = (f"{size:.7g}" for size in (high - low).tolist())
-        return f"polygon of {len(self.shape.corners)} corners within {a} x {b} mm"
+    @property
+    def texts(self) -> tuple[str, str]:
+        """The sizes of the outlines of front and rear in words."""
+        front, rear = (_text(shape) for shape in self.shapes)
+        return front, rear
 
 
 def cut_lens(
@@ -71,13 +77,21 @@ def cut_lens(
     shape = walls_of(lens, aperture)
     if flange is None and shape.is_rectangle:
         return None
-    if aperture is None and lens.taper != UPRIGHT:
+    slanted = aperture is None and lens.taper != UPRIGHT
+    if slanted and flange is not None:
         raise ValueError(
-            "a flange is drawn where front and rear have one size, and so is an outline; cut both by an "
-            "aperture, or export step"
+            "a flange is drawn where front and rear have one size; cut both by an aperture, or export step"
         )
     around = None if flange is None else _drawn(flange.around(shape))
-    return CutLens(lens, _drawn(shape), flange, around)
+    return CutLens(lens, _drawn(shape), flange, around, slanted)
+
+
+def _text(shape: Shape) -> str:
+    if isinstance(shape, Outline):
+        return shape.text(digits=7)
+    low, high = box_of(shape)
+    a, b = (f"{size:.7g}" for size in (high - low).tolist())
+    return f"polygon of {len(shape.corners)} corners within {a} x {b} mm"
 
 
 def _plane(low: float, high: float) -> float:

@@ -14,13 +14,13 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import Floats, require_number, require_type
-from thbcad.drawings.curves import Style
+from thbcad.drawings.curves import Style, View
 from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
 from thbcad.drawings.dimensions import Marks, centre_line, dimension, hatching, section_mark
 from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, number
 from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
-from thbcad.drawings.views import View, plan_view, section_view, side_view
+from thbcad.drawings.views import plan_view, section_view, side_view
 from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
 
 GAP = 27.0  # mm between views at least, for dimensions and titles; a lens of 100 mm is drawn 1:1
@@ -62,7 +62,7 @@ def lens_sheet(
     placed = _placed(top, low, scale)
     bound = max(view.bound for view in (*top, *low)) + DIGITS / scale
     sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
-    sheet = sheet.with_(tables(lens, product, scale, bound, cut.text() if cut else ""))
+    sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", "")))
     for mark in (_captions, _hatched):
         sheet = sheet.with_(mark(placed, scale))
     sheet = sheet.with_(_axes(placed, scale, (0.0, 0.0) if cut is None else cut.planes))
@@ -87,10 +87,10 @@ def _cut_views(cut: CutLens, chord: float) -> tuple[tuple[View, ...], tuple[View
     top = (
         cut_plan(cut, "front", chord),
         cut_side(cut, 0, chord),
-        cut_section(cut, 0, chord),
+        cut_section(cut, 0, cut.planes[0], chord),
         cut_plan(cut, "rear", chord),
     )
-    return top, (cut_side(cut, 1, chord), cut_section(cut, 1, chord))
+    return top, (cut_side(cut, 1, chord), cut_section(cut, 1, cut.planes[1], chord))
 
 
 def _extent(view: View) -> Floats:
@@ -212,12 +212,12 @@ def _width_and_height(one: PlacedView, scale: float, box: tuple[Floats, Floats],
 
 
 def _cut_sizes(cut: CutLens, placed: list[PlacedView], scale: float) -> Marks:
-    """Return width and height of the outline on the rear, and of the flange on the front."""
-    marks = _width_and_height(placed[3], scale, box_of(cut.shape), sign=DIAMETER * is_circle(cut.shape))
-    if cut.around is not None:
-        marks += _width_and_height(
-            placed[0], scale, box_of(cut.around), sign=DIAMETER * is_circle(cut.around)
-        )
+    """Return width and height of the outline on the rear, and of the flange, or another rim, on the front."""
+    rear = cut.shapes[1]
+    marks = _width_and_height(placed[3], scale, box_of(rear), sign=DIAMETER * is_circle(rear))
+    other = cut.around or (cut.shapes[0] if cut.slanted else None)
+    if other is not None:
+        marks += _width_and_height(placed[0], scale, box_of(other), sign=DIAMETER * is_circle(other))
     return marks
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats
-from thbcad.drawings.curves import Style
-from thbcad.drawings.views import View
+from thbcad.drawings.curves import Style, View
 
 TEXT = 3.5  # mm, height of capitals (ISO 3098)
 SMALL = 2.5  # mm

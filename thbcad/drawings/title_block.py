@@ -21,8 +21,8 @@ ROW = 5.5  # mm
 LONGEST = 44  # characters of a text in a cell
 
 
-def tables(lens: Lens, product: Product, scale: float, bound: float, outline: str = "") -> Marks:
-    """Return frame, table and title block; outline : the size of both surfaces, where they are cut."""
+def tables(lens: Lens, product: Product, scale: float, bound: float, outlines: tuple[str, str]) -> Marks:
+    """Return frame, table and title block; outlines : the sizes of front and rear, "" where whole."""
     left, low = MARGINS
     right, top = PAPER[0] - MARGINS[1], PAPER[1] - MARGINS[1]
     split = right - TITLE
@@ -35,7 +35,7 @@ def tables(lens: Lens, product: Product, scale: float, bound: float, outline: st
     material = [product.material or "material not stated", f"n = {lens.index:.6g}"]
     if product.density:
         material.append(f"density {product.density:g} g/cm3")
-    columns = (_surface(lens.front, outline), material, _surface(lens.rear, outline))
+    columns = (_surface(lens.front, outlines[0]), material, _surface(lens.rear, outlines[1]))
     for k, (head, rows) in enumerate(zip(("FRONT", "MATERIAL", "REAR"), columns)):
         x, y = left + k * width, low + BAND - ROW
         marks.append(Label(head, (x + 2, y), TEXT))

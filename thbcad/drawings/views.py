@@ -7,57 +7,49 @@ y = at it runs upwards and x to the right, as below the rear.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-
 import numpy as np
 
-from thbcad.checks import Floats, require_number
-from thbcad.drawings.curves import Curve, Style, edge_cut, spline_chords
+from thbcad.checks import require_number
+from thbcad.drawings.curves import (
+    AXES,
+    NAMES,
+    SECTION_AXES,
+    Curve,
+    Piece,
+    Style,
+    View,
+    edge_cut,
+    of_section,
+    scaled,
+    spline_chords,
+    turned_graphs,
+    view_of_pieces,
+)
+from thbcad.drawings.cut_outlines import cut_lens
+from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
 from thbcad.drawings.envelopes import lowest_outline
 from thbcad.lens import ALLOWANCE, LEAST_CHORD, SIDES, Lens, placed_surfaces, require_sound, rim, ruled_edge
 from thbcad.splines import BSplineSurface
 
-NAMES = ("front", "rear")
-AXES = ("x", "y")
-SECTION_AXES = (("z", "y"), ("x", "z"))  # to the right and upwards, across x and across y
-SIDE_AXES = (("z", "y"), ("-x", "-z"))  # seen from -x and from -y
 
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """Curves in one plane.
-
-    title : such as "SECTION x = 0"
-    axes : the axes of the lens to the right and upwards, such as ("z", "y"); "-x" is x to the left
-    curves : Curve, mm
-    bound : float, mm; no point of a curve is farther from the exact one
-    """
-
-    title: str
-    axes: tuple[str, str]
-    curves: tuple[Curve, ...]
-    bound: float
-
-    def box(self) -> Floats:
-        """Return the corners ((left, low), (right, high)) of the curves, (2, 2), mm."""
-        points = np.concatenate([curve.points for curve in self.curves])
-        return np.array([points.min(axis=0), points.max(axis=0)])
-
-
-def plan_view(lens: Lens, seen_from: str) -> View:
-    """Return the rims as seen from the front or from the rear; it has straight lines only and no error.
+def plan_view(lens: Lens, seen_from: str, chord: float = 1e-3) -> View:
+    """Return the rims as seen from the front or from the rear; a rectangular lens has straight lines only and
+    no error.
 
     seen_from : "front" or "rear".  The rim of the other surface is hidden along the sides on which the edge
         faces away.
+    chord : mm, the error that its curves may have.
 
     Raises
     ------
-    ValueError : another direction; as `require_sound`.
+    ValueError : another direction; a chord below 1e-8 mm; as `require_sound`.
     """
     if seen_from not in NAMES:
         raise ValueError(f"seen_from must be 'front' or 'rear', got {seen_from!r}")
-    require_sound(lens)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
+    cut = cut_lens(require_sound(lens), None, None, None)
+    if cut is not None:
+        return cut_plan(cut, seen_from, chord)
     near, far = (lens.front, lens.rear) if seen_from == "front" else (lens.rear, lens.front)
     other = NAMES[1 - NAMES.index(seen_from)]
     mirror = np.array([-1.0 if seen_from == "front" else 1.0, 1.0])
@@ -94,6 +86,9 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
             f"the plane {axis} = {at:g} mm must cut front and rear: choose {axis} between {-reach:g} and "
             f"{reach:g} mm"
         )
+    cut = cut_lens(lens, None, None, None)
+    if cut is not None:
+        return cut_section(cut, across, at, chord)
     bounds = []
     lines = []
     for _, graph, vertex in turned_graphs(lens, across):
@@ -125,7 +120,9 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
     """
     along = _axis_number(axis)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
-    require_sound(lens)
+    cut = cut_lens(require_sound(lens), None, None, None)
+    if cut is not None:
+        return cut_side(cut, along, chord)
     allowed = chord - ALLOWANCE
     pieces = [
         *_outlines(lens, along, allowed),
@@ -133,9 +130,6 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
         *_rims(lens, along, allowed),
     ]
     return view_of_pieces(pieces, along, chord)
-
-
-Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
 
 
 def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
@@ -200,48 +194,7 @@ def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
     return pieces
 
 
-def view_of_pieces(pieces: list[Piece], along: int, chord: float) -> View:
-    """Return a lens as seen along x (0) or y (1): outlines first, and none of the pieces that one before them
-    covers within twice the chord."""
-    kept: list[Piece] = []
-    for piece in sorted(pieces, key=lambda item: item[2] is Style.HIDDEN):
-        if not any(piece[0] == other[0] and _covers(other[1], piece[1], 2 * chord) for other in kept):
-            kept.append(piece)
-    # seen from -y, z runs downwards and x to the left
-    lines = [(name, line[:, ::-1] if along == 0 else 0.0 - line, style) for name, line, style, _ in kept]
-    bound = max(piece[3] for piece in pieces) + ALLOWANCE
-    return View(f"SEEN FROM -{AXES[along]}", SIDE_AXES[along], tuple(Curve(*line) for line in lines), bound)
-
-
-def _covers(line: Floats, other: Floats, tolerance: float) -> bool:
-    """Return whether a line over y or x ends where the other does, and is nowhere farther from it in z."""
-    if line[0, 0] >= line[-1, 0] or (line[[0, -1], 0] != other[[0, -1], 0]).any():
-        return False
-    everywhere = np.concatenate([line[:, 0], other[:, 0]])
-    gap = np.interp(everywhere, *line.T) - np.interp(everywhere, *other.T)
-    return bool(abs(gap).max() <= tolerance)
-
-
 def _axis_number(axis: str) -> int:
     if axis not in AXES:
         raise ValueError(f"axis must be 'x' or 'y', got {axis!r}")
     return AXES.index(axis)
-
-
-def of_section(line: Floats, across: int) -> Floats:
-    """Return points (y, z) or (x, z) along the axes of a section across x (0) or y (1)."""
-    return line[:, ::-1] if across == 0 else line
-
-
-def turned_graphs(lens: Lens, axis: int) -> Iterator[tuple[str, BSplineSurface, float]]:
-    """Yield name, graph and z of the vertex of front and rear; the first parameter of the graphs is x (0) or
-    y (1)."""
-    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
-        if axis == 1:
-            graph = BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
-        yield name, graph, vertex
-
-
-def scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:
-    """Return a graph with other heights."""
-    return BSplineSurface(graph.kv_u, graph.kv_v, factor * graph.coefficients)

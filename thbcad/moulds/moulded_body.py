@@ -39,10 +39,12 @@ class MouldedBody:
     edge_radius: float
 
     @classmethod
-    def of(cls, lens: Lens, options: BodyOptions, clear: Outline | None = None) -> MouldedBody:
+    def of(
+        cls, lens: Lens, options: BodyOptions, clear: tuple[Outline, Outline] | None = None
+    ) -> MouldedBody:
         """Return the body of a lens.
 
-        clear : the outline that front and rear must leave free; None asks for nothing
+        clear : the outlines that front and rear must leave free; None asks for nothing
 
         It is proven that every ray of the wall meets a surface once (slope tan(draft) < 1), that the parting
         line lies between the rims, that the land lies outside of the glass, and that the rims lie around the
@@ -160,8 +162,8 @@ class MouldedBody:
                     f"{FACES[k]}, which has {rooms[k]:.6g} mm; make it smaller"
                 )
 
-    def require_clear(self, clear: Outline) -> None:
-        """Raise ValueError unless walls and rounded edges are proven to lie around an outline.
+    def require_clear(self, clear: tuple[Outline, Outline]) -> None:
+        """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
 
         Of two convex outlines one lies a depth within the other where its support function is everywhere less
         by that depth.  That of half-widths h and corners c is
@@ -170,10 +172,10 @@ class MouldedBody:
         for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
             wall = self.wall(number)
             depth = inset + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
-            if _least_support(wall.outline, clear) < depth:
+            if _least_support(wall.outline, clear[number]) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
-                    f"aperture of half-widths {clear.half_width} mm; make lens.body.draft or edge_radius "
+                    f"aperture of half-widths {clear[number].half_width} mm; make lens.body.draft or edge_radius "
                     "smaller"
                 )
 

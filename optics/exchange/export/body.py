@@ -51,7 +51,7 @@ class Body:
     cavity : "front" or "rear": no lens, but the insert that makes this surface; None is the lens
     back : z of the insert's plane back, mm, enlarged too; None as in `Insert.of`
     moulded : of the body that leaves a mould; None is the lens with its own walls
-    clear : the outline that this body must leave free; None asks for nothing
+    clear : the outlines of front and rear that this body must leave free; None asks for nothing
 
     Raises
     ------
@@ -69,7 +69,7 @@ class Body:
     cavity: str | None = None
     back: float | None = None
     moulded: BodyOptions | None = None
-    clear: Outline | None = None
+    clear: tuple[Outline, Outline] | None = None
 
     def __post_init__(self) -> None:
         if self.cavity is not None and (self.patches or self.separate or self.flange is not None):
@@ -113,8 +113,10 @@ class Body:
         back = None if self.back is None else z * self.back
         body = replace(self, aperture=aperture, flange=flange, polygon=polygon, factors=UNCHANGED, back=back)
         if self.moulded is not None:
-            clear = self.clear and self.clear.scaled([x * h for h in self.clear.half_width])
-            body = replace(body, moulded=self.moulded.scaled(z), clear=clear)
+            body = replace(body, moulded=self.moulded.scaled(z))
+            if self.clear is not None:
+                front, rear = (clear.scaled([x * h for h in clear.half_width]) for clear in self.clear)
+                body = replace(body, clear=(front, rear))
         return enlarged(lens, self.factors), body
 
     @property

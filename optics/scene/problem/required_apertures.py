@@ -53,7 +53,7 @@ def _require_clear_aperture(lens: LensSpec) -> None:
             f"lens.clear_aperture = {list(clear)} leaves nothing of the lens; give two half-widths above 0, "
             "or [0, 0] for all of it"
         )
-    most = [min(pair) for pair in zip(lens.front.half_width, lens.rear.half_width)]
+    most = [max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width)]
     if any(c > m for c, m in zip(clear, most)):
         raise UserError(
             f"lens.clear_aperture must lie within front and rear, at most {most}, got {list(clear)}"

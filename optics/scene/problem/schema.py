@@ -320,7 +320,8 @@ class LensSpec:
         (0.0, 0.0),
         low=0,
         high=LONGEST,
-        note="mm, half-widths of what a holder leaves free of both surfaces, like the outline; 0 is all",
+        note="mm, half-widths of what a holder leaves free of the larger surface, shaped like the outline, "
+        "and of the smaller in proportion; 0 is all",
     )
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
@@ -337,10 +338,20 @@ class LensSpec:
     def corners(self, half_width: tuple[float, float]) -> tuple[float, float]:
         """Return the semi-axes of the corners of a surface with these half-widths, mm; 0 of a rectangle."""
         if self.outline == "rounded":
-            most = [max(pair) for pair in zip(self.front.half_width, self.rear.half_width)]
-            x, y = (self.corner_radius * h / m for h, m in zip(half_width, most))
-            return x, y
+            return self._in_proportion((self.corner_radius, self.corner_radius), half_width)
         return (0.0, 0.0) if self.outline == "rectangle" else half_width
+
+    def clear(self, half_width: tuple[float, float]) -> tuple[float, float]:
+        """Return the half-widths of the clear aperture of a surface with these, mm; 0 is all."""
+        return self._in_proportion(self.clear_aperture, half_width)
+
+    def _in_proportion(
+        self, size: tuple[float, float], half_width: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return what a size on the larger surface is on one with these half-widths, mm."""
+        most = (max(pair) for pair in zip(self.front.half_width, self.rear.half_width))
+        x, y = (s * h / m for s, h, m in zip(size, half_width, most))
+        return x, y
 
     @property
     def free(self) -> dict[str, Freeform]:

@@ -176,10 +176,13 @@ class OpticalSystem:
         """What blocks light beside the lens, in the frame of its front vertex."""
         return stops_of(self.problem)
 
-    def clear_aperture(self, lens: Lens) -> Outline | None:
+    def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
         """Return what a holder leaves free of front and rear of a lens; None is all."""
-        half_width = self.problem.lens.clear_aperture
-        return lens.front.outline.scaled(half_width) if any(half_width) else None
+        spec = self.problem.lens
+        if not any(spec.clear_aperture):
+            return None
+        front, rear = (s.outline.scaled(spec.clear(s.half_width)) for s in (lens.front, lens.rear))
+        return front, rear
 
     @property
     def body(self) -> BodyOptions | None:

@@ -25,6 +25,18 @@ WIDER = Lens(
 BALL = Lens(FreeformSurface((5, 4), Conic(12.0)), FreeformSurface((5, 4), Conic(-12.0, 0.5)), 5.0, 1.5)
 
 
+def outlined(lens, share, scale=(1.0, 1.0)):
+    """A lens with corners that are a share of its half-widths, and a front of another size."""
+    surfaces = (
+        FreeformSurface(half, s.conic, s.sag, tuple(np.multiply(share, half)))
+        for s, half in (
+            (lens.front, np.multiply(lens.front.half_width, scale)),
+            (lens.rear, lens.rear.half_width),
+        )
+    )
+    return Lens(*surfaces, lens.thickness, lens.index)
+
+
 def height_line(view, points):
     """Return points of a side or a section as (y, z) or (x, z), by the axes that the view says it has."""
     named = {axis[-1]: column * (-1 if axis[0] == "-" else 1) for axis, column in zip(view.axes, points.T)}

@@ -78,7 +78,7 @@ def test_silhouettes_lie_within_their_bound_of_brute_force(lens, body, along):
 @pytest.mark.parametrize(("lens", "body", "across"), TURNED)
 def test_a_section_has_the_area_that_trimesh_cuts(lens, body, across):
     cut = cut_of(lens, body)
-    view = cut_section(cut, across, CHORD)
+    view = cut_section(cut, across, cut.planes[across], CHORD)
     assert view.bound <= CHORD
     area, length = 0.0, 0.0
     for k in range(0, len(view.curves), 4):

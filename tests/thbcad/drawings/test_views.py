@@ -4,12 +4,16 @@ lines."""
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from scipy.spatial import cKDTree
 
 from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
-from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line
-from thbcad.drawings import Style, plan_view, section_view, side_view
+from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line, outlined
+from thbcad import body_mesh, to_trimesh
+from thbcad.drawings import Style, lens_sheet, plan_view, section_view, side_view
 from thbcad.drawings.envelopes import lowest_outline
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface
 
 CHORD = 1e-3
@@ -135,3 +139,110 @@ def test_rims_of_another_size_are_hidden_behind_the_larger_surface():
 def test_refusals(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+OUTLINES = {
+    "ellipse": outlined(WAVY, (1, 1)),
+    "rounded": outlined(WAVY, (0.3, 0.5)),
+    "round dome": outlined(WIDER, (1, 1)),
+    "rounded dome": outlined(WIDER, (0.3, 0.5)),
+    "wider and lower": outlined(WAVY, (1, 1), (0.6, 1.0)),
+}
+
+
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+def test_a_plan_of_a_lens_with_an_outline_shows_its_rims(lens):
+    """Points and middles of chords have a gauge of 1; what lies beside the near rim is seen."""
+    for seen, near, far in (("front", lens.front, lens.rear), ("rear", lens.rear, lens.front)):
+        view = plan_view(lens, seen)
+        assert view.bound <= CHORD
+        names = {curve.name for curve in view.curves}
+        assert names == ({"front", "rear"} if near.half_width != far.half_width else {seen})
+        for curve in view.curves:
+            points = np.concatenate([curve.points, (curve.points[:-1] + curve.points[1:]) / 2])
+            own = near if curve.name == seen else far
+            off = np.abs(own.outline.gauge(*points.T) - 1) * max(own.half_width)
+            assert off.max() <= 2 * view.bound  # along a ray, of ellipses at most 1.5 times as wide as high
+            if curve.name != seen:
+                beside = near.outline.gauge(*points.T).max() > 1 + 1e-3
+                assert (curve.style is Style.OUTLINE) == beside
+
+
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize(("axis", "at"), [("x", 0.0), ("x", -2.3), ("y", 3.1)])
+def test_a_section_of_a_lens_with_an_outline_has_the_area_that_trimesh_cuts(lens, axis, at):
+    view, across = section_view(lens, axis, at, CHORD), "xy".index(axis)
+    assert view.bound <= CHORD
+    front, rear, start, stop = (height_line(view, curve.points) for curve in view.curves)
+    x, y = np.concatenate([front, stop, rear[::-1], start[::-1]]).T
+    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    length = np.hypot(np.diff(x), np.diff(y)).sum()
+    mesh = to_trimesh(body_mesh(lens, 4 * CHORD))
+    normal = np.eye(3)[across]
+    section = mesh.section(plane_origin=normal * (at + 1e-9), plane_normal=normal)
+    loops = (np.delete(loop, across, axis=1).T for loop in section.discrete)
+    by_trimesh = sum(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in loops)
+    assert by_trimesh == pytest.approx(area, abs=5 * CHORD * length)
+
+
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize(("axis", "at"), [("x", -2.3), ("y", 3.1)])
+def test_the_wall_of_an_outline_is_cut_where_its_rulings_pass(lens, axis, at):
+    """Points of the wall at the relative positions (s, Y(s)) of both rims, s = at / h(w)."""
+    view, k = section_view(lens, axis, at, CHORD), "xy".index(axis)
+    stop = height_line(view, view.curves[3].points)
+    pairs = np.array([lens.front.half_width, lens.rear.half_width])
+    c, d = (lens.rear.outline.corners / pairs[1])[[k, 1 - k]]
+    w = np.linspace(0, 1, 20001)
+    s = at / ((1 - w) * pairs[0, k] + w * pairs[1, k])
+    y = 1 - d + d * np.sqrt(1 - (np.maximum(abs(s) - (1 - c), 0) / c) ** 2)
+    spots = [(s * half[k], y * half[1 - k]) for half in pairs]
+    z = [
+        vertex + surface(*spot[:: 1 - 2 * k])
+        for surface, vertex, spot in zip((lens.front, lens.rear), (0.0, lens.thickness), spots)
+    ]
+    exact = np.column_stack([(1 - w) * low + w * high for low, high in ((spots[0][1], spots[1][1]), z)])
+    step = np.hypot(*np.diff(exact, axis=0).T).max()
+    off, _ = cKDTree(exact).query(np.concatenate([stop, (stop[:-1] + stop[1:]) / 2]))
+    assert off.max() <= view.bound + step / 2
+
+
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_side_of_a_lens_with_an_outline_is_as_large_as_its_mesh(lens, axis):
+    low, high = to_trimesh(body_mesh(lens, 4 * CHORD)).bounds
+    view = side_view(lens, axis, CHORD)
+    assert view.bound <= CHORD
+    box = np.sort(height_line(view, view.box()), axis=0)
+    assert box == pytest.approx(np.array([low, high])[:, [1 - "xy".index(axis), 2]], abs=5 * CHORD)
+    for name, surface, vertex, sign in (
+        ("front", lens.front, 0.0, -1),
+        ("rear", lens.rear, lens.thickness, 1),
+    ):
+        grid = np.stack(np.meshgrid(*(np.linspace(-h, h, 201) for h in surface.half_width), indexing="ij"))
+        points = grid[:, surface.outline.contains(*grid)]
+        heights = sign * (vertex + surface(*points))
+        lines = [height_line(view, c.points) for c in view.curves if c.name == name]
+        shifts = (-view.bound, 0.0, view.bound)
+        at = points[1 - "xy".index(axis)]
+        drawn = np.max(
+            [
+                np.interp(at + d, p[:, 0], sign * p[:, 1], left=-np.inf, right=-np.inf)
+                for p in lines
+                if p[0, 0] < p[-1, 0]
+                for d in shifts
+            ],
+            axis=0,
+        )
+        assert (heights - drawn).max() <= view.bound
+
+
+def test_the_sheet_of_a_dome_has_both_diameters():
+    dome = Lens(
+        FreeformSurface((10.0, 10.0), Conic(-18.0, -1.0), None, (10.0, 10.0)),
+        FreeformSurface((24.0, 24.0), Conic(-60.0, -1.0), None, (24.0, 24.0)),
+        16.0,
+        1.5,
+    )
+    said = [label.text for label in lens_sheet(dome).labels]
+    assert {"\u00d8 20", "\u00d8 48", "diameter 20 mm", "diameter 48 mm"} <= set(said)

@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from scipy.spatial import cKDTree
 
 from tests.cases import examples
-from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
+from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER, outlined
 from thbcad import body_mesh, to_trimesh
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
 from thbcad.fitting import quasi_interpolate
@@ -83,18 +83,6 @@ def test_a_body_is_closed_and_within_its_chord(lens, aperture, flange, single):
         assert np.abs(heights(lens, points, face)).max() <= mesh.chord
     assert (mesh.vertices == mesh.vertices.astype(np.float32)).all() or not single
     assert mesh.faces.max() == len(mesh.names) - 1
-
-
-def outlined(lens, share, scale=(1.0, 1.0)):
-    """A lens with corners that are a share of its half-widths, and a front of another size."""
-    surfaces = (
-        FreeformSurface(half, s.conic, s.sag, tuple(np.multiply(share, half)))
-        for s, half in (
-            (lens.front, np.multiply(lens.front.half_width, scale)),
-            (lens.rear, lens.rear.half_width),
-        )
-    )
-    return Lens(*surfaces, lens.thickness, lens.index)
 
 
 @pytest.mark.parametrize("lens", [WAVY, PLAIN, BALL])

@@ -121,7 +121,7 @@ DOME = {
     "lens.rear.half_width": [24.0, 24.0],
     "lens.rear.radius": -36.0,
     "lens.rear.conic": -1.0,
-    "lens.clear_aperture": [9.5, 9.5],
+    "lens.clear_aperture": [22.8, 22.8],  # 9.5 of the front
     "lens.body.draft": 2.0,
     "lens.body.annulus": True,
 }
@@ -160,7 +160,7 @@ def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, 
     [
         ({}, ["--aperture", 5, 5], "lens.body makes the walls of the solid"),
         ({}, ["--shrinkage", 1, 1, 2], "the draft of lens.body needs one --shrinkage"),
-        ({"lens.clear_aperture": [9.9999, 9.9999], "lens.body.land": -4.5}, [], "eats the clear aperture"),
+        ({"lens.clear_aperture": [23.9998, 23.9998], "lens.body.land": -4.5}, [], "eats the clear aperture"),
         ({"lens.body.parting": 9.0}, [], "must lie below the rear's rim"),
         ({"lens.body.edge_radius": 9.0}, [], "edge_radius = 9 mm needs up to"),
         ({}, ["--format", "stl"], "lens.body needs step, iges, brep"),
