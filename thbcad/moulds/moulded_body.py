@@ -175,8 +175,7 @@ class MouldedBody:
             if _least_support(wall.outline, clear[number]) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
-                    f"aperture of half-widths {clear[number].half_width} mm; make lens.body.draft or edge_radius "
-                    "smaller"
+                    f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
                 )
 
     def _require_parting(self) -> None:
