@@ -118,6 +118,7 @@ QUICK = \
 	tests/thbcad/lens/test_lens.py \
 	tests/thbcad/lens/test_product.py \
 	tests/thbcad/meshes \
+	tests/thbcad/moulds \
 	tests/thbcad/mounts \
 	tests/thbcad/outlines \
 	tests/thbcad/pictures \

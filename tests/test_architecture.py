@@ -43,7 +43,7 @@ FLOORS = [
     ["thbcad.surfaces"],
     ["thbcad.certified"],
     ["thbcad.fitting", "thbcad.lens"],
-    ["thbcad.io", "thbcad.mounts", "thbcad.tools"],
+    ["thbcad.io", "thbcad.moulds", "thbcad.mounts", "thbcad.tools"],
     ["thbcad.drawings", "thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
     ["thbcad.meshes", "thbcad.cad.parts", "thbcad.cad.foreign"],

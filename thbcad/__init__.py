@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         require_sound as require_sound,
     )
     from thbcad.meshes import body_mesh as body_mesh, to_trimesh as to_trimesh
+    from thbcad.outlines import Outline as Outline
     from thbcad.poses import Pose as Pose
     from thbcad.sags import (
         Approximation as Approximation,

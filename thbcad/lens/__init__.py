@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         rim_heights as rim_heights,
     )
     from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
+    from thbcad.lens.graph_pieces import segment as segment
     from thbcad.lens.lens import Lens as Lens
     from thbcad.lens.manufacture_bounds import (
         NM_PER_MM as NM_PER_MM,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.outlines import UPRIGHT, RimPiece, fitted_curve, matched_rims, rim_curve
+from thbcad.outlines import UPRIGHT, Path, RimPiece, fitted_curve, matched_rims, rim_curve
 from thbcad.sags import PlacedConic, graph_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
@@ -160,7 +160,7 @@ def outline_rims(lens: Lens, k: int, pieces: Sequence[RimPiece]) -> list[Rim]:
     return [(kv, poles + vertex) for kv, poles in curves]
 
 
-def above(conic: PlacedConic, piece: RimPiece) -> Callable[[Floats], Floats]:
+def above(conic: PlacedConic, piece: Path) -> Callable[[Floats], Floats]:
     """Return the curve of a conic above a piece of an outline: t (n,) to points (n, 3), mm."""
 
     def points(t: Floats) -> Floats:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         LEAST_SIZE as LEAST_SIZE,
         Arc as Arc,
         Line as Line,
+        Path as Path,
         RimPiece as RimPiece,
         integral_within as integral_within,
     )
@@ -20,12 +21,14 @@ if TYPE_CHECKING:
         fitted_curve as fitted_curve,
         kinks as kinks,
         matched_rims as matched_rims,
+        merged_breaks as merged_breaks,
         rim_curve as rim_curve,
     )
     from thbcad.outlines.rounded_rectangle import RELATIVE as RELATIVE, Outline as Outline
     from thbcad.outlines.wall_volumes import (
         UPRIGHT as UPRIGHT,
         Shape as Shape,
+        cross as cross,
         walled_volume as walled_volume,
     )
 

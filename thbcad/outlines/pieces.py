@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,7 +140,21 @@ class Arc:
 RimPiece = Line | Arc
 
 
-def integral_within(graph: BSplineSurface, pieces: Sequence[RimPiece]) -> float:
+class Path(Protocol):
+    """A piece of a curve round a lens, whatever describes it."""
+
+    @property
+    def ends(self) -> Pair:
+        """The first and the last parameter."""
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> tuple[Floats, Floats]:
+        """Return (x, y), or its first derivative, at parameters t, (n,) each."""
+
+    def rule(self, x: Floats, y: Floats, degree: int) -> tuple[Floats, Floats]:
+        """Return nodes and weights of Gauss rules between the crossings with lines, as `Line.rule`."""
+
+
+def integral_within(graph: BSplineSurface, pieces: Sequence[Path]) -> float:
     """Return the integral of a scalar spline z(x, y) within a curve of pieces, counter-clockwise, in its
     rectangle.
 

@@ -91,7 +91,7 @@ def matched_rims(graphs: Sequence[BSplineSurface], pieces: Sequence[RimPiece]) -
         at, line = piece.crossings(lines_x, lines_y)
         places.append(at)
         counts.append(np.concatenate([counts_x, counts_y])[line])
-    breaks, needed = _merged(np.concatenate(places), np.concatenate(counts), *pieces[0].ends)
+    breaks, needed = merged_breaks(np.concatenate(places), np.concatenate(counts), *pieces[0].ends)
     if not exact:
         return fitted_curve(rim, breaks, needed)
     kv = KnotVector(degree, np.repeat(breaks, np.r_[degree + 1, needed[1:-1], degree + 1]))
@@ -107,7 +107,7 @@ def kinks(kv: KnotVector, degree: int = DEGREE) -> tuple[Floats, Integers]:
     return values, np.clip(degree - kv.degree + repeats, 1, degree)
 
 
-def _merged(places: Floats, counts: Integers, start: float, stop: float) -> tuple[Floats, Integers]:
+def merged_breaks(places: Floats, counts: Integers, start: float, stop: float) -> tuple[Floats, Integers]:
     """Return the places between start and stop in their order, those that are near each other as one with the
     greater count, between both ends."""
     chosen = (places > start + NEAR) & (places < stop - NEAR)

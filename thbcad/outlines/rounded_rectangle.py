@@ -188,6 +188,29 @@ class Outline:
         factor = np.maximum(abs(x) / hx, abs(y) / hy) / np.where(gauge > 0, gauge, 1.0)
         return factor * x, factor * y
 
+    def inset(self, depth: float) -> Outline:
+        """Return the outline at a distance inside, mm.
+
+        Raises
+        ------
+        ValueError : corners that are no quarter circles, which no outline follows; a depth that leaves less
+            than 1e-6 mm of a half-width or of the corners.
+        """
+        (hx, hy), (cx, cy) = self.half_width, self.corners
+        if abs(cx - cy) > RELATIVE * min(hx, hy):
+            raise ValueError(
+                f"walls with draft need a rectangle, a circle or round corners, got corners of {cx:.6g} x "
+                f"{cy:.6g} mm; make them round or draft 0"
+            )
+        left = min(hx, hy, cx or hx, cy or hy) - depth
+        if left < LEAST_SIZE:
+            raise ValueError(
+                f"an outline of half-widths {self.half_width} mm with corners of {cx:.6g} mm has nothing "
+                f"left {depth:.6g} mm inside; make draft smaller or the corners larger"
+            )
+        corners = (cx - depth, cy - depth) if cx else (0.0, 0.0)
+        return Outline((hx - depth, hy - depth), corners)
+
     def chord(self, origin: Floats, direction: Floats) -> tuple[Floats, Floats]:
         """Return between which t lines o + t d lie inside, (n,) each; start >= stop for none.
 

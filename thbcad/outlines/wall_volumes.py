@@ -60,11 +60,11 @@ def walled_volume(
         f, r = own(t), other(t)
         base, top = front(*inside(front, *f)), thickness + rear(*inside(rear, *r))
         d, slope, other_slope = np.subtract(r, f), np.array(own(t, 1)), np.array(other(t, 1))
-        first, second = _cross(slope, d), _cross(other_slope - slope, d)
+        first, second = cross(slope, d), cross(other_slope - slope, d)
         volume += float(weights @ (base * (first + second / 2) + (top - base) * (first / 2 + second / 3)))
     return volume
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
+def cross(a: Floats, b: Floats) -> Floats:
     product: Floats = a[0] * b[1] - a[1] * b[0]
     return product

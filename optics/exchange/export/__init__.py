@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         export as export,
         format_of as format_of,
         labelled_lens as labelled_lens,
+        moulded_in as moulded_in,
         report_of as report_of,
         require_free as require_free,
         require_free_files as require_free_files,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from optics.exchange.export.read_back import (
 )
 from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
 from optics.exchange.verification import volume_check
-from optics.scene.system import lens_product
+from optics.scene.system import OpticalSystem, lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
@@ -68,6 +68,7 @@ SUFFIXES = {
 }
 SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
+OF_SURFACES = ("dat", "xyz", "npz")
 FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
 
 
@@ -91,6 +92,16 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
         problem, lens, _ = ResultFolder(path).read()
         return lens, Labels(lens_product(problem), problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), Labels()
+
+
+def moulded_in(result: str, body: Body) -> Body:
+    """Return a body with what the problem of a result folder says of it."""
+    path = Path(result)
+    if not path.is_dir():
+        return body
+    problem, lens, _ = ResultFolder(path).read()
+    system = OpticalSystem(problem)
+    return replace(body, moulded=system.body, clear=system.clear_aperture(lens))
 
 
 def format_of(out: str, wanted: str | None) -> str:
@@ -138,7 +149,7 @@ def export(
 
     chord : mm, the error that meshes may have, and grid sags between their points
     body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
-        drawings
+        drawings, factors of all
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -150,6 +161,10 @@ def export(
     for option, asked, allowed in (
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
+        ("--cavity needs", body.cavity is not None, SOLIDS),
+        ("lens.body needs", body.is_moulded, (*SOLIDS, *OF_SURFACES)),
+        # OCCT makes roundings of degree 12, which is read where faces have names
+        ("lens.body.edge_radius needs", body.rounded, ("step", *OF_SURFACES)),
         ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:
@@ -157,6 +172,7 @@ def export(
     require_writable(path)
     require_readers(name)
     try:
+        lens, body = body.enlarged(lens)
         if name in MESHES:
             write, single = MESHES[name]
             mesh = body.mesh(lens, chord, single)
@@ -255,8 +271,9 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
     if body.patches:
         return files, patch_checks(lens, path, len(part.faces))
     read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
-    checks = solid_checks(lens, read, name, len(part.faces), body.volume(lens))
-    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and body.shaped else checks
+    checks = solid_checks(lens, read, name, len(part.faces), body)
+    walled = body.shaped or body.cavity is not None or (body.is_moulded and not body.rounded)
+    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and walled else checks
 
 
 def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:

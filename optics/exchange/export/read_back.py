@@ -17,7 +17,7 @@ from optics.exchange.export.wall_distance import wall_distance
 from optics.exchange.verification import state_checks
 from thbcad.doors import pip_command
 from thbcad.io import patched_deviation
-from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation, optical_forms
+from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation
 from thbcad.splines import BSplineSurface, NURBSSurface
 
 if TYPE_CHECKING:
@@ -50,19 +50,20 @@ def require_readers(name: str) -> None:
             ) from None
 
 
-def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: float) -> list[Check]:
-    """Return the Checks of a solid as OCCT read it.
-
-    faces : how many are expected.  volume : mm^3, by quadrature.
-    """
+def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, body: Body) -> list[Check]:
+    """Return the Checks of a solid as OCCT read it.  faces : how many are expected."""
     from optics.exchange.verification import differing_numbers, surface_deviation  # OCCT
 
     by = f"{name.upper()} read back by OCCT"
-    checks = _whole_checks(read, by, faces, volume)
-    surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
-    for word, face, exact, (surface, vertex) in zip(
-        ("front", "rear"), (read.front, read.rear), optical_forms(lens), surfaces
-    ):
+    if body.rounded:
+        more = max(0.0, read.volume / body.volume(lens) - 1)
+        checks = [
+            *state_checks(read, by, faces),
+            Check(f"volume beyond that with sharp edges, relative, {by}", more, VOLUME, ""),
+        ]
+    else:
+        checks = _whole_checks(read, by, faces, body.volume(lens))
+    for face, (word, exact, surface, vertex) in zip((read.front, read.rear), body.optical(lens)):
         differing, off = differing_numbers(face, exact), surface_deviation(face, surface, vertex)
         checks += [
             Check.none_of(f"{word} poles and knots that differ from the lens in memory, {by}", differing),

@@ -178,6 +178,21 @@ def _export_options(command: CommandParser) -> None:
     command.option(
         "--mount", "FILE", "mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens"
     )
+    command.add_argument(
+        "--shrinkage",
+        type=float,
+        nargs="+",
+        metavar="PERCENT",
+        help="enlarge by 1 + PERCENT / 100, one number, or three for x, y and z: what shrinks is the design",
+    )
+    command.add_argument(
+        "--cavity",
+        choices=("front", "rear"),
+        help="the insert of a mould that makes this surface: its negative, with a plane back",
+    )
+    command.option(
+        "--back", "Z", "plane back of the insert, z in mm (default: as deep as the lens is thick)", type=float
+    )
     command.switch("--patches", "one face per patch of same-level cells (step)")
     command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
     command.add_argument(

@@ -15,6 +15,7 @@ from optics.exchange.export import (
     export as run,
     format_of,
     labelled_lens,
+    moulded_in,
     require_free,
     require_free_files,
 )
@@ -32,10 +33,12 @@ from optics.light.outgoing import cut_cost
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
+from thbcad.moulds import UNCHANGED, Factors, shrinkage_factors
 from thbcad.outlines import Outline, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
-SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
+# options that change the body
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate", "shrinkage", "cavity", "back")
 
 
 def export(options: Namespace) -> Outcome:
@@ -52,7 +55,12 @@ def export(options: Namespace) -> Outcome:
         options.patches,
         options.separate,
         _polygon(options.polygon),
+        _factors(options.shrinkage),
+        options.cavity,
+        options.back,
     )
+    if options.mount is None:
+        body = moulded_in(options.result, body)
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
     if options.mount is None:
@@ -61,6 +69,10 @@ def export(options: Namespace) -> Outcome:
         files, checks = _mounted(lens, name, options, labels)
     lost, lines = _cut_cost(options.result, lens, body)
     numbers = {"chord_mm": options.chord, **lost}
+    if options.shrinkage is not None:
+        numbers |= {"shrinkage_percent": options.shrinkage, "factors": body.factors}
+        x, y, z = (f"{factor:.10g}" for factor in body.factors)
+        lines.append(f"enlarged for shrinkage, by {x} in x, {y} in y and {z} in z")
     return reported(options.out, name, files, checks, numbers, [*_sizes(files), *lines])
 
 
@@ -89,7 +101,7 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
 
     Raises
     ------
-    UserError : another option of the solid beside it; as `mount_from` and `export_mounted`.
+    UserError : another option of the solid, or lens.body, beside it; as `mount_from` and `export_mounted`.
     """
     from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
@@ -97,6 +109,10 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
     if any(getattr(options, name) for name in shapes):
         raise UserError(
             f"a mount has its own flange on the whole lens: leave out {', '.join(f'--{s}' for s in shapes)}"
+        )
+    if moulded_in(options.result, Body()).moulded is not None:
+        raise UserError(
+            "a mount stands on the lens without lens.body: export lens.json of the result with --mount"
         )
     return export_mounted(lens, mount_from(options.mount), name, options.out, options.chord, labels)
 
@@ -154,6 +170,19 @@ def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | Non
         return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
     except ValueError as error:
         raise UserError(f"--polygon: {error}") from None
+
+
+def _factors(percent: Sequence[float] | None) -> Factors:
+    """Return the factors of x, y and z that --shrinkage asks for.
+
+    Raises
+    ------
+    UserError : as `shrinkage_factors`.
+    """
+    try:
+        return UNCHANGED if percent is None else shrinkage_factors(percent)
+    except ValueError as error:
+        raise UserError(f"--shrinkage: {error}") from None
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:

@@ -47,18 +47,19 @@ class TargetArea:
     receiver: Receiver
     half_width: tuple[float, float]
     stops: tuple[Stop, ...] = ()
-    clear: Outline | None = None
+    clear: tuple[Outline | None, ...] = ()
     absorbing_wall: bool = False
 
     @classmethod
     def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
         """Return what lies around the lens of a path."""
-        return cls(path.receiver, half_width, path.stops, path.surfaces[0].clear, path.absorbing_wall)
+        clear = tuple(surface.clear for surface in path.surfaces)
+        return cls(path.receiver, half_width, path.stops, clear, path.absorbing_wall)
 
     @property
     def blocks(self) -> bool:
         """Whether anything blocks light."""
-        return bool(self.stops) or self.clear is not None or self.absorbing_wall
+        return bool(self.stops) or any(self.clear) or self.absorbing_wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,10 +248,11 @@ def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -
     ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
     if target.absorbing_wall:
         first = np.where(meetings.face == EDGE, ahead, first)
-    if target.clear is not None:
-        x, y, _ = meetings.point
-        on = np.isin(meetings.face, (FRONT, REAR))
-        first[on] = np.where(target.clear.contains(x[on], y[on]), np.inf, ahead[on])
+    for face, clear in zip((FRONT, REAR), target.clear):
+        if clear is not None:
+            x, y, _ = meetings.point
+            beside = (meetings.face == face) & ~clear.contains(x, y)
+            first = np.where(beside, ahead, first)
     if target.stops:
         landed = target.receiver.land(branches.origin, branches.direction)
         ends = landed.met & (landed.length >= 0) & (not target.receiver.far_field)

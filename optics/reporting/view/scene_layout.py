@@ -14,7 +14,7 @@ from optics.light.tracing import RayPath, TargetArea, trace_paths
 from optics.reporting.view.solid_renderer import Face, oblique
 from optics.scene.problem import Problem
 from optics.scene.receivers import receiver_at
-from optics.scene.sources import single_rays
+from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem, source_of
 from thbcad.lens import Lens
 
@@ -129,13 +129,16 @@ def caption(problem: Problem, scene: Scene) -> str:
 
 
 def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
-    """Return the paths of some 64 rays of the source to the target or its direction.
+    """Return the paths of the rays with light, of some 64 of the source, to the target or its direction.
 
     At every face a path follows the stronger part.
 
     backend : of double precision
     """
     rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
+    lit = rays.flux > 0
+    if lit.any():
+        rays = Rays(rays.origin[:, lit], rays.direction[:, lit], rays.flux[lit])
     path, half_width = system.path(lens), target.settings.half_width
     if target.far_field:
         path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))

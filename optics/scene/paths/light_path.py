@@ -124,15 +124,16 @@ class LightPath:
         receiver: Receiver,
         absorption: float,
         stops: tuple[Stop, ...] = (),
-        clear: Outline | None = None,
+        clear: tuple[Outline, Outline] | None = None,
         absorbing_wall: bool = False,
     ) -> LightPath:
         """Return the path through front and rear of a lens in air, in the frame of its front vertex.
 
-        absorption : of its glass, 1/mm.  clear : of both surfaces, see `Surface`.
+        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.
         """
-        front = Surface(lens.front, clear=clear)
-        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=clear)
+        open_front, open_rear = clear or (None, None)
+        front = Surface(lens.front, clear=open_front)
+        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
         media = AIR, Medium(lens.index, absorption), AIR
         return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
 

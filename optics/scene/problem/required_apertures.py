@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from optics.base.runtime import UserError
 from optics.scene.problem.schema import LensSpec, StopSpec
+from optics.scene.problem.toml_records import AUTO
 
 
 def require_apertures(lens: LensSpec, stops: Sequence[StopSpec]) -> None:
@@ -17,6 +18,7 @@ def require_apertures(lens: LensSpec, stops: Sequence[StopSpec]) -> None:
     """
     _require_outline(lens)
     _require_clear_aperture(lens)
+    _require_body(lens)
     for k, stop in enumerate(stops):
         _require_stop(f"stop[{k}]", stop)
 
@@ -51,10 +53,38 @@ def _require_clear_aperture(lens: LensSpec) -> None:
             f"lens.clear_aperture = {list(clear)} leaves nothing of the lens; give two half-widths above 0, "
             "or [0, 0] for all of it"
         )
-    most = [min(pair) for pair in zip(lens.front.half_width, lens.rear.half_width)]
+    most = [max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width)]
     if any(c > m for c, m in zip(clear, most)):
         raise UserError(
             f"lens.clear_aperture must lie within front and rear, at most {most}, got {list(clear)}"
+        )
+
+
+def _require_body(lens: LensSpec) -> None:
+    """Refuse a body whose keys do not go together, or not with the outlines of the lens."""
+    body = lens.body
+    if body is None:
+        return
+    alike = lens.front.half_width == lens.rear.half_width
+    if alike and body.annulus:
+        raise UserError(
+            "lens.body.annulus joins a smaller surface to the outline of a larger, and front and rear have "
+            "one half_width; leave it out"
+        )
+    if not alike and not body.annulus:
+        raise UserError(
+            "lens.body is that of front and rear of one half_width, or of unlike ones with annulus = true; "
+            "add it"
+        )
+    if body.land != AUTO and not body.annulus:
+        raise UserError("lens.body.land is that of lens.body.annulus = true; leave it out")
+    if body.draft and lens.outline == "ellipse":
+        raise UserError(
+            'lens.body.draft needs lens.outline = "rectangle", "round" or "rounded", got "ellipse"'
+        )
+    if body.edge_radius and lens.outline == "rectangle":
+        raise UserError(
+            'lens.body.edge_radius needs an outline without sharp corners; take lens.outline = "rounded"'
         )
 
 

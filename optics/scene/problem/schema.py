@@ -244,6 +244,39 @@ def freedom_of(surface: Front | Rear) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BodySpec:
+    """The body that leaves a mould, as the table [lens.body]; `thbcad export` writes it as a solid.
+
+    Examples
+    --------
+    >>> BodySpec(draft=2.0, annulus=True).parting
+    'auto'
+    """
+
+    draft: float = option(0.0, low=0, high=45, note="degrees by which the walls taper from the parting line")
+    parting: float | str = option(
+        AUTO,
+        low=-LONGEST,
+        high=LONGEST,
+        note="mm, z of the parting line; auto is that of the land, else midway between the rims",
+        auto=True,
+    )
+    annulus: bool = option(
+        False, note="a flat land from the smaller surface's rim to the outline of the larger"
+    )
+    land: float | str = option(
+        AUTO,
+        low=-LONGEST,
+        high=LONGEST,
+        note="mm, z of that land; auto is the rim's, 0.1 mm outside where that is not level",
+        auto=True,
+    )
+    edge_radius: float = option(
+        0.0, low=0, high=LONGEST, note="mm, between the wall and the surfaces; outside of clear_aperture"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class LensSpec:
     """The lens before it is designed, as the table [lens].
 
@@ -287,11 +320,13 @@ class LensSpec:
         (0.0, 0.0),
         low=0,
         high=LONGEST,
-        note="mm, half-widths of what a holder leaves free of both surfaces, like the outline; 0 is all",
+        note="mm, half-widths of what a holder leaves free of the larger surface, shaped like the outline, "
+        "and of the smaller in proportion; 0 is all",
     )
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
+    body: BodySpec | None = option(None, note="the body for a mould, which thbcad export writes")
     front: Front = option()
     rear: Rear = option()
 
@@ -303,10 +338,20 @@ class LensSpec:
     def corners(self, half_width: tuple[float, float]) -> tuple[float, float]:
         """Return the semi-axes of the corners of a surface with these half-widths, mm; 0 of a rectangle."""
         if self.outline == "rounded":
-            most = [max(pair) for pair in zip(self.front.half_width, self.rear.half_width)]
-            x, y = (self.corner_radius * h / m for h, m in zip(half_width, most))
-            return x, y
+            return self._in_proportion((self.corner_radius, self.corner_radius), half_width)
         return (0.0, 0.0) if self.outline == "rectangle" else half_width
+
+    def clear(self, half_width: tuple[float, float]) -> tuple[float, float]:
+        """Return the half-widths of the clear aperture of a surface with these, mm; 0 is all."""
+        return self._in_proportion(self.clear_aperture, half_width)
+
+    def _in_proportion(
+        self, size: tuple[float, float], half_width: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return what a size on the larger surface is on one with these half-widths, mm."""
+        most = (max(pair) for pair in zip(self.front.half_width, self.rear.half_width))
+        x, y = (s * h / m for s, h, m in zip(size, half_width, most))
+        return x, y
 
     @property
     def free(self) -> dict[str, Freeform]:

@@ -25,6 +25,7 @@ from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget
 from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import Lens, Product
+from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 
@@ -175,10 +176,22 @@ class OpticalSystem:
         """What blocks light beside the lens, in the frame of its front vertex."""
         return stops_of(self.problem)
 
-    def clear_aperture(self, lens: Lens) -> Outline | None:
+    def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
         """Return what a holder leaves free of front and rear of a lens; None is all."""
-        half_width = self.problem.lens.clear_aperture
-        return lens.front.outline.scaled(half_width) if any(half_width) else None
+        spec = self.problem.lens
+        if not any(spec.clear_aperture):
+            return None
+        front, rear = (s.outline.scaled(spec.clear(s.half_width)) for s in (lens.front, lens.rear))
+        return front, rear
+
+    @property
+    def body(self) -> BodyOptions | None:
+        """Return what makes the lens a body that leaves a mould; None is the lens."""
+        spec = self.problem.lens.body
+        if spec is None:
+            return None
+        parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
+        return BodyOptions(spec.draft, parting, spec.annulus, land, spec.edge_radius)
 
     @property
     def source(self) -> LightSource:

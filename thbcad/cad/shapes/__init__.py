@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes.flange_solid import flanged_part as flanged_part
+    from thbcad.cad.shapes.mould_solids import insert_part as insert_part, moulded_part as moulded_part
     from thbcad.cad.shapes.occt_splines import (
         TOLERANCE as TOLERANCE,
         geom_surface as geom_surface,

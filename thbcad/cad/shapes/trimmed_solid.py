@@ -32,7 +32,7 @@ from thbcad.lens import (
     rim_pieces,
     ruled_edges,
 )
-from thbcad.outlines import Arc, Line, RimPiece, Shape
+from thbcad.outlines import Arc, Line, Path, RimPiece, Shape
 from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT
 
@@ -92,14 +92,15 @@ def _closed(builder: BRep_Builder, wall: UprightWall | RuledWall, front: Bounded
 
 def upright_faces(builder: BRep_Builder, lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
     """Return front and rear, trimmed by an upright wall, normals outward."""
-    optical = []
-    for k, surface in enumerate(optical_forms(lens)):
-        height = _level(surface, wall.pieces)
-        rims = outline_rims(lens, k, wall.pieces) if height is None else []
-        ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
-        optical.append((_trimmed(builder, lens, k, wall.pieces, rims, ring), ring))
-    front, rear = optical
-    return front, rear
+    return upright_face(builder, lens, 0, wall), upright_face(builder, lens, 1, wall)
+
+
+def upright_face(builder: BRep_Builder, lens: Lens, k: int, wall: UprightWall) -> Bounded:
+    """Return the front (k = 0) or the rear (k = 1), trimmed by an upright wall, its normal outward."""
+    height = _level(optical_forms(lens)[k], wall.pieces)
+    rims = outline_rims(lens, k, wall.pieces) if height is None else []
+    ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
+    return trimmed_face(builder, lens, k, wall.pieces, rims, ring), ring
 
 
 def ruled_faces(builder: BRep_Builder, lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
@@ -108,7 +109,7 @@ def ruled_faces(builder: BRep_Builder, lens: Lens, wall: RuledWall) -> tuple[Bou
     for k, pieces in enumerate(rim_pieces(lens)):
         rims = [(panel.kv_u, panel.coefficients[:, k]) for panel in wall.panels]
         ring = wall.along(builder, rims, float(k))
-        optical.append((_trimmed(builder, lens, k, pieces, rims, ring), ring))
+        optical.append((trimmed_face(builder, lens, k, pieces, rims, ring), ring))
     front, rear = optical
     return front, rear
 
@@ -123,8 +124,8 @@ def _level(surface: OpticalForm, pieces: Sequence[RimPiece]) -> float | None:
     return float(surface(arcs[0].semi_axes[0], 0.0)) if len(arcs) == len(pieces) else None
 
 
-def _trimmed(
-    builder: BRep_Builder, lens: Lens, k: int, pieces: Sequence[RimPiece], rims: Sequence[Rim], ring: Ring
+def trimmed_face(
+    builder: BRep_Builder, lens: Lens, k: int, pieces: Sequence[Path], rims: Sequence[Rim], ring: Ring
 ) -> TopoDS_Face:
     """Return the front (k = 0) or the rear (k = 1) within the ring above the pieces of an outline, its normal
     outward.

@@ -51,20 +51,20 @@ class UprightWall:
             return Geom_Plane(gp_Pln(gp_Pnt(x0, y0, 0.0), gp_Dir(y1 - y0, x0 - x1, 0.0)))
         if piece.is_round:
             return Geom_CylindricalSurface(gp_Ax3(_axes(piece, 0.0)), piece.semi_axes[0])
-        return Geom_SurfaceOfLinearExtrusion(_level_curve(piece, 0.0)[0], UP)
+        return Geom_SurfaceOfLinearExtrusion(level_curve(piece, 0.0)[0], UP)
 
     def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*_start(self.pieces[corner], 0.0).tolist()), UP)
+        return Geom_Line(gp_Pnt(*start_of(self.pieces[corner], 0.0).tolist()), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        starts = [_start(piece, z) for piece in self.pieces]
-        curves = [_level_curve(piece, z) for piece in self.pieces]
+        starts = [start_of(piece, z) for piece in self.pieces]
+        curves = [level_curve(piece, z) for piece in self.pieces]
         image = Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0))
         return self._ring(builder, starts, curves, [image] * len(curves))
 
     def rim(self, builder: BRep_Builder, rims: Sequence[Rim]) -> Ring:
         """Return the ring along splines (x, y, z) over the pieces; vertices have their z as height."""
-        starts = [_start(piece, float(poles[0, 2])) for piece, (_, poles) in zip(self.pieces, rims)]
+        starts = [start_of(piece, float(poles[0, 2])) for piece, (_, poles) in zip(self.pieces, rims)]
         curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
         images = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in rims]
         return self._ring(builder, starts, curves, images)
@@ -76,12 +76,12 @@ class UprightWall:
         curves: Sequence[Bounded],
         images: Sequence[Geom2d_Curve],
     ) -> Ring:
-        ring = _ring_along(builder, curves, starts)
+        ring = ring_along(builder, curves, starts)
         traces = [None if isinstance(p, Line) else image for p, image in zip(self.pieces, images)]
         return replace(ring, traces=traces)
 
 
-def _start(piece: RimPiece, z: float) -> Floats:
+def start_of(piece: RimPiece, z: float) -> Floats:
     """Return the point of a piece at its first parameter, at a height, (3,), mm."""
     x, y = piece(np.array(piece.ends[:1]))
     return np.array([x[0], y[0], z])
@@ -92,7 +92,7 @@ def _axes(arc: Arc, z: float) -> gp_Ax2:
     return gp_Ax2(gp_Pnt(*arc.centre, z), UP, longer)
 
 
-def _level_curve(piece: RimPiece, z: float) -> Bounded:
+def level_curve(piece: RimPiece, z: float) -> Bounded:
     """Return a piece at a height, with its first and its last parameter: a line, a circle or an ellipse."""
     if isinstance(piece, Line):
         start, step = np.array([*piece.start, z]), np.array([*np.subtract(piece.stop, piece.start), 0.0])
@@ -147,7 +147,7 @@ class RuledWall:
         """Return the ring along the rims between which the panels are ruled, of the front (v = 0) or the rear
         (v = 1)."""
         curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
-        ring = _ring_along(builder, curves, [poles[0] for _, poles in rims])
+        ring = ring_along(builder, curves, [poles[0] for _, poles in rims])
         line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
         return replace(ring, traces=(line,) * len(rims), heights=(v,) * len(rims))
 
@@ -160,7 +160,7 @@ class RuledWall:
         starts = [-1 if turned else 0 for turned in self.clockwise]
         heights = [float(poles[k, 2]) for k, (_, poles) in zip(starts, curves)]
         lines = [(geom_curve(kv, poles), kv.start, kv.stop) for kv, poles in flat]
-        ring = _ring_along(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)], self.clockwise)
+        ring = ring_along(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)], self.clockwise)
         return replace(ring, traces=traces, heights=heights)
 
     def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
@@ -179,10 +179,10 @@ def form_ring(builder: BRep_Builder, form: Form) -> Ring:
     """Return the ring along the sides of front or rear; vertices have their z as height."""
     curves = [(along.curve, *along.ends) for along in map(form.rim, SIDES)]
     corners = [form.corner(corner) for corner in CORNERS]
-    return _ring_along(builder, curves, corners, [side.clockwise for side in SIDES])
+    return ring_along(builder, curves, corners, [side.clockwise for side in SIDES])
 
 
-def _ring_along(
+def ring_along(
     builder: BRep_Builder, curves: Sequence[Bounded], starts: Sequence[Floats], clockwise: Sequence[bool] = ()
 ) -> Ring:
     """Return the ring along curves from start to start; vertices have their z as height.

@@ -18,9 +18,9 @@ from optics.exchange.export.body import Body
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.formats import MESHES, SOLIDS, export
 from optics.exchange.export.read_back import mesh_checks
-from optics.interface.commands import main
 from tests.cases import slow_unless
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
+from tests.optics.exchange.export.cases import names, run
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
@@ -45,16 +45,6 @@ BODIES = {
 # the front's rim of Table 6.3 reaches up to z = -2.5 mm, its rear's rim down to 5 - 6.4 = -1.4 mm; both give
 # or take the sags
 HOLLOW_FLANGE = ["--flange", 2.0, -2.2, -1.6]
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
-
-
-def names(folder):
-    return sorted(p.name for p in folder.iterdir())
 
 
 @pytest.fixture(params=slow_unless(lambda name: LENSES[name] is not HOLLOW, LENSES))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from optics.exchange.verification.conic_face import FaceRim
 from optics.exchange.verification.independent_checks import text_checks
+from optics.exchange.verification.traced_faces import FaceRim
 from thbcad.cad.exchange import step_bytes
 from thbcad.io import brep_of_text
 from thbcad.lens import FreeformSurface, Lens

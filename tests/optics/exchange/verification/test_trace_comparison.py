@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from optics.exchange.verification.reference_tracer import trace_step
+from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared, light_checks
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
+from thbcad.cad import write_step
 from thbcad.lens import placed_surfaces
 
 
@@ -58,7 +60,7 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
 @pytest.mark.parametrize(
     "source", [{"kind": "collimated", "half_width": (8, 8)}, {"kind": "point", "half_angle": 25}]
 )
-def test_the_independent_trace_blocks_the_same_rays(source):
+def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
     stops = (
         {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
         {"shape": "ring", "half_width": (2, 1.5), "inner": (1, 0.5), "position": (1, 2, 30), "hole": False},
@@ -72,13 +74,14 @@ def test_the_independent_trace_blocks_the_same_rays(source):
     ).with_(**{"lens.clear_aperture": (7, 7), "lens.rear.radius": -40.0, "stop.1.tilt": (40, 0, 0)})
     system = solvable_system(problem)
     lens, path = system.lens, system.path(system.lens)
-    front, rear = placed_surfaces(lens)
-    faces = SimpleNamespace(front=front, rear=rear)
-    assert all(check.ok for check in light_checks(system, lens, faces, system.backend))
+    write_step(lens, tmp_path / "lens.step")
+    file = StepFile(tmp_path / "lens.step")
+    assert all(check.ok for check in light_checks(system, lens, file.solid, file, system.backend))
     rays = single_rays(system.source.rays((101, 101)), lens)
     tracer = Tracer(system.backend, path, rays)
     _, landing = tracer.trace()
-    seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, path.receiver, path)
+    rows = rays.origin.T, rays.direction.T, rays.flux
+    seen = trace_step(file.solid, *rows, 1.5, path.receiver, path, file.rims)
     fates = tracer.fates(landing, (20, 20))
     assert fates.blocked > 0.5
     assert seen.flux.sum() == pytest.approx(fates.transmitted, abs=1e-12)

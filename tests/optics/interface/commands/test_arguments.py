@@ -273,7 +273,7 @@ def test_a_choice_that_the_program_cannot_make_says_why(capsys):
     told = refused(capsys, "new", "--kind", "mirror")
     assert "invalid choice: 'mirror'" in told
     assert told.endswith(
-        "; thbcad cannot do that: there is one lens and nothing else that light meets "
+        "; thbcad cannot do that: there is one lens and nothing else that bends light "
         "(its README lists what it cannot do)"
     )
     assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

@@ -12,11 +12,11 @@ from tests.cases import EXAMPLES
 
 
 def keys(record, prefix=""):
-    """Return the dotted names of all keys but those of tables that are left out."""
+    """Return the dotted names of all keys but those of tables that are left out, and of lists of tables."""
     found = []
     for f in fields(record):
         value = getattr(record, f.name)
-        if value is None:
+        if value is None or f.name == "stop":
             continue
         found += keys(value, f"{prefix}{f.name}.") if is_dataclass(value) else [prefix + f.name]
     return found

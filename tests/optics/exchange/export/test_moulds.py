@@ -1,0 +1,175 @@
+"""`thbcad export` for a mould: enlarged lenses in every format, read by programs that did not write them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from optics.exchange.export import MESHES, SOLIDS
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import rough, small_lens, small_space, store_result, write_problem
+from tests.optics.exchange.export.cases import names, run
+from thbcad import write_lens
+from thbcad.cad.exchange import read_step
+from thbcad.lens import placed_surfaces
+from thbcad.surfaces import THBSurface
+
+LENS = small_lens(sag=rough(small_space()))
+FACTORS = (1.004, 0.99, 1.012)
+
+
+@pytest.fixture
+def native(tmp_path):
+    write_lens(LENS, tmp_path / "lens.json")
+    return tmp_path / "lens.json"
+
+
+@pytest.mark.parametrize("name", [*SOLIDS, *MESHES, "dat", "xyz", "npz", "svg", "dxf"])
+def test_every_format_holds_the_enlarged_lens(capsys, native, tmp_path, name):
+    """Its checks compare the file with the enlarged lens, and the report says the factors."""
+    out = tmp_path / f"body.{name}"
+    done = run(capsys, "export", native, "--out", out, "--chord", 0.02, "--shrinkage", 0.4, -1, 1.2)
+    assert (done.code, done.err) == (0, "")
+    assert "enlarged for shrinkage, by 1.004 in x, 0.99 in y and 1.012 in z" in done.out
+    stored = json.loads((tmp_path / f"body.{name}.json").read_text())
+    assert stored["shrinkage_percent"] == [0.4, -1, 1.2]
+    assert stored["factors"] == pytest.approx(FACTORS, rel=1e-15)
+
+
+def test_poles_of_an_enlarged_file_are_those_of_the_design_times_the_factors(capsys, native, tmp_path):
+    """An aperture is enlarged with the lens; OCCT reads the poles, within 1e-15 of the greatest."""
+    options = ["--aperture", 4.5, 4.0, "--shrinkage", 0.5]
+    assert run(capsys, "export", native, "--out", tmp_path / "body.step", *options).code == 0
+    poles = read_step(tmp_path / "body.step").rear.coefficients
+    wanted = placed_surfaces(LENS)[1].coefficients * 1.005
+    assert (abs(poles - wanted) <= 1e-15 * abs(wanted).max(axis=(0, 1))).all()
+
+
+@pytest.mark.parametrize("name", ["step", "stl"])
+def test_no_shrinkage_changes_no_byte(capsys, native, tmp_path, name):
+    for word, options in (("plain", []), ("zero", ["--shrinkage", 0])):
+        assert run(capsys, "export", native, "--out", tmp_path / f"{word}.{name}", *options).code == 0
+    assert (tmp_path / f"plain.{name}").read_bytes() == (tmp_path / f"zero.{name}").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--shrinkage", 0.5, 0.4], "--shrinkage: shrinkage must be one number, or three"),
+        (["--shrinkage", "nan"], "--shrinkage: shrinkage must be a finite number"),
+        (["--shrinkage", 100], "at most 50 per cent in size, got 100"),
+        (["--shrinkage", 1, 2, 3, "--flange", 2, 0.5, 1], "as wide along x as along y"),
+        (["--shrinkage", 1, "--mount", "mount.toml"], "--shrinkage"),
+        (["--cavity", "front", "--back", 0], "must lie below z = 0 mm, which the front reaches, got 0 mm"),
+        (["--cavity", "rear", "--back", 7], "insert must lie above z = 8.51581793 mm"),
+        (["--cavity", "rear", "--back", "nan"], "back must be a finite number"),
+        (["--cavity", "rear", "--flange", 2, 0.5, 1], "an insert is one solid within an outline"),
+        (["--back", 7], "--back is that of an insert"),
+    ],
+    ids=str,
+)
+def test_what_a_mould_cannot_be_is_refused_in_a_sentence(capsys, native, tmp_path, options, words):
+    done = run(capsys, "export", native, "--out", tmp_path / "body.step", *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert words in done.err
+    assert names(tmp_path) == ["lens.json"]
+
+
+OUTLINES = {
+    "its own": [],
+    "aperture": ["--aperture", 4.5, 4.0],
+    "polygon": ["--polygon", -4, -3, 4, -3, 0, 4],
+}
+
+
+@pytest.mark.parametrize(
+    ("outline", "word", "name"),
+    [*(("its own", "rear", name) for name in SOLIDS), *((o, "front", "step") for o in OUTLINES)],
+)
+def test_an_insert_is_the_negative_of_its_surface(capsys, native, tmp_path, outline, word, name):
+    """The checks compare its poles bit for bit; front, lens and rear fill a block to the last cubic mm."""
+    out = tmp_path / f"insert.{name}"
+    options = ["--cavity", word, "--back", -4 if word == "front" else 12, *OUTLINES[outline]]
+    done = run(capsys, "export", native, "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    stored = json.loads((tmp_path / f"insert.{name}.json").read_text())
+    assert stored["ok"]
+    assert any(f"{word} poles and knots" in check["name"] for check in stored["checks"])
+    assert any("back poles and knots" in check["name"] for check in stored["checks"])
+    assert (name == "step") == any("text of the file" in check["name"] for check in stored["checks"])
+
+
+@pytest.mark.parametrize("options", OUTLINES.values(), ids=OUTLINES)
+def test_inserts_and_lens_fill_a_block(capsys, native, tmp_path, options):
+    """16 mm high over the outline, each volume by OCCT to the 1e-6 that is asked of its integral."""
+    volumes = []
+    for piece in ([], ["--cavity", "front", "--back", -4], ["--cavity", "rear", "--back", 12]):
+        assert run(capsys, "export", native, "--out", tmp_path / "s.step", *piece, *options).code == 0
+        volumes.append(read_step(tmp_path / "s.step").volume)
+    area = {0: 400, 3: np.pi * 4.5 * 4, 7: 28}[len(options)]
+    assert sum(volumes) == pytest.approx(16 * area, rel=2e-6)
+
+
+DOME = {
+    "lens.outline": "round",
+    "lens.thickness": 14.0,
+    "lens.front.half_width": [10.0, 10.0],
+    "lens.front.radius": -15.0,
+    "lens.rear.half_width": [24.0, 24.0],
+    "lens.rear.radius": -36.0,
+    "lens.rear.conic": -1.0,
+    "lens.clear_aperture": [22.8, 22.8],  # 9.5 of the front
+    "lens.body.draft": 2.0,
+    "lens.body.annulus": True,
+}
+
+
+@pytest.fixture
+def dome(tmp_path):
+    """A result whose rear has a sag, and whose problem asks for a body."""
+
+    def stored(height=0.0, **keys):
+        problem = load_problem(write_problem(tmp_path, DOME | keys))
+        lens = OpticalSystem(problem).lens
+        sag = THBSurface(lens.rear.sag.space, rough(lens.rear.sag.space, height))
+        store_result(tmp_path / "result", problem, lens.with_sags([sag]))
+        return tmp_path / "result"
+
+    return stored
+
+
+@pytest.mark.parametrize(("radius", "name"), [*((0.0, name) for name in SOLIDS), (0.3, "step")])
+def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, name, radius):
+    """Also enlarged: front and rear bit for bit, with sharp edges the volume of the closed form."""
+    result = dome(0.0 if radius else 0.02, **{"lens.body.edge_radius": radius})
+    done = run(capsys, "export", result, "--out", tmp_path / f"body.{name}", "--shrinkage", 0.5)
+    assert (done.code, done.err) == (0, "")
+    stored = json.loads((tmp_path / f"body.{name}.json").read_text())
+    assert stored["ok"]
+    if name == "step":
+        named = read_step(tmp_path / "body.step").face_names
+        assert {"front", "rear", "land"} < set(named)
+        assert any(word.startswith("radius") for word in named) == bool(radius)
+
+
+@pytest.mark.parametrize(
+    ("keys", "options", "words"),
+    [
+        ({}, ["--aperture", 5, 5], "lens.body makes the walls of the solid"),
+        ({}, ["--shrinkage", 1, 1, 2], "the draft of lens.body needs one --shrinkage"),
+        ({"lens.clear_aperture": [23.9998, 23.9998], "lens.body.land": -4.5}, [], "eats the clear aperture"),
+        ({"lens.body.parting": 9.0}, [], "must lie below the rear's rim"),
+        ({"lens.body.edge_radius": 9.0}, [], "edge_radius = 9 mm needs up to"),
+        ({}, ["--format", "stl"], "lens.body needs step, iges, brep"),
+        ({"lens.body.edge_radius": 0.3}, ["--format", "iges"], "lens.body.edge_radius needs step"),
+    ],
+    ids=str,
+)
+def test_a_body_that_a_mould_cannot_make_is_refused(capsys, dome, tmp_path, keys, options, words):
+    out = tmp_path / f"body.{options[1] if '--format' in options else 'step'}"
+    done = run(capsys, "export", dome(**keys), "--out", out, *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert words in done.err

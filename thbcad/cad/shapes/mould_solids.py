@@ -1,0 +1,138 @@
+"""Bodies that leave a mould, and inserts of moulds, as OCCT solids with shared topology."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from OCP.BRep import BRep_Builder
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.Standard import Standard_Failure
+from OCP.StdFail import StdFail_NotDone
+from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
+
+from thbcad.cad.shapes.edge_faces import face_on
+from thbcad.cad.shapes.forms import form_of
+from thbcad.cad.shapes.part import Part
+from thbcad.cad.shapes.rings import Ring, plane_face, wall_faces
+from thbcad.cad.shapes.tapered_wall import TaperedWall, drafted_faces
+from thbcad.cad.shapes.topology import closed_part, turned_face
+from thbcad.cad.shapes.trimmed_solid import trimmed_face, upright_face
+from thbcad.cad.shapes.walls import UprightWall
+from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
+
+# of OCCT's roundings: least angle between faces, then mm of spine, traces and splines in space and in the
+# plane, and how far a chord of the spine may lie beside it
+FILLET = (1e-2, 1e-4, 1e-5, 1e-8, 1e-8, 1e-3)
+MOST_TOLERANCE = 1e-6  # mm
+
+
+def insert_part(insert: Insert) -> Part:
+    """Return an insert as a closed Part: front or rear with the poles of the lens, the back, and an edge on
+    every piece of the outline."""
+    builder = BRep_Builder()
+    wall = UprightWall(insert.shape.pieces)
+    face, rim = upright_face(builder, insert.lens, insert.number, wall)
+    ring = wall.level(builder, insert.back)
+    above = insert.number == 1
+    back = turned_face(face_on(builder, form_of(insert.forms[1]).surface(), ring.edges), not above)
+    edges = wall_faces(builder, wall, *((rim, ring) if above else (ring, rim)))
+    names = (FACES[insert.number], "back", *(f"edge {k + 1}" for k in range(len(edges))))
+    return closed_part(names, (TopoDS.Face_s(face.Reversed()), back, *edges))
+
+
+def moulded_part(body: MouldedBody) -> Part:
+    """Return a moulded body as a closed Part: front, rear, the edges below and above the parting line, and
+    the land with the step to the smaller surface."""
+    builder = BRep_Builder()
+    optical: list[TopoDS_Face] = []
+    rings: list[Ring] = []
+    for k in (0, 1):
+        foot, wall = body.feet[k], _wall(body.wall(k))
+        rings.append(_rim(builder, wall, foot))
+        optical.append(trimmed_face(builder, body.lens, k, foot.pieces, foot.rims, rings[k]))
+    names, faces = list(FACES), optical
+    if body.inner is not None and body.small is not None:
+        inner, land = _wall(body.inner), body.inner.level
+        side = 1 - body.small if land == body.parting else body.small
+        outer = _wall(body.walls[side]).level(builder, land)
+        hole = inner.level(builder, land) if body.stepped else rings[body.small]
+        added = [plane_face(builder, land, hole, outer, body.small == 1)]
+        if body.stepped:
+            pair = (hole, rings[body.small]) if body.inner.side > 0 else (rings[body.small], hole)
+            walls = drafted_faces(builder, inner, *pair)
+            # the glass lies outside where the step runs into it
+            outward = body.inner.side == (-1 if body.small == 0 else 1)
+            added += walls if outward else [TopoDS.Face_s(face.Reversed()) for face in walls]
+        rings[body.small] = outer
+        faces += added
+        names += ["land", *(f"step {k + 1}" for k in range(len(added) - 1))]
+    edges = _edges(builder, body, rings)
+    sharp = closed_part((*names, *(f"edge {k + 1}" for k in range(len(edges)))), (*faces, *edges))
+    return _rounded(sharp, body, [edge for k in body.rounded for edge in rings[k].edges])
+
+
+def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
+    """Return a part with rounded edges; front and rear keep their surfaces.
+
+    Raises
+    ------
+    ValueError : OCCT makes no sound solid within 1e-6 mm.
+    """
+    if not edges:
+        return sharp
+    fillets = BRepFilletAPI_MakeFillet(sharp.solid)
+    fillets.SetParams(*FILLET)
+    for edge in edges:
+        fillets.Add(body.edge_radius, TopoDS.Edge_s(edge))
+    with suppress(StdFail_NotDone, Standard_Failure):
+        fillets.Build()
+    if not fillets.IsDone():
+        raise ValueError(f"OCCT cannot round the edges by {body.edge_radius:g} mm; make edge_radius smaller")
+    solids = TopExp_Explorer(fillets.Shape(), TopAbs_SOLID)
+    solid = TopoDS.Solid_s(solids.Current())
+    off = ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
+    if not BRepCheck_Analyzer(solid).IsValid() or off > MOST_TOLERANCE:
+        raise ValueError(
+            f"OCCT rounds the edges by {body.edge_radius:g} mm only within {off:.3g} mm; change edge_radius"
+        )
+    names: list[str] = []
+    faces: list[TopoDS_Face] = []
+    for name, face in zip(sharp.names, sharp.faces):
+        kept = list(fillets.Modified(face)) or [face]
+        names += [name] * len(kept)
+        faces += map(TopoDS.Face_s, kept)
+    made: list[TopoDS_Face] = []
+    for face in (TopoDS.Face_s(face) for edge in edges for face in fillets.Generated(edge)):
+        if not any(face.IsSame(other) for other in made):
+            made.append(face)
+    return Part(solid, (*names, *(f"radius {k + 1}" for k in range(len(made)))), (*faces, *made))
+
+
+def _edges(builder: BRep_Builder, body: MouldedBody, rings: list[Ring]) -> list[TopoDS_Face]:
+    """Return the wall from the lower to the upper ring, in two where it tapers to both sides."""
+    lower, upper = map(_wall, body.walls)
+    if not body.walls[0].draft:
+        return drafted_faces(builder, lower, *rings)
+    if body.inner is not None and body.inner.level == body.parting:
+        return drafted_faces(builder, (upper, lower)[body.small or 0], *rings)
+    middle = lower.level(builder, body.parting)
+    turned = upper.level(builder, body.parting)
+    shared = Ring(middle.vertices, middle.edges, turned.traces, turned.heights)
+    return [
+        *drafted_faces(builder, lower, rings[0], middle),
+        *drafted_faces(builder, upper, shared, rings[1]),
+    ]
+
+
+def _wall(drafted: DraftedWall) -> TaperedWall | UprightWall:
+    return TaperedWall(drafted) if drafted.draft else UprightWall(drafted.outline.pieces)
+
+
+def _rim(builder: BRep_Builder, wall: TaperedWall | UprightWall, foot: Foot) -> Ring:
+    if isinstance(wall, TaperedWall):
+        return wall.rim(builder, foot)
+    return wall.rim(builder, foot.rims) if foot.level is None else wall.level(builder, foot.level)

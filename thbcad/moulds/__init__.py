@@ -1,0 +1,19 @@
+"""What moulds need of a lens: its size before the plastic shrinks, and the bodies that leave a mould."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.moulds.body_options import BodyOptions as BodyOptions
+    from thbcad.moulds.drafted_walls import DraftedWall as DraftedWall, Foot as Foot
+    from thbcad.moulds.inserts import FACES as FACES, Insert as Insert
+    from thbcad.moulds.moulded_body import MouldedBody as MouldedBody
+    from thbcad.moulds.shrinkage import (
+        UNCHANGED as UNCHANGED,
+        Factors as Factors,
+        enlarged as enlarged,
+        shrinkage_factors as shrinkage_factors,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

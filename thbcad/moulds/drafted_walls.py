@@ -1,0 +1,256 @@
+"""Walls that taper from a level outline by the same angle everywhere, and where they meet a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thbcad.checks import Floats, Integers
+from thbcad.lens import FreeformSurface, Lens, Rim, optical_forms
+from thbcad.outlines import (
+    Arc,
+    Line,
+    Outline,
+    RimPiece,
+    cross,
+    fitted_curve,
+    integral_within,
+    kinks,
+    merged_breaks,
+)
+from thbcad.sags import PlacedConic
+from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+
+STEPS = 60  # of Newton's method, which doubles its digits; slopes near its limit cost more
+FOUND = 1e-13  # mm, relative to the size of the wall
+ROUGH = 257  # samples of a piece of a rim whose heights are wanted about
+SAMPLES = 4096  # of a rim on which crossings with knot lines are looked for
+BISECTIONS = 40  # of a crossing between two samples
+NODES = 12  # of the Gauss rule in every span of a rim
+Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
+
+
+@dataclass(frozen=True, eq=False)
+class FittedPiece:
+    """A piece of a rim, a spline (x, y, z) of t."""
+
+    kv: KnotVector
+    poles: Floats
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest parameter."""
+        return self.kv.domain
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> tuple[Floats, Floats]:
+        """Return (x, y), or its first derivative, at parameters t, (n,) each."""
+        x, y, _ = np.asarray(self.kv.collocation(np.asarray(t), derivative) @ self.poles).T
+        return x, y
+
+    def rule(self, x: Floats, y: Floats, degree: int) -> tuple[Floats, Floats]:
+        """Return nodes and weights of Gauss rules in the spans, between which it crosses no knot line."""
+        return gauss_rule(self.kv.breaks, NODES)
+
+    def height(self, t: Floats) -> Floats:
+        """Return z at parameters t, (n,)."""
+        z: Floats = np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
+        return z
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """Where a wall meets a surface.
+
+    pieces : of the rim, counter-clockwise: lines and arcs at the height `level`, or fitted ones, with None
+    """
+
+    pieces: Sequence[RimPiece | FittedPiece]
+    level: float | None
+
+    @property
+    def rims(self) -> list[Rim]:
+        """Knots and poles (x, y, z) of the fitted pieces."""
+        return [(piece.kv, piece.poles) for piece in self.pieces if isinstance(piece, FittedPiece)]
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Bounds of z, mm, those of the poles."""
+        if self.level is not None:
+            return self.level, self.level
+        z = np.concatenate([poles[:, 2] for _, poles in self.rims])
+        return float(z.min()), float(z.max())
+
+    @property
+    def area(self) -> float:
+        """The area within, mm^2, of (x dy - y dx) / 2 round it."""
+        total = 0.0
+        for piece in self.pieces:
+            t, weights = piece.rule(np.zeros(0), np.zeros(0), NODES)
+            total += float(weights @ cross(np.array(piece(t)), np.array(piece(t, 1)))) / 2
+        return total
+
+
+@dataclass(frozen=True)
+class DraftedWall:
+    """The wall through an outline at z = level, from there inward by tan(draft) a millimetre of height.
+
+    sides : +1 for the half above the level, -1 for that below.  draft : degrees
+    """
+
+    outline: Outline
+    level: float
+    draft: float
+    side: int
+
+    @property
+    def slope(self) -> float:
+        """Millimetres inward for one of height."""
+        return float(np.tan(np.radians(self.draft)))
+
+    def inset(self, z: float) -> float:
+        """Return how far the wall lies within its outline at a height, mm."""
+        return self.slope * self.side * (z - self.level)
+
+    def at(self, z: float) -> Outline:
+        """Return the outline at a height.
+
+        Raises
+        ------
+        ValueError : as `Outline.inset`.
+        """
+        inset = self.inset(z)
+        return self.outline.inset(inset) if inset else self.outline
+
+    @cached_property
+    def _pair(self) -> tuple[tuple[RimPiece, ...], tuple[RimPiece, ...], float]:
+        """The pieces at the level and at a depth, mm, between which they are linear; upright ones stay."""
+        if not self.slope:
+            return self.outline.pieces, self.outline.pieces, 1.0
+        depth = min(a for a in (*self.outline.half_width, *self.outline.corners) if a) / 2
+        return self.outline.pieces, self.outline.inset(depth).pieces, depth
+
+    def points(self, k: int, t: Floats, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return x and y of piece k at parameters and heights, and their derivatives by the inset, (n,)."""
+        outer, inner, depth = self._pair
+        (x, y), (u, v) = outer[k](t), inner[k](t)
+        u, v = (u - x) / depth, (v - y) / depth
+        inset = self.slope * self.side * (z - self.level)
+        return x + inset * u, y + inset * v, u, v
+
+    def heights(self, k: int, t: Floats, surface: FreeformSurface, vertex: float) -> Floats:
+        """Return z, (n,), where piece k meets a surface at z = vertex, by Newton's method.
+
+        The z of the surface at the wall's foot of height z, less z, falls where the surface's slope is below
+        1 / tan(draft): it has one zero.
+
+        Raises
+        ------
+        ValueError : Newton's method does not end.
+        """
+        hx, hy = surface.half_width
+
+        def foot(z: Floats) -> tuple[Floats, ...]:
+            x, y, u, v = self.points(k, t, z)
+            return np.clip(x, -hx, hx), np.clip(y, -hy, hy), u, v
+
+        z = np.full(len(t), self.level)
+        size = FOUND * (abs(self.level) + hx + hy)
+        for _ in range(STEPS):
+            x, y, u, v = foot(z)
+            rest = surface(x, y) + vertex - z
+            if not (abs(rest) > size).any():
+                return np.asarray(z + rest)
+            by_inset = u * surface(x, y, (1, 0)) + v * surface(x, y, (0, 1))
+            z = z - rest / (self.slope * self.side * by_inset - 1)
+        raise ValueError("the wall and the surface are too nearly parallel for their rim to be found")
+
+    def _rim(self, k: int, surface: FreeformSurface, vertex: float, graph: BSplineSurface) -> FittedPiece:
+        """Return where piece k meets a surface, within 1e-9 mm at eight points of every span."""
+        ends = self._pair[0][k].ends
+
+        def curve(t: Floats) -> Floats:
+            z = self.heights(k, t, surface, vertex)
+            x, y, _, _ = self.points(k, t, z)
+            return np.column_stack([x, y, z])
+
+        places, counts = _crossings(curve, np.linspace(*ends, SAMPLES), graph)
+        return FittedPiece(*fitted_curve(curve, *merged_breaks(places, counts, *ends)))
+
+    def rough_heights(self, lens: Lens, number: int) -> tuple[float, float]:
+        """Return the least and the greatest z of samples of the rim on front (0) or rear (1), mm."""
+        surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
+        z = [
+            self.heights(k, np.linspace(*piece.ends, ROUGH), surface, vertex)
+            for k, piece in enumerate(self.outline.pieces)
+        ]
+        return float(np.min(z)), float(np.max(z))
+
+    def foot(self, lens: Lens, number: int) -> Foot:
+        """Return where the wall meets the front (0) or the rear (1) of a lens.
+
+        Raises
+        ------
+        ValueError : as `heights` and `fitted_curve`.
+        """
+        level = self.level_rim(lens, number)
+        if level is not None:
+            return Foot(self.at(level).pieces, level)
+        surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
+        graph = lens.own_graphs()[number]
+        return Foot(tuple(self._rim(k, surface, vertex, graph) for k in range(len(self._pair[0]))), None)
+
+    def level_rim(self, lens: Lens, number: int) -> float | None:
+        """Return the z of a rim that is level: on a plane, and round the axis of a conic; None of others."""
+        form = optical_forms(lens)[number]
+        if not isinstance(form, PlacedConic):
+            return None
+        if form.kind == "PLANE":
+            return form.vertex
+        if not self.outline.is_circle:
+            return None
+        surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
+        return float(self.heights(0, np.zeros(1), surface, vertex)[0])
+
+    def volume(self, lens: Lens, number: int, foot: Foot) -> float:
+        """Return the volume between the level and the front (0) or the rear (1) of a lens, within the wall,
+        mm^3; that below the level counts as negative.
+
+        Over the foot it is the integral of z - level.  Round it, with the inset s up to S and
+        J = x_t y_s - y_t x_s = a + b s, the wall adds the integral of (a S^2 / 2 + b S^3 / 3) / slope dt.
+        """
+        graph, vertex = lens.graphs()[number], number * lens.thickness
+        over = integral_within(graph, foot.pieces) + (vertex - self.level) * foot.area
+        if not self.slope:
+            return over
+        outer, inner, depth = self._pair
+        round_ = 0.0
+        for first, second, piece in zip(outer, inner, foot.pieces):
+            t, weights = piece.rule(graph.kv_u.breaks, graph.kv_v.breaks, NODES)
+            z = np.full(len(t), foot.level) if isinstance(piece, Line | Arc) else piece.height(t)
+            most = self.slope * abs(z - self.level)
+            inward = np.subtract(second(t), first(t)) / depth
+            turned = np.subtract(second(t, 1), first(t, 1)) / depth
+            a, b = cross(np.array(first(t, 1)), inward), cross(turned, inward)
+            round_ += float(weights @ (a * most**2 / 2 + b * most**3 / 3)) / self.slope
+        return over + self.side * round_
+
+
+def _crossings(curve: Points, t: Floats, graph: BSplineSurface) -> tuple[Floats, Integers]:
+    """Return where a curve (x, y, z) of samples t crosses the inner knot lines of a graph, and how often each
+    must be a knot."""
+    lines = [kinks(kv) for kv in (graph.kv_u, graph.kv_v)]
+    axis = np.repeat([0, 1], [len(values) for values, _ in lines])
+    level, count = (np.concatenate(rows) for rows in zip(*lines))
+    beside = curve(t)[:, axis] - level
+    sample, line = np.nonzero(beside[:-1] * beside[1:] < 0)
+    low, high = t[sample], t[sample + 1]
+    for _ in range(BISECTIONS if len(line) else 0):
+        middle = (low + high) / 2
+        at = curve(middle)[np.arange(len(line)), axis[line]] - level[line]
+        left = at * beside[sample, line] > 0
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return low, count[line]

@@ -1,0 +1,298 @@
+"""Bodies that leave a mould: a lens with drafted walls from a parting line, and with a flat land round the
+smaller surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from thbcad.certified import greatest_slope, minimum, value_range
+from thbcad.checks import Floats
+from thbcad.lens import Lens, require_sound, segment
+from thbcad.moulds.body_options import BodyOptions
+from thbcad.moulds.drafted_walls import DraftedWall, Foot
+from thbcad.moulds.inserts import FACES
+from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
+from thbcad.sags import gap_graph
+
+ROUGH = 1e-2  # relative, of bounds that need no more
+STEP = 0.1  # mm between a rim that is not level and its land: what a mould can still hold
+
+
+@dataclass(frozen=True, eq=False)
+class MouldedBody:
+    """A lens with drafted walls, proven.
+
+    lens : Lens
+    walls : below and above the parting line, towards front and rear
+    inner : the wall between the land and the smaller surface, whose level is the land; None without land
+    small : 0 where the front is the smaller surface, 1 where the rear is; None without land
+    edge_radius : mm, round the rims of the surfaces that meet the outer walls
+    """
+
+    lens: Lens
+    walls: tuple[DraftedWall, DraftedWall]
+    inner: DraftedWall | None
+    small: int | None
+    edge_radius: float
+
+    @classmethod
+    def of(
+        cls, lens: Lens, options: BodyOptions, clear: tuple[Outline, Outline] | None = None
+    ) -> MouldedBody:
+        """Return the body of a lens.
+
+        clear : the outlines that front and rear must leave free; None asks for nothing
+
+        It is proven that every ray of the wall meets a surface once (slope tan(draft) < 1), that the parting
+        line lies between the rims, that the land lies outside of the glass, and that the rims lie around the
+        clear aperture.
+
+        Raises
+        ------
+        ValueError : an annulus of like surfaces, unlike ones without; an outline that cannot have draft; what
+            cannot be proven.
+        """
+        outline, small = _shape(lens, options)
+        for word, graph, surface in zip(FACES, lens.graphs(), (lens.front, lens.rear)):
+            steepest = greatest_slope(graph, ROUGH, surface.outline).upper
+            if steepest * np.tan(np.radians(options.draft)) >= 1:
+                raise ValueError(
+                    f"walls with a draft of {options.draft:g} degrees may not meet the {word}, whose slope "
+                    f"is up to {steepest:.6g}; make lens.body.draft smaller"
+                )
+        inner = None if small is None else _inner_wall(lens, options, small)
+        parting = options.parting
+        if parting is None:
+            parting = inner.level if inner is not None else _middle(lens, outline)
+        pair = tuple(DraftedWall(outline, float(parting), options.draft, side) for side in (-1, 1))
+        body = cls(lens, (pair[0], pair[1]), inner, small, options.edge_radius)
+        body._require_parting()
+        body._require_glass()
+        if body.edge_radius:
+            body._require_radius()
+        if clear is not None:
+            body.require_clear(clear)
+        return body
+
+    @property
+    def parting(self) -> float:
+        """The z of the parting line, mm."""
+        return self.walls[0].level
+
+    @property
+    def outline(self) -> Outline:
+        """The outline of the larger surface."""
+        return self.walls[0].outline
+
+    def wall(self, number: int) -> DraftedWall:
+        """Return the wall that trims the front (0) or the rear (1)."""
+        return self.inner if self.inner is not None and self.small == number else self.walls[number]
+
+    @cached_property
+    def feet(self) -> tuple[Foot, Foot]:
+        """Where walls meet front and rear."""
+        return self.wall(0).foot(self.lens, 0), self.wall(1).foot(self.lens, 1)
+
+    @property
+    def stepped(self) -> bool:
+        """Whether a wall leads from the land to the smaller surface."""
+        if self.inner is None or self.small is None:
+            return False
+        level = self.feet[self.small].level
+        return level is None or abs(level - self.inner.level) >= LEAST_SIZE
+
+    @property
+    def least_inset(self) -> tuple[float, float]:
+        """How far the rims of front and rear lie within their outlines at most, mm."""
+        front, rear = (
+            max(0.0, *(wall.inset(z) for z in foot.heights))
+            for wall, foot in zip((self.wall(0), self.wall(1)), self.feet)
+        )
+        return front, rear
+
+    def volume(self) -> float:
+        """Return the volume, mm^3, by Gauss rules along the rims."""
+        held = [self.wall(k).volume(self.lens, k, self.feet[k]) for k in (0, 1)]
+        if self.inner is None or self.small is None:
+            return held[1] - held[0]
+        land, across = self.inner.level, self.walls[self.small]
+        areas = [across.at(z).area for z in (land, (land + self.parting) / 2, self.parting)]
+        frustum = abs(land - self.parting) * (areas[0] + 4 * areas[1] + areas[2]) / 6
+        return frustum + held[1] - held[0]
+
+    @property
+    def rounded(self) -> tuple[int, ...]:
+        """Which of front (0) and rear (1) meet the outer wall in an edge that is rounded."""
+        return tuple(k for k in (0, 1) if self.edge_radius and k != self.small)
+
+    def _radius_reach(self, number: int) -> tuple[float, float]:
+        """Return bounds of how far a rounded edge reaches in from the wall, and down it from the rim, mm.
+
+        A ball of radius r that rolls along wall and surface, of draft d and slopes up to tan(s), touches the
+        surface at most a = r (1 / cos d + sin s) from the wall, where it is at most a tan(s) lower than its
+        rim; it touches the wall at most r + a tan(s) below the rim.
+        """
+        surface, graph = (self.lens.front, self.lens.rear)[number], self.lens.graphs()[number]
+        slope = greatest_slope(graph, ROUGH, surface.outline).upper
+        draft, radius = np.radians(self.walls[0].draft), self.edge_radius
+        across = radius * (1 / np.cos(draft) + np.sin(np.arctan(slope)))
+        return float(across * (1 + np.tan(draft) * slope)), float(radius + across * slope)
+
+    def _require_radius(self) -> None:
+        """Raise ValueError where a rounded edge is not proven to fit between its rim and the next edge."""
+        if self.outline.is_rectangle:
+            raise ValueError(
+                "edge_radius needs an outline without sharp corners, where OCCT's roundings meet within "
+                '1e-6 mm: take lens.outline = "rounded" or edge_radius 0'
+            )
+        rims = [self.feet[k].heights[1 - k] for k in (0, 1)]
+        ends = [self.inner.level if self.inner is not None and self.small == k else rims[k] for k in (0, 1)]
+        if self.walls[0].draft:
+            rooms = [abs(end - self.parting) for end in ends]
+        else:
+            rooms = [abs(ends[1] - ends[0]) / max(1, len(self.rounded))] * 2
+        for k in self.rounded:
+            needed = self._radius_reach(k)[1]
+            if needed > rooms[k]:
+                raise ValueError(
+                    f"edge_radius = {self.edge_radius:g} mm needs up to {needed:.6g} mm of the wall at the "
+                    f"{FACES[k]}, which has {rooms[k]:.6g} mm; make it smaller"
+                )
+
+    def require_clear(self, clear: tuple[Outline, Outline]) -> None:
+        """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
+
+        Of two convex outlines one lies a depth within the other where its support function is everywhere less
+        by that depth.  That of half-widths h and corners c is
+        |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
+        """
+        for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
+            wall = self.wall(number)
+            depth = inset + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
+            if _least_support(wall.outline, clear[number]) < depth:
+                raise ValueError(
+                    f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
+                    f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
+                )
+
+    def _require_parting(self) -> None:
+        """Raise ValueError where the parting line is not proven to lie between both ends of the walls."""
+        for k, word in enumerate(FACES):
+            side = 2 * k - 1
+            if self.small == k and self.inner is not None:
+                beyond, place = side * (self.inner.level - self.parting), "land"
+                least = 0.0
+            else:
+                heights = self.feet[k].heights
+                beyond, place = side * (heights[1 - k] - self.parting), f"{word}'s rim"
+                least = LEAST_SIZE
+            for z in self.feet[k].heights:
+                self.wall(k).at(z)  # something is left of its corners
+            if beyond < least:
+                raise ValueError(
+                    f"the parting line at z = {self.parting:.9g} mm must lie {'below' if k else 'above'} the "
+                    f"{place}, which reaches z = {self.parting + side * beyond:.9g} mm; change "
+                    "lens.body.parting"
+                )
+
+    def _require_glass(self) -> None:
+        """Raise ValueError where the surfaces, or the land and the larger one, are not proven apart."""
+        lens, small = self.lens, self.small
+        if self.inner is None or small is None:
+            require_sound(lens)
+            return
+        side, land = self.inner.side, self.inner.level
+        if self.stepped and min(side * (z - land) for z in self.feet[small].heights) < LEAST_SIZE:
+            raise ValueError(
+                f"the land at z = {land:.9g} mm meets the drafted rim of the {FACES[small]}; change "
+                "lens.body.land"
+            )
+        width = _least_support(self.walls[small].at(land), self.inner.outline)
+        if width < LEAST_SIZE:
+            raise ValueError(
+                f"the land at z = {land:.9g} mm has no width: the drafted wall leaves {width:.3g} mm round "
+                f"the {FACES[small]}; make lens.body.draft smaller"
+            )
+        graphs = list(lens.graphs())
+        half = list((lens.front, lens.rear)[small].half_width)
+        graphs[1 - small] = segment(graphs[1 - small], half)
+        least = minimum(gap_graph(graphs[0], graphs[1], lens.thickness))
+        if least.lower < LEAST_SIZE:
+            raise ValueError(
+                f"at x = {least.u:.6g}, y = {least.v:.6g} mm front and rear are {least.value:.6g} mm apart; "
+                "raise lens.thickness"
+            )
+        other = value_range(lens.graphs()[1 - small], outline=self.outline)
+        nearest = lens.thickness + other[0].lower if small == 0 else other[1].upper
+        room = (nearest - self.inner.level) * (1 if small == 0 else -1)
+        if room < LEAST_SIZE:
+            raise ValueError(
+                f"the land at z = {self.inner.level:.9g} mm must lie outside of the {FACES[1 - small]}, "
+                f"which reaches z = {nearest:.9g} mm; raise lens.thickness or change lens.body.annulus"
+            )
+
+
+def _shape(lens: Lens, options: BodyOptions) -> tuple[Outline, int | None]:
+    """Return the outline of the larger surface, and which is the smaller where a land joins it."""
+    ratios = lens.taper
+    alike = all(abs(r - 1) <= RELATIVE for r in ratios)
+    if alike and options.annulus:
+        raise ValueError("an annulus joins a smaller surface to a larger, and front and rear have one size")
+    if alike:
+        return lens.rear.outline, None
+    if not options.annulus:
+        raise ValueError(
+            "front and rear of unlike half-widths have a ruled wall of their own draft: add annulus, or "
+            "leave out draft, parting and edge_radius"
+        )
+    if min(ratios) < 1 < max(ratios) or min(abs(r - 1) for r in ratios) <= RELATIVE:
+        raise ValueError(
+            f"an annulus needs one surface that is smaller in x and in y, got half-widths "
+            f"{lens.front.half_width} and {lens.rear.half_width} mm"
+        )
+    return (lens.rear.outline, 0) if max(ratios) < 1 else (lens.front.outline, 1)
+
+
+def _inner_wall(lens: Lens, options: BodyOptions, small: int) -> DraftedWall:
+    """Return the wall from the land to the smaller surface."""
+    outline = (lens.front, lens.rear)[small].outline
+    upright = DraftedWall(outline, 0.0, 0.0, 1)
+    low, high = upright.rough_heights(lens, small)
+    level = upright.level_rim(lens, small)
+    land = options.land
+    if land is None:
+        land = (low, high)[small] + (2 * small - 1) * STEP if level is None else level
+    if level is not None and abs(land - level) < LEAST_SIZE:
+        land = level  # no step so low
+    elif low <= land <= high:
+        raise ValueError(
+            f"the land at z = {land:.9g} mm crosses the rim of the {FACES[small]}, which lies between z = "
+            f"{low:.9g} and {high:.9g} mm; change lens.body.land"
+        )
+    return DraftedWall(outline, float(land), options.draft, -1 if land > high else 1)
+
+
+def _middle(lens: Lens, outline: Outline) -> float:
+    """Return the z midway between the highest point of the front's rim and the lowest of the rear's."""
+    upright = DraftedWall(outline, 0.0, 0.0, 1)
+    return (upright.rough_heights(lens, 0)[1] + upright.rough_heights(lens, 1)[0]) / 2
+
+
+def _least_support(held: Outline, clear: Outline) -> float:
+    """Return a lower bound of the least difference of two support functions, mm."""
+    count = 4096
+    angle = np.linspace(0, np.pi / 2, count + 1)
+    n = np.array([np.cos(angle), np.sin(angle)])
+
+    def support(outline: Outline) -> Floats:
+        h, c = np.array(outline.half_width), np.array(outline.corners)
+        reach: Floats = (h - c) @ n + np.hypot(*(c[:, None] * n))
+        return reach
+
+    # second derivatives are at most the radii of curvature and the sides
+    bend = 2 * sum(max(outline.half_width) ** 2 / min(outline.half_width) for outline in (held, clear))
+    difference = support(held) - support(clear)
+    return float(difference.min() - bend * (np.pi / 2 / count) ** 2 / 8)
