@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         ConvexRegion as ConvexRegion,
         Stack as Stack,
         ellipse_supports as ellipse_supports,
+        outline_supports as outline_supports,
         rectangle_supports as rectangle_supports,
         region_between as region_between,
         supports_of as supports_of,

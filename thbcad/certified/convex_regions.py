@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.checks import Floats
+from thbcad.outlines import Outline
 
 Booleans = NDArray[np.bool_]
 
@@ -133,3 +134,9 @@ def rectangle_supports(half_width: tuple[float, float]) -> Floats:
 def ellipse_supports(half_width: tuple[float, float]) -> Floats:
     """Return the supports of the ellipse in such a rectangle."""
     return np.asarray(np.linalg.norm(DIRECTIONS * half_width, axis=1))
+
+
+def outline_supports(outline: Outline) -> Floats:
+    """Return the supports of an outline: of the rectangle of the middles of its corners, and of a corner."""
+    straight = np.subtract(outline.half_width, outline.corners)
+    return np.asarray(rectangle_supports((straight[0], straight[1])) + ellipse_supports(outline.corners))

@@ -84,13 +84,29 @@ def surface_card(surface: Face) -> str:
         ("radius", "plane" if surface.conic.is_plane else f"{surface.conic.radius:.6g} mm"),
         ("conic constant", f"{surface.conic.constant:.6g}"),
     ]
+    unit = surface.outline.scaled((1.0, 1.0))
     if surface.sag is None:
         x, y = (np.linspace(-h, h, POINTS) for h in surface.half_width)
         values = surface.grid(x, y)
-        return card("FreeformSurface", svg(map_element(values, *size), *size), [*rows, _span("z", values)])
-    picture, values, drawn = value_map(surface.sag, size)
-    rows += [_span("sag", values), *space_rows(surface.sag.space, drawn)[:4]]
-    return card("FreeformSurface", picture, rows)
+        shown = values[surface.outline.contains(x[:, None], y)]
+        picture = map_element(np.clip(values, shown.min(), shown.max()), *size)
+        rows.append(_span("z", shown))
+    else:
+        picture, shown, drawn = value_map(surface.sag, size, unit.contains)
+        rows += [_span("sag", shown), *space_rows(surface.sag.space, drawn)[:4]]
+    return card("FreeformSurface", svg(picture + _cover(unit, *size), *size), rows)
+
+
+def _cover(unit: Outline, width: float, height: float) -> str:
+    """Return what hides the corners of a picture that lie outside an outline of half-widths 1."""
+    if unit.is_rectangle:
+        return ""
+    turn = np.linspace(0, 2 * np.pi, POINTS)
+    ring = np.stack([np.cos(turn), np.sin(turn)])
+    ring = (1 + ring / unit.gauge(*ring)) / 2
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    lines = (line_path(points * [width, height]) for points in (corners, ring.T))
+    return f'<path fill="#fff" fill-rule="evenodd" d="{"Z".join(lines)}Z"/>'
 
 
 def _section(lens: Body, axis: int) -> Floats:

@@ -1,7 +1,10 @@
 """The proof that a mount leaves light its way: everything of it stays out of the clear aperture.
 
-The clear aperture is the rectangle of the larger surface, and all of space before and behind it.  Holes, pins
+The clear aperture is the outline of the larger surface, and all of space before and behind it.  Holes, pins
 and bosses stay beside it; the flange crosses it only within the glass, between the front and the rear.
+
+The distance of a point p from a convex outline is the greatest d . p - h(d), h the support in the direction
+d.  Every d gives a lower bound.
 """
 
 from __future__ import annotations
@@ -11,11 +14,15 @@ from dataclasses import dataclass
 from itertools import combinations
 from math import hypot
 
+import numpy as np
+
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
-from thbcad.lens import Lens, require_sound, rim_heights
-from thbcad.mounts.records import LEAST, Mount, MountFlange, Point
+from thbcad.lens import Lens, require_sound, rim_heights, walls_of
+from thbcad.mounts.records import LEAST, Mount, MountFlange
+from thbcad.outlines import Outline
 
+DIRECTIONS = 20_001  # of a quarter turn, 1e-8 of the distance from the middle of a corner apart
 ROUNDINGS = 32  # of float64, more than there are operations from the numbers of a mount to a distance
 
 
@@ -62,8 +69,7 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
     """
     require_type("mount", mount, Mount)
     low, high, framed = _seat(mount.flange, require_sound(lens))
-    x, y = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
-    aperture = x, y
+    aperture = walls_of(lens, None)
     walls = [_require_wall(mount.flange.thickness, mount.wall, "as the thickness of the flange")]
     walls.append(_round_lens(mount, aperture))
     spots = list(spots_of(mount))
@@ -101,8 +107,11 @@ def _seat(flange: MountFlange, lens: Lens) -> tuple[float, float, bool]:
     between front and rear, or between their rims."""
     low, high, flush = _levels(flange, lens)
     front, rear = lens.graphs()
-    top = value_range(front)[1].upper if flush != "front" else -float("inf")
-    bottom = lens.thickness + value_range(rear)[0].lower if flush != "rear" else float("inf")
+    shapes = lens.front.outline, lens.rear.outline
+    top = value_range(front, outline=shapes[0])[1].upper if flush != "front" else -float("inf")
+    bottom = (
+        lens.thickness + value_range(rear, outline=shapes[1])[0].lower if flush != "rear" else float("inf")
+    )
     if low >= top + LEAST and high <= bottom - LEAST:
         return low, high, False
     sizes = lens.front.half_width == lens.rear.half_width
@@ -145,19 +154,22 @@ def _down(distance: float, *sizes: float) -> float:
     return distance - ROUNDINGS * EPS * sum(map(abs, sizes))
 
 
-def _round_lens(mount: Mount, aperture: Point) -> float:
+def _round_lens(mount: Mount, aperture: Outline) -> float:
     """Return how far the flange reaches beyond the lens at least, mm; refuse less than the wall."""
-    flange = mount.flange
+    flange, (a, b) = mount.flange, aperture.half_width
     if flange.outline == "round":
-        corner = hypot(*aperture)
-        width = _down(flange.half[0] - flange.inset - corner, flange.half[0], corner)
-        needed = f"flange.diameter = {2 * (corner + flange.inset + mount.wall):.6g}"
-        where = f"the corner of the lens at ({aperture[0]:.6g}, {aperture[1]:.6g}) mm"
+        c, d = aperture.corners
+        reach = min(hypot(a - c, b - d) + max(c, d), hypot(a, b))  # not less than the farthest point
+        width = _down(flange.half[0] - flange.inset - reach, flange.half[0], reach)
+        needed = f"flange.diameter = {2 * (reach + flange.inset + mount.wall):.6g}"
+        where = f"the corner of the lens at ({a:.6g}, {b:.6g}) mm"
+        if not aperture.is_rectangle:
+            where = f"the lens of {aperture.text()}"
     else:
-        width = min(_down(f - flange.inset - a, f, a) for f, a in zip(flange.half, aperture))
-        sizes = (2 * (a + flange.inset + mount.wall) for a in aperture)
+        width = min(_down(f - flange.inset - h, f, h) for f, h in zip(flange.half, (a, b)))
+        sizes = (2 * (h + flange.inset + mount.wall) for h in (a, b))
         needed = f"flange.size = [{', '.join(f'{size:.6g}' for size in sizes)}]"
-        where = f"the lens of {2 * aperture[0]:.6g} x {2 * aperture[1]:.6g} mm"
+        where = f"the lens of {2 * a:.6g} x {2 * b:.6g} mm"
     if width < mount.wall - LEAST:
         raise ValueError(
             f"the flange reaches {width:.6g} mm beyond {where}, less than wall = {mount.wall:g} mm; take at "
@@ -166,20 +178,31 @@ def _round_lens(mount: Mount, aperture: Point) -> float:
     return width
 
 
-def _beside(spot: Spot, aperture: Point, clearance: float) -> float:
+def _beside(spot: Spot, aperture: Outline, clearance: float) -> float:
     """Return the distance of a spot from the clear aperture, mm; refuse less than the clearance."""
-    a, b = aperture
-    outside = hypot(max(abs(spot.x) - a, 0.0), max(abs(spot.y) - b, 0.0))
-    if not outside:  # the middle lies within: count how deep
-        outside = max(abs(spot.x) - a, abs(spot.y) - b)
+    a, b = aperture.half_width
+    outside = _distance(spot.x, spot.y, aperture)
     gap = _down(outside - spot.radius, spot.x, spot.y, spot.radius, a, b)
     if gap < clearance - LEAST:
+        where = f"|x| <= {a:.6g}, |y| <= {b:.6g} mm" if aperture.is_rectangle else f"of {aperture.text()}"
         how = f"reaches {-gap:.6g} mm into" if gap < 0 else f"keeps only {gap:.6g} mm from"
         raise ValueError(
-            f"{spot} {how} the clear aperture |x| <= {a:.6g}, |y| <= {b:.6g} mm, where clearance = "
-            f"{clearance:g} mm is wanted; move it outward"
+            f"{spot} {how} the clear aperture {where}, where clearance = {clearance:g} mm is wanted; move it "
+            "outward"
         )
     return gap
+
+
+def _distance(x: float, y: float, outline: Outline) -> float:
+    """Return the distance of a point from an outline, mm, from below; negative within."""
+    (a, b), (c, d) = outline.half_width, outline.corners
+    beyond, above = abs(x) - (a - c), abs(y) - (b - d)
+    if min(beyond, above) <= 0 or outline.is_rectangle:  # a side is nearest
+        return hypot(max(abs(x) - a, 0.0), max(abs(y) - b, 0.0)) or max(abs(x) - a, abs(y) - b)
+    turn = np.linspace(0, np.pi / 2, DIRECTIONS)
+    return float(
+        (beyond * np.cos(turn) + above * np.sin(turn) - np.hypot(c * np.cos(turn), d * np.sin(turn))).max()
+    )
 
 
 def _within(spot: Spot, mount: Mount) -> float:
@@ -206,7 +229,7 @@ def _require_wall(rest: float, wall: float, where: str) -> float:
     return rest
 
 
-def _require_gate(mount: Mount, aperture: Point) -> None:
+def _require_gate(mount: Mount, aperture: Outline) -> None:
     """Refuse a gate that is wider or thicker than the side that carries it."""
     gate, flange = mount.gate, mount.flange
     if gate is None:
@@ -214,7 +237,7 @@ def _require_gate(mount: Mount, aperture: Point) -> None:
     axis = int(gate.side[1] == "y")
     along = flange.half[1 - axis] - flange.inset
     if flange.outline == "round":  # its ends lie on the circle, beside the lens
-        along = max(along**2 - (aperture[axis] + mount.wall / 2) ** 2, 0.0) ** 0.5
+        along = max(along**2 - (aperture.half_width[axis] + mount.wall / 2) ** 2, 0.0) ** 0.5
     if gate.width / 2 > along:
         raise ValueError(
             f"the gate of {gate.width:g} mm is wider than the {2 * along:.6g} mm that the side {gate.side} "

@@ -20,6 +20,7 @@ from thbcad.certified import (
     DIRECTIONS,
     ConvexRegion,
     Stack,
+    outline_supports,
     rectangle_supports,
     region_between,
     supports_of,
@@ -59,14 +60,15 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
     heights : z of the lowest and the highest point of the part, mm.
     """
     full = {
-        "front": rectangle_supports(lens.front.half_width),
-        "rear": rectangle_supports(lens.rear.half_width),
+        "front": outline_supports(lens.front.outline),
+        "rear": outline_supports(lens.rear.outline),
     }
+    sharp = lens.rear.outline.is_rectangle  # tangents round another one hold more than it
     if system is None:
         surfaces = _surfaces(lens, full)
         glass = region_between(surfaces["front"], surfaces["rear"])
-        same = lens.front.half_width == lens.rear.half_width
-        return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, same)
+        exact = lens.front.outline == lens.rear.outline and sharp
+        return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, exact)
     low, high = heights[0] - BEYOND, heights[1] + BEYOND
     whole = _surfaces(lens, full)
     source, steepest = system.source.envelope()
@@ -90,13 +92,13 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
             surfaces["rear"], _ahead(surfaces["rear"], target, system.target.z, high)
         ),
     }
-    return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel)
+    return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel and sharp)
 
 
 def glass_region(lens: Lens) -> ConvexRegion:
     """Return a region that holds all straight paths between front and rear."""
     surfaces = _surfaces(
-        lens, {name: rectangle_supports(getattr(lens, name).half_width) for name in ("front", "rear")}
+        lens, {name: outline_supports(getattr(lens, name).outline) for name in ("front", "rear")}
     )
     return region_between(surfaces["front"], surfaces["rear"])
 

@@ -158,12 +158,15 @@ def _paths(rays: Rays, met: Floats, thickness: float, target: Floats, far: bool,
 
 
 def edge_triangles(lens: Lens) -> Floats:
-    """Return triangles of the ruled edges of a lens, (n, 3, 3), mm; none where front and rear have one size:
-    then no path from the one to the other meets them."""
+    """Return triangles of the ruled edges of a lens or of its wall, (n, 3, 3), mm; none where front and rear
+    have one size: then no path from the one to the other meets them."""
     if lens.front.half_width == lens.rear.half_width:
         return np.empty((0, 3, 3))
     t, one = np.linspace(-1, 1, RULINGS), np.ones(RULINGS)
     around = [(t, -one), (one, t), (-t, one), (-one, -t)]
+    unit = lens.rear.outline.scaled((1.0, 1.0))
+    if not unit.is_rectangle:
+        around = [piece(np.linspace(*piece.ends, RULINGS)) for piece in unit.pieces]
     rims = []
     for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
         x, y = np.concatenate(around, axis=1) * np.array(surface.half_width)[:, None]
@@ -184,7 +187,9 @@ def straight_paths(lens: Lens) -> Iterator[Paths]:
     for _ in range(SETS):
         ends = []
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
-            x, y = fresh.uniform(-1, 1, (2, count)) * np.array(surface.half_width)[:, None]
+            x, y = surface.outline.filled(
+                *fresh.uniform(-1, 1, (2, count)) * np.array([surface.half_width]).T
+            )
             ends.append(np.column_stack([x, y, vertex + surface(x, y)]))
         front, rear = ends
         yield Paths(front, front, rear, rear, np.ones(count))

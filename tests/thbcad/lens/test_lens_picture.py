@@ -76,3 +76,15 @@ def test_a_surface_shows_its_sag_and_without_one_its_height():
     bare = FreeformSurface((10.0, 6.0), Conic(-40.0, -1.0))._repr_html_()
     assert ">-1.7 to 0 mm<" in bare
     assert "plane" in FreeformSurface((10.0, 6.0))._repr_html_()
+
+
+@pytest.mark.parametrize("sag", [None, flat_sag(0.25)])
+def test_a_surface_with_an_outline_shows_what_lies_within(sag):
+    """z = -r^2 / 80 down to the rim of the disk, not to the corners of the square; white covers the rest."""
+    html = FreeformSurface((10.0, 10.0), Conic(-40.0, -1.0), sag, (10.0, 10.0))._repr_html_()
+    assert ("0.25 to 0.25 mm" if sag else "-1.25 to 0 mm") in html
+    cover = next(e for e in ElementTree.fromstring(html).iter() if e.get("fill-rule") == "evenodd")
+    points = np.array(re.findall(r"[ML]([-\d.]+) ([-\d.]+)", cover.attrib["d"]), float)
+    size = points[2]
+    assert np.hypot(*(2 * points[4:] / size - 1).T) == pytest.approx(1, abs=1e-3)
+    assert "fill-rule" not in BOWL._repr_html_()

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from tests.thbcad.mounts.cases import CONCAVE, FLAT, FLAT_REAR, PLAIN, ROUND, SQUARE, changed
-from thbcad.lens import Lens
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.mounts import mount_of, require_mount
+from thbcad.outlines import Outline
 
 
 @pytest.mark.parametrize(
@@ -124,3 +125,34 @@ def test_a_whole_mount_is_proven():
         proof = require_mount(mount_of(table), FLAT)
         assert proof.clearance > 0.1
         assert proof.wall >= 0.8
+
+
+@pytest.mark.parametrize("corners", [(10.0, 8.0), (4.0, 3.0)])
+@pytest.mark.parametrize("turn", np.radians([0, 20, 45, 70]))
+def test_the_distance_from_an_outline_is_that_of_its_nearest_point(corners, turn):
+    """A pin beside the corner of the rectangle, which would be in its way, is free of the outline."""
+    outline = Outline((10.0, 8.0), corners)
+    spot = np.array([np.cos(turn), np.sin(turn)])
+    spot *= 1.2 / outline.gauge(*spot)
+    rim = np.concatenate([np.column_stack(p(np.linspace(*p.ends, 100_001))) for p in outline.pieces])
+    nearest = np.hypot(*(rim - spot).T).min()
+    lens = Lens(
+        FreeformSurface((10, 8), corners=corners), FreeformSurface((10, 8), corners=corners), 5.0, 1.5
+    )
+    table = {"flange": {"size": [40, 40], "thickness": 1, "seat": 2.0}}
+    table["pins"] = [{"at": [spot.tolist()], "diameter": 0.5, "length": 1}]
+    proof = require_mount(mount_of({**table, "clearance": 0.1}), lens)
+    assert proof.clearance <= nearest - 0.25 <= proof.clearance + 1e-6
+    words = "keeps only .* mm from the clear aperture of "
+    with pytest.raises(ValueError, match=words):
+        require_mount(mount_of({**table, "clearance": 5.0}), lens)
+
+
+def test_a_round_flange_holds_a_round_lens_that_its_square_would_not_fit():
+    disk = Lens(
+        FreeformSurface((10, 10), corners=(10, 10)), FreeformSurface((10, 10), corners=(10, 10)), 5.0, 1.5
+    )
+    table = {"flange": {"outline": "round", "diameter": 24, "thickness": 1, "seat": 2.0}}
+    assert require_mount(mount_of(table), disk).wall == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="beyond the lens of diameter 20 mm, less than wall"):
+        require_mount(mount_of({"flange": {**table["flange"], "diameter": 20.5}}), disk)

@@ -11,6 +11,7 @@ from optics.scene.problem import load_problem
 from optics.scene.system import solvable_system
 from tests.cases import ROOT
 from tests.thbcad.cad.parts.cases import LENSES
+from tests.thbcad.drawings.cases import WIDER, outlined
 
 SOURCES = {
     "parallel": ("tophat_square", {}),
@@ -55,8 +56,11 @@ def test_all_light_stays_in_its_hulls(name, few_rays):
     assert count > 1000
 
 
+ROUND = outlined(WIDER, (1, 1))
+
+
 def test_all_straight_paths_stay_in_the_hull_of_any_light(few_rays):
-    for lens in LENSES.values():
+    for lens in (*LENSES.values(), ROUND, outlined(WIDER, (0.3, 0.5))):
         region = light_hulls(lens, None, (-5.0, 20.0)).regions["front to rear"].shrunk(-ROUNDING)
         for paths in straight_paths(lens):
             assert region.holds(paths.front).all()
@@ -83,3 +87,24 @@ def _segments(loop):
 def test_edges_of_one_size_are_met_by_no_path():
     assert not len(edge_triangles(LENSES["round"]))
     assert len(edge_triangles(LENSES["flat, smaller"]))
+
+
+def test_the_light_of_a_lens_with_an_outline_keeps_within_it(few_rays):
+    """Its figures lie between 64 tangents, 1 / cos(pi / 64) - 1 = 0.0012 beyond an ellipse at most."""
+    hulls = light_hulls(ROUND, None, (-5.0, 20.0))
+    turn = np.linspace(0, 2 * np.pi, 500)
+    for name, surface in (("front", ROUND.front), ("rear", ROUND.rear)):
+        ring = np.column_stack([np.cos(turn), np.sin(turn)]) * surface.half_width
+        inside, beyond = (np.column_stack([k * ring, 0 * turn]) for k in (0.9999, 1.01))
+        assert hulls.prisms[name].holds(inside).all()
+        assert not hulls.prisms[name].holds(beyond).any()
+    for paths in straight_paths(ROUND):
+        assert ROUND.front.outline.contains(*paths.front[:, :2].T, slack=1e-12).all()
+        assert ROUND.rear.outline.contains(*paths.rear[:, :2].T, slack=1e-12).all()
+
+
+def test_the_wall_of_an_outline_runs_from_rim_to_rim():
+    corners = edge_triangles(ROUND).reshape(-1, 3)
+    rims = [surface.outline.gauge(*corners[:, :2].T) for surface in (ROUND.front, ROUND.rear)]
+    assert np.abs(np.array(rims) - 1).min(axis=0).max() < 1e-12
+    assert edge_triangles(ROUND).shape[0] > 1000

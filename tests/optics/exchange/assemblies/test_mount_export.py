@@ -7,7 +7,9 @@ from optics.base.runtime import UserError
 from optics.exchange.assemblies import export_mounted, mount_from, part_checks
 from optics.exchange.export import MESHES, SOLIDS, Labels
 from tests.thbcad.mounts.cases import FLAT, PLAIN, ROUND, SQUARE, changed
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.mounts import mount_of
+from thbcad.sags import Conic
 
 MOUNT = mount_of(SQUARE)
 
@@ -33,6 +35,19 @@ def test_the_same_mount_gives_the_same_bytes(name, tmp_path):
 def test_mounted_lenses_are_proven(table, tmp_path):
     export_mounted(FLAT, mount_of(table), "step", str(tmp_path / "part.step"), 0.05, Labels())
     checks, _ = part_checks(tmp_path / "part.step", FLAT, False)
+    assert [check for check in checks if not check.ok] == []
+
+
+def test_a_mounted_round_lens_is_verified(tmp_path):
+    disk = Lens(
+        FreeformSurface((10.0, 10.0), corners=(10.0, 10.0)),
+        FreeformSurface((10.0, 10.0), Conic(40.0, -1.0), corners=(10.0, 10.0)),
+        5.0,
+        1.5,
+    )
+    table = {"flange": {"outline": "round", "diameter": 26, "thickness": 1.5}}
+    export_mounted(disk, mount_of(table), "step", str(tmp_path / "part.step"), 0.05, Labels())
+    checks, _ = part_checks(tmp_path / "part.step", disk, False)
     assert [check for check in checks if not check.ok] == []
 
 
