@@ -28,8 +28,7 @@ problem file. `make gallery` designs all of them, and writes this page and its p
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
-- The pictures of a lens are the scene, the light on the target as a camera shows it, and the solid. Long
-  distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
+- Long distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact

@@ -6,7 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.fitting.adaptive_fit import Fit as Fit, fit as fit
-    from thbcad.fitting.continuation import Continuation as Continuation
+    from thbcad.fitting.continuation import Continuation as Continuation, cell_shares as cell_shares
     from thbcad.fitting.height_fields import height_field_samples as height_field_samples
     from thbcad.fitting.least_squares_fit import (
         Samples as Samples,

@@ -25,6 +25,21 @@ from thbcad.outlines import Outline
 LEAST_SHARE = 0.25  # of its support: with less inside, a function is hardly seen
 
 
+def cell_shares(space: THBSpace, outline: Outline, beside: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Return the share of every leaf cell that lies in an outline, (n_cells,).
+
+    outline : it is stretched over the rectangle of the space.
+    beside : by how many of its sides a cell is widened on either side, in u and in v.
+    """
+    ends = np.array([(kv.start, kv.stop) for kv in (space.kv_u, space.kv_v)])
+    boxes = space.boxes.reshape(-1, 2, 2) - ends.mean(axis=1)[:, None]
+    low, high = np.moveaxis(boxes, 2, 0)
+    more = np.array(beside) * (high - low)
+    around = outline.scaled(np.diff(ends, axis=1)[:, 0] / 2)
+    (u0, v0), (u1, v1) = (low - more).T, (high + more).T
+    return around.shares((u0, v0), (u1, v1))
+
+
 class Continuation:
     """The projection c -> (f, d) of the coefficients of a space, and its adjoint.
 
@@ -43,10 +58,8 @@ class Continuation:
         self._space, self.free = space, np.ones(space.dim, dtype=bool)
         if outline.is_rectangle:
             return
-        ends = np.array([(kv.start, kv.stop) for kv in (space.kv_u, space.kv_v)])
-        middle, half = ends.mean(axis=1), np.diff(ends, axis=1)[:, 0] / 2
-        u0, u1, v0, v1 = (space.boxes - np.repeat(middle, 2)).T
-        inside = outline.scaled(half).shares((u0, v0), (u1, v1))
+        u0, u1, v0, v1 = space.boxes.T
+        inside = cell_shares(space, outline)
         areas, acting = (u1 - u0) * (v1 - v0), csr_array(space.incidence().T, dtype=np.float64)
         self.free = acting @ (areas * inside) >= LEAST_SHARE * (acting @ areas)
         self._followed = acting

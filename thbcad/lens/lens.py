@@ -136,7 +136,12 @@ class Lens:
     @property
     def sags(self) -> tuple[THBSurface, ...]:
         """The sags of the surfaces that have one, front first."""
-        return tuple(s.sag for s in (self.front, self.rear) if s.sag is not None)
+        return tuple(s.sag for s in self.free_surfaces if s.sag is not None)
+
+    @property
+    def free_surfaces(self) -> tuple[FreeformSurface, ...]:
+        """Front and rear, as far as they have a sag."""
+        return tuple(s for s in (self.front, self.rear) if s.sag is not None)
 
     def with_sags(self, sags: Sequence[THBSurface]) -> Lens:
         """Return the lens with other sags on the surfaces that have one, front first.

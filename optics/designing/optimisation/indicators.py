@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.fitting import cell_shares
 from thbcad.hierarchy import THBSpace
 from thbcad.outlines import Outline
 from thbcad.splines import KnotVector
@@ -79,14 +80,7 @@ def near_cells(space: THBSpace, outline: Outline) -> NDArray[np.bool_]:
     """
     if outline.is_rectangle:
         return np.ones(len(space.cells), dtype=bool)
-    low, high = [], []
-    for kv, start, stop, half in zip(
-        (space.kv_u, space.kv_v), space.boxes.T[::2], space.boxes.T[1::2], outline.half_width
-    ):
-        beside, scale = kv.degree / 2 * (stop - start), 2 * half / (kv.stop - kv.start)
-        low.append((start - beside - kv.start) * scale - half)
-        high.append((stop + beside - kv.start) * scale - half)
-    return outline.shares((low[0], low[1]), (high[0], high[1])) > 0
+    return cell_shares(space, outline, (space.kv_u.degree / 2, space.kv_v.degree / 2)) > 0
 
 
 def mark(

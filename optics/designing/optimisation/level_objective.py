@@ -153,9 +153,8 @@ def marked_cells(
     if stage.level == last_level(problem):
         return [{}] * len(lens.sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
-    free = [s for s in (lens.front, lens.rear) if s.sag is not None]
     for surface, sag, finest, indicator in zip(
-        free, lens.sags, feature_levels(problem), indicators(lens, stage)
+        lens.free_surfaces, lens.sags, feature_levels(problem), indicators(lens, stage)
     ):
         indicator, near = Mirrors(sag.space, axes).of_cells(indicator), near_cells(sag.space, surface.outline)
         out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest), near))
@@ -200,7 +199,7 @@ class Indicators:
 
     def vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
-        rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
+        rectangles = [surface.half_width for surface in lens.free_surfaces]
         spans = [f.spans for f in self.system.freeforms]
         knots = [
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])

@@ -205,7 +205,7 @@ class _Run:
         """
         system, stage, last = self.system, task.stage, task.stage is self.plan[-1]
         of_stage = partial(stage_objective, system, task.lens, stage, task.target, self.engine, self.axes)
-        outlines = [s.outline for s in (task.lens.front, task.lens.rear) if s.sag is not None]
+        outlines = [surface.outline for surface in task.lens.free_surfaces]
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         search = Search(system.problem, of_stage(background=task.background), variables, state.sags)

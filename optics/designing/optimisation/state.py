@@ -68,10 +68,8 @@ class State:
 def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     first = first_level(system.problem, from_transport)
-    free = [s for s in (system.lens.front, system.lens.rear) if s.sag is not None]
-    return tuple(
-        _refined(surface, min(first, finest)) for surface, finest in zip(free, feature_levels(system.problem))
-    )
+    pairs = zip(system.lens.free_surfaces, feature_levels(system.problem))
+    return tuple(_refined(surface, min(first, finest)) for surface, finest in pairs)
 
 
 def _refined(surface: FreeformSurface, level: int) -> THBSurface:
