@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from thbcad.certified import greatest_slope, minimum, value_range
-from thbcad.checks import Floats
 from thbcad.lens import Lens, require_sound, segment
 from thbcad.moulds.body_options import BodyOptions
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
@@ -166,8 +165,7 @@ class MouldedBody:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
 
         Of two convex outlines one lies a depth within the other where its support function is everywhere less
-        by that depth.  That of half-widths h and corners c is
-        |n_x| (h_x - c_x) + |n_y| (h_y - c_y) + |(c_x n_x, c_y n_y)|.
+        by that depth.
         """
         for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
             wall = self.wall(number)
@@ -287,12 +285,7 @@ def _least_support(held: Outline, clear: Outline) -> float:
     angle = np.linspace(0, np.pi / 2, count + 1)
     n = np.array([np.cos(angle), np.sin(angle)])
 
-    def support(outline: Outline) -> Floats:
-        h, c = np.array(outline.half_width), np.array(outline.corners)
-        reach: Floats = (h - c) @ n + np.hypot(*(c[:, None] * n))
-        return reach
-
     # second derivatives are at most the radii of curvature and the sides
     bend = 2 * sum(max(outline.half_width) ** 2 / min(outline.half_width) for outline in (held, clear))
-    difference = support(held) - support(clear)
+    difference = held.support(n) - clear.support(n)
     return float(difference.min() - bend * (np.pi / 2 / count) ** 2 / 8)

@@ -180,6 +180,15 @@ class Outline:
         out[some] = self.contains(x[:, :, None], y[:, None, :]).mean(axis=(1, 2))
         return out
 
+    def support(self, directions: Floats) -> Floats:
+        """Return how far the outline reaches in unit directions (u, v), (2, n), mm: its support function
+
+        |u| (hx - cx) + |v| (hy - cy) + |(u cx, v cy)|.
+        """
+        (hx, hy), (cx, cy), (u, v) = self.half_width, self.corners, directions
+        reach: Floats = np.abs(u) * (hx - cx) + np.abs(v) * (hy - cy) + np.hypot(u * cx, v * cy)
+        return reach
+
     def filled(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Return points of the rectangle moved along rays from the middle, its rim onto that of the outline,
         mm."""

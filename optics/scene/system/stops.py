@@ -93,7 +93,7 @@ def _section(problem: Problem, lens: Lens, stop: Stop) -> Floats:
 
     It is a square around the lens, clipped by the planes a . p <= b that the lens lies within.
     """
-    far = np.max([_support(s.outline, _around()) for s in (lens.front, lens.rear)], axis=0)
+    far = np.max([s.outline.support(_around()) for s in (lens.front, lens.rear)], axis=0)
     low, high = _heights(problem, lens)
     normals = np.zeros((3, DIRECTIONS + 2))
     normals[:2, :-2], normals[2, -2:] = _around(), (-1, 1)
@@ -112,13 +112,6 @@ def _around() -> Floats:
     """Return directions in the plane z = 0, (2, n)."""
     angles = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
     return np.stack([np.cos(angles), np.sin(angles)])
-
-
-def _support(outline: Outline, directions: Floats) -> Floats:
-    """Return how far an outline reaches in directions, (2, n), mm."""
-    (hx, hy), (cx, cy), (u, v) = outline.half_width, outline.corners, directions
-    reach: Floats = np.abs(u) * (hx - cx) + np.abs(v) * (hy - cy) + np.hypot(u * cx, v * cy)
-    return reach
 
 
 def _clipped(polygon: Floats, over: Floats) -> Floats:

@@ -116,3 +116,20 @@ def test_a_chord_ends_where_the_gauge_is_one(corners):
     ends, o, d = (a[:, met & np.isfinite(start)] for a in (np.array([start, stop]), origin, direction))
     assert (outline.gauge(*(o + ends.mean(axis=0) * d)) <= 1 + 1e-12).all()
     assert outline.gauge(*(o[:, None] + ends * d[:, None])) == pytest.approx(np.ones_like(ends), abs=1e-12)
+
+
+@examples(20)
+@given(outlines(), st.floats(0, 2 * np.pi))
+def test_the_support_is_that_of_the_farthest_point_of_the_rim(outline, angle):
+    """Of 20,000 points a step d apart on a rim, the farthest lies within d of the one that is looked for."""
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    t = np.linspace(-1, 1, 5001)
+    one = np.ones_like(t)
+    square = np.hstack([(t, -one), (one, t), (-t, one), (-one, -t)]) * np.array(outline.half_width)[:, None]
+    rim = np.array(outline.filled(*square))
+    step = np.linalg.norm(np.diff(rim, axis=1), axis=0).max()
+    assert (
+        -1e-12 * max(outline.half_width)
+        <= outline.support(direction[:, None])[0] - (direction @ rim).max()
+        <= step
+    )
