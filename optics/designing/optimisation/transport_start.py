@@ -8,9 +8,9 @@ shape that is looked for.  They are traced again on each new shape, a few times.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -179,10 +179,11 @@ class TransportStart:
         """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
         source, lens = self._system.source, self._lens
         size = self._system.problem.source.half_width
-        outlines = lens.front.outline, self._surface.outline
+        outlines = {lens.front.outline, self._surface.outline}
         half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
         relative = [b / s for b, s in zip(half, size)]
 
+        @cache
         def emitted(grid: tuple[int, ...]) -> Floats:
             s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
             return source.profile(s[:, None], t[None, :]) * _inside(outlines, half, grid)
@@ -293,7 +294,7 @@ def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
     return sag - (sag.max() + sag.min()) / 2
 
 
-def _inside(outlines: Sequence[Outline], half: Sequence[float], counts: Sequence[int]) -> Floats:
+def _inside(outlines: Iterable[Outline], half: Sequence[float], counts: Sequence[int]) -> Floats:
     """Return the share of every cell of a rectangle with these half-widths that lies in all outlines."""
     x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half, counts))
     x = x[:, None]
