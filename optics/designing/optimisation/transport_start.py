@@ -195,7 +195,8 @@ class TransportStart:
 
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
-        light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
+        weight = np.maximum(inside(outlines, half, self._cells), LEAST_WEIGHT)
+        light = RearLight(x, y, (along, along, along + 1), emitted, weight)
         arrival = self._arrival(light, half, self.lit)
         above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
         picture = self._prewarped(light, arrival, above)
