@@ -67,7 +67,9 @@ def _type(key: Key) -> str:
         return KINDS[key.hint]
     if str in kinds:  # a number or "auto", or a name or rows of numbers
         other = next(kind for kind in kinds if kind is not str)
-        return f'{KINDS[other]} or `"{AUTO}"`' if key.limits["auto"] else "name, or rows of numbers"
+        if key.limits["auto"]:
+            return f'{KINDS[other]} or `"{AUTO}"`'
+        return f"name, or {KINDS.get(other, 'rows of numbers')}"
     if get_args(kinds[0]):
         return f"rows of {len(get_args(kinds[0]))} numbers"
     if kinds[-1] is Ellipsis:

@@ -125,7 +125,7 @@ def aperture_etendue(problem: Problem) -> float:
     far = isinf(target.distance)
     half = np.tan(np.radians(target.half_width)) if far else np.divide(target.half_width, target.distance)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    rx, ry = problem.lens.rear.half_width
+    rx, ry = problem.optic.rear.half_width
     x, y = (a.ravel() for a in np.meshgrid(rx * nodes, ry * nodes, indexing="ij"))
     area = (rx * ry * np.outer(weights, weights)).ravel()
     # of the target's corners as seen from each point; an aperture is a point in the far field
@@ -156,7 +156,7 @@ def spread(system: OpticalSystem) -> Array:
     The rear lies between D_1 and D_2 before the target, and the least is at D = r / sqrt(2).  In the far
     field it is du dv / dOmega, square degrees.
     """
-    target, rear = system.problem.target, system.problem.lens.rear
+    target, rear = system.problem.target, system.problem.optic.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
     corner = float(system.lens.rear.conic(*rear.half_width))

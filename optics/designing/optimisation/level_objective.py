@@ -134,7 +134,7 @@ def penalised_objective(
     options, limits = system.problem.optimizer, system.problem.limits
     if not limits.thickness and surfaces_can_cross(system):
         limits = replace(limits, thickness=THINNEST * lens.thickness)
-    shape = shape_penalty(lens, limits, system.problem.lens.density, options.roughness_weight)
+    shape = shape_penalty(lens, limits, system.problem.optic.density, options.roughness_weight)
     return Objective(
         model,
         target,

@@ -145,7 +145,7 @@ def shape_lens(
     lens = with_sags(system.lens, state.sags)
     problem = system.problem
     if crossing or problem.limits != Limits():
-        made = manufacturability(lens, problem.lens.density or None)
+        made = manufacturability(lens, problem.optic.density or None)
         for sentence in limit_sentences(problem, made, crossing):
             listener.note(sentence)
     return lens, state

@@ -102,7 +102,7 @@ def expected(
     fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
     flux = system.problem.source.flux
     light, slopes = start.rear_slopes()
-    density = system.problem.lens.density
+    density = system.problem.optic.density
     volume = lens.volume()
     return Expectation(
         size=_size(lens),

@@ -49,7 +49,7 @@ class Sensitivity:
 def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Sensitivity:
     """Return the Sensitivity of a lens whose shaped surface has these slopes (zx, zy), (nx, ny) each, in this
     light."""
-    spec, source, target = system.problem.lens, system.problem.source, system.problem.target
+    spec, source, target = system.problem.optic, system.problem.source, system.problem.target
     far = system.target.far_field
     throw = degrees(1.0) if far else target.distance
     # sin i / cos r at the rear, (nx, ny); 0 where light does not pass

@@ -66,7 +66,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+            checks += limit_checks(problem, manufacturability(self.lens, problem.optic.density or None))
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property

@@ -91,7 +91,7 @@ def _folder_checks(
     checks += prescription_checks(problem, lens)
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
-    checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
+    checks += limit_checks(problem, manufacturability(lens, problem.optic.density or None))
     if by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:

@@ -126,16 +126,35 @@ class LightPath:
         stops: tuple[Stop, ...] = (),
         clear: tuple[Outline, Outline] | None = None,
         absorbing_wall: bool = False,
+        pose: Pose = IDENTITY,
     ) -> LightPath:
-        """Return the path through front and rear of a lens in air, in the frame of its front vertex.
+        """Return the path through front and rear of a lens in air.
 
-        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.
+        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.  pose : from the frame of
+        its front vertex to that of the path.
         """
         open_front, open_rear = clear or (None, None)
-        front = Surface(lens.front, clear=open_front)
-        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
+        front = Surface(lens.front, pose, clear=open_front)
+        rear = Surface(lens.rear, pose @ Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
         media = AIR, Medium(lens.index, absorption), AIR
         return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
+
+    @classmethod
+    def by_mirror(
+        cls,
+        blank: Lens,
+        share: float,
+        pose: Pose,
+        receiver: Receiver,
+        stops: tuple[Stop, ...] = (),
+        clear: Outline | None = None,
+    ) -> LightPath:
+        """Return the path by the front of a mirror's blank, which reflects a share of the light.
+
+        pose : from the frame of its vertex to that of the path.
+        """
+        face = Surface(blank.front, pose, "reflect", share, clear=clear)
+        return cls((face,), (AIR, AIR), receiver, stops=stops)
 
     @property
     def sags(self) -> list[THBSurface]:

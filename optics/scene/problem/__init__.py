@@ -12,6 +12,11 @@ if TYPE_CHECKING:
         lists_tables as lists_tables,
         table_of as table_of,
     )
+    from optics.scene.problem.elements import (
+        LensElement as LensElement,
+        MirrorElement as MirrorElement,
+        Placed as Placed,
+    )
     from optics.scene.problem.key_changes import assignment as assignment
     from optics.scene.problem.limit_remedies import limit_sentences as limit_sentences
     from optics.scene.problem.manufacture_text import (
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
         Freeform as Freeform,
         Front as Front,
         LensSpec as LensSpec,
+        Optic as Optic,
         Rear as Rear,
         Source as Source,
         StopSpec as StopSpec,

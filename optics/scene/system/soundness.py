@@ -69,7 +69,7 @@ def require_reachable(system: OpticalSystem) -> None:
     """
     if not system.parallel or system.target.far_field:
         return
-    lens, target = system.problem.lens, system.problem.target
+    lens, target = system.problem.optic, system.problem.target
     screen = system.target.screen()
     lit = system.target.irradiance(screen, 1.0) > 0
     beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
@@ -134,7 +134,7 @@ def require_room(system: OpticalSystem) -> None:
                 f"rays of source.file start up to {depth:.4g} mm behind the front; "
                 "make source.distance larger"
             )
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.optic.rear)
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
