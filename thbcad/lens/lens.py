@@ -24,8 +24,8 @@ class Lens:
 
     Raises
     ------
-    ValueError : index below 1, that of a body which no light enters, or not finite, thickness not positive, outlines of front and rear that are
-        not one, scaled with the half-widths.
+    ValueError : index below 1, that of a body which no light enters, or not finite, thickness not positive,
+        outlines of front and rear that are not one, scaled with the half-widths.
 
     Examples
     --------
