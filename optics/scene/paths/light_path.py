@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -174,6 +175,23 @@ class LightPath:
         first, second = self.surfaces[0], self.surfaces[:2][-1]
         apart = float(np.linalg.norm(second.pose.shift - first.pose.shift))
         return float(first.pose.shift[2]) - BEFORE * (max(first.shape.half_width) + apart)
+
+    @property
+    def throw(self) -> float:
+        """From the vertex of the last surface to the middle of the receiver, mm; inf to the far field."""
+        if self.receiver.far_field:
+            return inf
+        return float(np.linalg.norm(self.receiver.toward(self.surfaces[-1].pose.shift, 0.0, 0.0)))
+
+    @property
+    def leaving(self) -> Pose:
+        """The frame at the vertex of the last surface from which +z goes to the middle of the receiver."""
+        vertex = self.surfaces[-1].pose.shift
+        towards = np.array(self.receiver.toward(vertex, 0.0, 0.0))
+        x, y, z = towards / np.linalg.norm(towards)
+        across = np.hypot(x, y)
+        angle, (i, j) = np.arctan2(across, z), (-y / across, x / across) if across else (1.0, 0.0)
+        return Pose.at(vertex, (angle * i, angle * j, 0.0))
 
     def onto(self, receiver: Receiver) -> LightPath:
         """Return the path to another receiver."""
