@@ -1,6 +1,7 @@
 """How far small errors of making and mounting move the light, to first order.
 
-With the throw D to the target, the angle i of incidence and r of refraction at the rear:
+With the throw D to the target (over the cosine of its incidence there), the angle i of incidence and r of
+refraction at the rear:
 
     index       D dr/dn dn = D sin i / cos r dn
     ripple      D (n - 1) 2 pi a / p              of amplitude a and period p on the rear
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, pi
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,9 @@ class Sensitivity:
 def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Sensitivity:
     """Return the Sensitivity of a lens whose shaped surface has these slopes (zx, zy), (nx, ny) each, in this
     light."""
-    spec, source, target = system.problem.lens, system.problem.source, system.problem.target
+    spec, source = system.problem.lens, system.problem.source
     far = system.target.far_field
-    throw = degrees(1.0) if far else target.distance
+    throw = system.lever
     # sin i / cos r at the rear, (nx, ny); 0 where light does not pass
     length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
     dx, dy, dz = light.direction

@@ -111,7 +111,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
     bundle = _leaving(system.shaping, lens, backend)
-    farthest = max(bundle.z0, min(system.target.z - lens.thickness, FAR))
+    farthest = max(bundle.z0, min(system.problem.throw, FAR))
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
     def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:

@@ -69,9 +69,10 @@ def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: floa
 def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
     """Return (key, value, whether it is raised) of a target that slopes less steep by a factor reach.
 
-    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count.
+    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count, and
+    where its place is given its size.
     """
-    if isinf(problem.target.distance):
+    if problem.target.distance is None or problem.target.far_field:
         return "target.half_width", [_rounded(h / factor, False) for h in problem.target.half_width], False
     return "target.distance", [_rounded(problem.target.distance * factor, True)], True
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from html import escape
 from itertools import pairwise
+from math import dist, inf
 from pathlib import Path
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.required_apertures import require_apertures
+from optics.scene.problem.required_target import require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import (
     LEAST_FLUX,
@@ -54,8 +55,8 @@ class Problem:
     ...     lens={"index": 1.5, "thickness": 6, **sides},
     ...     target=Target(kind="tophat", distance=60, half_width=(20, 20), pixels=(32, 32)),
     ... )
-    >>> problem.with_(**{"target.distance": 400}).target_z  # mm
-    406.0
+    >>> problem.with_(**{"target.distance": 400}).target.place
+    '400 mm behind the lens'
     """
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
@@ -77,9 +78,12 @@ class Problem:
         _require_partners(self)
 
     @property
-    def target_z(self) -> float:
-        """z of the target plane, mm."""
-        return self.lens.thickness + self.target.distance
+    def throw(self) -> float:
+        """From the rear vertex to the middle of the target, mm; inf to the far field."""
+        target = self.target
+        if target.position is not None:
+            return dist(target.position, (0.0, 0.0, self.lens.thickness))
+        return inf if target.distance is None else target.distance
 
     def with_(self, **changes: object) -> Problem:
         """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
@@ -98,11 +102,7 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        from optics.scene.receivers import receiver_at  # loads numpy, which a problem itself does without
-
         source, lens, target = self.source, self.lens, self.target
-        receiver = receiver_at(self.target_z)
-        far, unit = receiver.far_field, receiver.unit
         made_of = f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
         rows = {
             "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
@@ -119,8 +119,8 @@ class Problem:
                 )
                 rows[name] += f", sag within {free.z_freedom} mm"
         rows["target"] = (
-            f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
-            f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
+            f"{target.kind}, {target.place}, half-width {_by(target.half_width)} "
+            f"{'degrees' if target.far_field else 'mm'}, {_by(target.pixels)} pixels"
         )
         lines = (
             f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items()
@@ -145,20 +145,8 @@ def _require_partners(problem: Problem) -> None:
             require_line(key, text)
         except ValueError as error:
             raise UserError(str(error)) from None
-    target, lens, spectrum = problem.target, problem.lens, problem.source.spectrum
-    if target.kind == "image" and not target.image:
-        raise UserError("the key target.image is missing; add it")
-    if target.kind == "function" and not target.formula:
-        raise UserError("the key target.formula is missing; add it")
-    if target.kind != "image" and target.seen_from == "lens":
-        raise UserError(
-            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
-            "the page on targets"
-        )
-    if math.isinf(target.distance) and max(target.half_width) >= 90:
-        raise UserError(
-            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
-        )
+    lens, spectrum = problem.lens, problem.source.spectrum
+    require_target(problem.target)
     _require_source(problem.source)
     if lens.index == AUTO and not (lens.indices or lens.material):
         raise UserError(
@@ -172,7 +160,7 @@ def _require_partners(problem: Problem) -> None:
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
     require_apertures(lens, problem.stop)
-    merge, pixels = problem.optimizer.merge, min(target.pixels)
+    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"

@@ -18,7 +18,7 @@ from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES, ROOT
-from tests.optics.cases import landing_points, tracer_to
+from tests.optics.cases import landing_points, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -52,7 +52,7 @@ def started(folder, backend, changes):
 
 def landed(backend, lens, rays, system):
     return landing_points(
-        tracer_to(backend, lens, rays, system.target.z).trace([lens.rear.sag.coefficients])[1]
+        tracer_to(backend, lens, rays, target_z(system.problem)).trace([lens.rear.sag.coefficients])[1]
     )
 
 
