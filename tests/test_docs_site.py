@@ -19,7 +19,7 @@ from scripts.docs_site.problem_page import MARK, keys_text
 from tests.cases import EXAMPLES, ROOT
 
 DOCS = ROOT / "docs"
-REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.distance"}
+REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.half_width"}
 QUOTED = {'"uniform"', '"round"', '"gaussian"'}
 
 
@@ -47,7 +47,7 @@ def test_rows_of_keys_tell_type_unit_default_and_range():
     assert rows["target.distance"][1:5] == [
         "number",
         "mm",
-        "**required**",
+        "left out",
         "at least 1e-06, at most 1e+09, or `inf`",
     ]
     assert rows["lens.front.radius"][1] == 'number or `"auto"`'

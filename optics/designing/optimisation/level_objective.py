@@ -25,7 +25,8 @@ from optics.designing.optimisation.transport_start import TransportStart
 from optics.designing.penalties import shape_penalty
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, LightModel, sharp_engine
-from optics.scene.problem import Problem, feature_levels, per_level
+from optics.scene.limits import feature_levels
+from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens

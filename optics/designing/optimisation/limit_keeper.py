@@ -22,7 +22,8 @@ from scipy.optimize import minimize
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
-from optics.scene.problem import Miss, Problem, limit_misses
+from optics.scene.limits import Miss, limit_misses
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface

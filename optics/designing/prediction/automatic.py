@@ -78,7 +78,7 @@ def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
 def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     """Return the system with a base lens and bounds of its sags."""
     asked, base = system.problem, base_of(system.problem.optic.rear)
-    widest = min(asked.optic.thickness, ROOM * asked.target.distance)
+    widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
         wide = solvable_system(_with_numbers(asked, base, widest))
         if not wide.parallel:
@@ -88,15 +88,17 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
             raise UserError(
                 f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
                 f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
-                "the lens as numbers, or make target.half_width smaller or target.distance larger"
+                f"the lens as numbers, or {asked.target.gentler}"
             )
         light, slopes = start.rear_slopes()
-        base = _nearest_base(asked, light, slopes)
+        base = _nearest_base(asked, light, slopes, system.problem.throw)
     based = solvable_system(_with_numbers(asked, base, widest))
     return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
 
 
-def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) -> tuple[float, float]:
+def _nearest_base(
+    asked: Problem, light: RearLight, slopes: Sequence[Floats], throw: float
+) -> tuple[float, float]:
     """Return radius and conic constant of the rear."""
     rear = asked.optic.rear
     constant = -1.0 if isinstance(rear.conic, str) else rear.conic
@@ -110,7 +112,7 @@ def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) ->
             sum(np.sum(light.weight * (s - conic(x, y, d)) ** 2) for s, d in zip(slopes, ((1, 0), (0, 1))))
         )
 
-    bounds = _curvatures(asked, constant)
+    bounds = _curvatures(asked, constant, throw)
     found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6 * np.ptp(bounds)})
     flattest = LEAST_FREEDOM * max(rear.half_width)  # a plane does where the least sag makes up for the conic
     if abs(found.x) * hypot(*rear.half_width) ** 2 / 2 < flattest:
@@ -118,7 +120,7 @@ def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) ->
     return float(f"{1 / found.x:.3g}"), constant
 
 
-def _curvatures(problem: Problem, constant: float) -> tuple[float, float]:
+def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float, float]:
     """Return the least and the greatest curvature that the rear may have.
 
     A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
@@ -127,7 +129,7 @@ def _curvatures(problem: Problem, constant: float) -> tuple[float, float]:
     spec, k = problem.optic, 1 + constant
     r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
     at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
-    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * problem.target.distance
+    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
     most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))
     least = max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
     return least, most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))

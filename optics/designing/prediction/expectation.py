@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend
-from optics.designing.etendue import image_half_width, usual_efficiency
+from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
 from optics.designing.optimisation import (
     RearLight,
     Stage,
@@ -187,6 +187,6 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
 
 def _blur(system: OpticalSystem) -> float | None:
     """Return the least width of the images of the source, None where it has no extent or it is not known."""
-    if not system.source.etendue:
+    if not bounds_hold(system):
         return None
     return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

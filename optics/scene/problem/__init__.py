@@ -1,4 +1,4 @@
-"""The problem file and its limits of manufacture."""
+"""The problem file."""
 
 from typing import TYPE_CHECKING
 
@@ -18,20 +18,6 @@ if TYPE_CHECKING:
         Placed as Placed,
     )
     from optics.scene.problem.key_changes import assignment as assignment
-    from optics.scene.problem.limit_remedies import limit_sentences as limit_sentences
-    from optics.scene.problem.manufacture_text import (
-        as_data as as_data,
-        manufacture_rows as manufacture_rows,
-        position as position,
-    )
-    from optics.scene.problem.manufacturing_limits import (
-        Miss as Miss,
-        feature_levels as feature_levels,
-        limit_advice as limit_advice,
-        limit_checks as limit_checks,
-        limit_misses as limit_misses,
-        require_limits as require_limits,
-    )
     from optics.scene.problem.problem_record import Problem as Problem, load_problem as load_problem
     from optics.scene.problem.run_schema import (
         Export as Export,

@@ -6,7 +6,6 @@ ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of op
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 
 _ONE_LENS = "there is one element, a lens or a mirror: [[element]] says where it lies"
-_ON_AXIS = "the target is a plane across the axis, with its middle on it"
 _BARE = "lenses are bare: their surfaces have no coating"
 _ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
@@ -18,8 +17,6 @@ CANNOT = {
     **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
     "array": "there is one lens before one source",
     "grin": "the index is the same everywhere in the lens",
-    **dict.fromkeys(("target.tilt", "target.position", "target.shift", "target.turn"), _ON_AXIS),
-    **dict.fromkeys(("target.surface", "target.radius"), "the target is a plane"),
     **dict.fromkeys(
         ("lens.position", "lens.tilt"),
         "[lens] lies on the axis, with its front vertex at z = 0: take [[element]]",

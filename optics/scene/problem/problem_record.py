@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from html import escape
 from itertools import pairwise
+from math import dist, inf
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.required_apertures import require_apertures
+from optics.scene.problem.required_target import require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import (
     LEAST_FLUX,
@@ -58,8 +59,8 @@ class Problem:
     ...     lens={"index": 1.5, "thickness": 6, **sides},
     ...     target=Target(kind="tophat", distance=60, half_width=(20, 20), pixels=(32, 32)),
     ... )
-    >>> problem.with_(**{"target.distance": 400}).target_z  # mm
-    406.0
+    >>> problem.with_(**{"target.distance": 400}).target.place
+    '400 mm behind the lens'
     """
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
@@ -95,9 +96,14 @@ class Problem:
         return replace(self, element=(self.element[0].with_keys(**changes),))
 
     @property
-    def target_z(self) -> float:
-        """z of the target plane, mm."""
-        return self.optic.thickness + self.target.distance
+    def throw(self) -> float:
+        """From the rear vertex, or a mirror's, to the middle of the target, mm; inf to the far field."""
+        target, optic = self.target, self.optic
+        if target.position is None:
+            return inf if target.distance is None else target.distance
+        if isinstance(optic, Placed):
+            return dist(target.position, optic.position)
+        return dist(target.position, (0.0, 0.0, optic.thickness))
 
     def with_(self, **changes: object) -> Problem:
         """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
@@ -116,11 +122,7 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        from optics.scene.receivers import receiver_at  # loads numpy, which a problem itself does without
-
         source, lens, target = self.source, self.optic, self.target
-        receiver = receiver_at(self.target_z)
-        far, unit = receiver.far_field, receiver.unit
         made_of = f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
         if isinstance(lens, MirrorElement):
             made_of = f"mirror, reflectance {lens.share:g}"
@@ -139,8 +141,8 @@ class Problem:
                 )
                 rows[name] += f", sag within {free.z_freedom} mm"
         rows["target"] = (
-            f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
-            f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
+            f"{target.kind}, {target.place}, half-width {_by(target.half_width)} "
+            f"{'degrees' if target.far_field else 'mm'}, {_by(target.pixels)} pixels"
         )
         lines = (
             f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items()
@@ -166,20 +168,8 @@ def _require_partners(problem: Problem) -> None:
             require_line(key, text)
         except ValueError as error:
             raise UserError(str(error)) from None
-    target, optic, spectrum = problem.target, problem.optic, problem.source.spectrum
-    if target.kind == "image" and not target.image:
-        raise UserError("the key target.image is missing; add it")
-    if target.kind == "function" and not target.formula:
-        raise UserError("the key target.formula is missing; add it")
-    if target.kind != "image" and target.seen_from == "lens":
-        raise UserError(
-            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
-            "the page on targets"
-        )
-    if math.isinf(target.distance) and max(target.half_width) >= 90:
-        raise UserError(
-            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
-        )
+    optic, spectrum = problem.optic, problem.source.spectrum
+    require_target(problem.target)
     _require_source(problem.source)
     if isinstance(optic, LensSpec):
         _require_glass(optic)
@@ -188,7 +178,7 @@ def _require_partners(problem: Problem) -> None:
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
     require_apertures(optic, problem.stop)
-    merge, pixels = problem.optimizer.merge, min(target.pixels)
+    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
@@ -212,6 +202,11 @@ def _require_one_optic(problem: Problem) -> None:
         raise UserError(
             f"one [[element]] can be designed, got {len(problem.element)}: "
             f"{', '.join(e.name for e in problem.element)}; leave the others out"
+        )
+    if problem.element and problem.target.distance is not None:
+        raise UserError(
+            f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
+            'target.position, or target.surface = "far_field"'
         )
     for k, element in enumerate(problem.element):
         if not element.name:

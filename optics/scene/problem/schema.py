@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from math import inf, isinf
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from optics.scene.photometry import ILLUMINANTS
@@ -176,7 +176,7 @@ class Freeform:
 def radius_option(automatic: str) -> Any:
     """Return the option of a surface's radius.  automatic : what "auto" stands for."""
     note = f"mm, of the vertex; positive opens to +z, inf is a plane; {automatic}"
-    return option(math.inf, infinite=True, size=RADII, note=note, auto=True)
+    return option(inf, infinite=True, size=RADII, note=note, auto=True)
 
 
 def conic_option() -> Any:
@@ -243,7 +243,7 @@ def outline_option() -> Any:
 def base_of(surface: Front | Rear) -> tuple[float, float]:
     """Return radius and conic constant of a surface; those of a plane where they are not known yet."""
     if isinstance(surface.radius, str):
-        return math.inf, 0.0
+        return inf, 0.0
     return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
 
 
@@ -466,16 +466,34 @@ class Target:
     lit: tuple[float, float] = option(
         (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
     )
-    distance: float = option(
+    distance: float | None = option(
+        None,
         low=SHORTEST,
         high=FARTHEST,
         infinite=True,
-        note="mm from the rear vertex to the target plane; inf is the far field",
+        note="mm from the rear vertex to the middle of the target, on the axis; inf is the far field",
+    )
+    position: tuple[float, float, float] | None = option(
+        None, size=(0, FARTHEST), note="mm, of the target's middle, in place of distance"
+    )
+    tilt: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), size=(0, 360), note="right-handed degrees about own x, then own y, then own z"
+    )
+    surface: str = option(
+        "plane",
+        choices=("plane", "cylinder", "sphere", "far_field"),
+        note="what is lit, from its own -z; the axis of a cylinder is its own y",
+    )
+    radius: float = option(
+        inf,
+        size=(SHORTEST, FARTHEST),
+        infinite=True,
+        note="mm, of a cylinder or a sphere; above 0 it bulges to the light",
     )
     half_width: tuple[float, float] = option(
         low=SHORTEST,
         high=FARTHEST,
-        note="mm in x and y, from the axis to the border; degrees in the far field",
+        note="mm in own x and y, from the middle to the border, along the surface; degrees in the far field",
     )
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
@@ -485,6 +503,7 @@ class Target:
         choices=("behind", "lens"),
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
     )
+    crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
 
     data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
 
@@ -495,3 +514,37 @@ class Target:
         Regions and formulas are made on the pixels themselves.
         """
         return self.fit if self.kind == "image" else "stretch"
+
+    @property
+    def far_field(self) -> bool:
+        """Whether light is asked for by direction."""
+        return self.surface == "far_field" or self.distance == inf
+
+    @property
+    def curved(self) -> bool:
+        """Whether light is asked for on a curved surface."""
+        return self.surface in ("cylinder", "sphere")
+
+    @property
+    def gentler(self) -> str:
+        """What lets light be bent less, in words."""
+        farther = (
+            "target.distance larger" if self.position is None else "move target.position nearer the axis"
+        )
+        return f"make target.half_width smaller or {farther}"
+
+    @property
+    def place(self) -> str:
+        """What is lit, and where it lies, in words."""
+        parts = []
+        if not isinf(self.radius):
+            parts.append(f"on a {self.surface} of radius {self.radius:g} mm")
+        if self.far_field:
+            parts.append("in the far field")
+        elif self.position is None:
+            parts.append(f"{self.distance:g} mm behind the lens")
+        else:
+            parts.append("at ({:g}, {:g}, {:g}) mm".format(*self.position))
+        if any(self.tilt):
+            parts.append("tilted by ({:g}, {:g}, {:g}) degrees".format(*self.tilt))
+        return ", ".join(parts)

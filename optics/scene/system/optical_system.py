@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import degrees
+
+import numpy as np
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
@@ -22,12 +25,14 @@ from optics.scene.system.lens_material import (
 )
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
-from optics.scene.system.target import LightTarget
+from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import Lens, Product
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
+
+LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +82,11 @@ class OpticalSystem:
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
+
+    @property
+    def reflects(self) -> bool:
+        """Whether it is a mirror that is shaped, and no lens."""
+        return isinstance(self.problem.optic, MirrorElement)
 
     @property
     def pose(self) -> Pose:
@@ -178,7 +188,23 @@ class OpticalSystem:
 
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
-        return (LightTarget(self.problem.target, self.problem.target_z),)
+        target = self.problem.target
+        return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
+
+    @property
+    def lever(self) -> float:
+        """How far light that is turned by a radian moves on the middle of the target, at most, mm or degrees.
+
+        It is the throw over the cosine of the angle of incidence.
+        """
+        if self.target.far_field:
+            return degrees(1.0)
+        receiver, throw = self.target.receiver, self.problem.throw
+        if receiver.across_axis:
+            return throw
+        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.optic.thickness)
+        cosine = way @ np.array(receiver.normal(0.0, 0.0)) / throw
+        return throw / max(abs(float(cosine)), LEAST_COSINE)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -242,7 +268,7 @@ class OpticalSystem:
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        straight = self.pose.is_identity and not isinstance(self.problem.optic, MirrorElement)
+        straight = self.pose.is_identity and not self.reflects
         return straight and self.source.collimated and self.lens.front.is_plane
 
     @property

@@ -18,7 +18,7 @@ from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES, ROOT
-from tests.optics.cases import landing_points, tracer_to
+from tests.optics.cases import landing_points, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -78,7 +78,7 @@ def test_the_shift_by_decentre_is_that_of_traced_rays(tmp_path, backend):
     aside = replace(aside, direction=turned / np.linalg.norm(turned, axis=0))
 
     def landed(rays):
-        tracer = tracer_to(backend, lens, rays, system.target.z)
+        tracer = tracer_to(backend, lens, rays, target_z(system.problem))
         return landing_points(tracer.trace([lens.rear.sag.coefficients])[1])
 
     assert -np.median((landed(aside) - landed(rays))[:, 0]) == pytest.approx(shifts.decentre, rel=0.2)

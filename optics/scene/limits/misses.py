@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log2, nextafter
 
 from optics.base.runtime import Check, UserError
-from optics.scene.problem.manufacture_text import position, positions
-from optics.scene.problem.problem_record import Problem
-from optics.scene.problem.run_schema import Limits
-from optics.scene.problem.schema import Freeform
+from optics.scene.limits.manufacture_text import position, positions
+from optics.scene.problem import Freeform, Limits, Problem
 from thbcad.certified import Enclosure
 from thbcad.lens import (
     NM_PER_MM,

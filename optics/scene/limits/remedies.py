@@ -15,8 +15,8 @@ import shlex
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, isinf, log10
 
-from optics.scene.problem.manufacturing_limits import Miss, limit_misses
-from optics.scene.problem.problem_record import Problem
+from optics.scene.limits.misses import Miss, limit_misses
+from optics.scene.problem import Problem
 from thbcad.lens import Manufacturability, mass
 from thbcad.outlines import Outline
 
@@ -68,9 +68,10 @@ def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: floa
 def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
     """Return (key, value, whether it is raised) of a target that slopes less steep by a factor reach.
 
-    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count.
+    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count, and
+    where its place is given its size.
     """
-    if isinf(problem.target.distance):
+    if problem.target.distance is None or problem.target.far_field:
         return "target.half_width", [_rounded(h / factor, False) for h in problem.target.half_width], False
     return "target.distance", [_rounded(problem.target.distance * factor, True)], True
 
