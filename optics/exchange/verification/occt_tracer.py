@@ -40,7 +40,7 @@ def occt_trace(
         passes = (hits.faces == face) & (transmittance > 0)
         points, onward, lit = hits.points[passes], onward[passes], lit[passes]
         weight = weight[passes] * transmittance[passes]
-    ends, meets = last_step(points, onward, target)
+    ends, meets, _ = last_step(points, onward, target)
     arrives = (onward[:, 2] > 0) & meets
     landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
     return LandingPoints(landing, flux)
