@@ -13,6 +13,7 @@ from optics.scene.system.stops import lens_heights
 from thbcad.checks import Floats
 
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
+FAR = 1e9  # mm, of points of the far field
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -69,11 +70,12 @@ def require_reachable(system: OpticalSystem) -> None:
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]
-    points = np.stack(np.broadcast_arrays(*target.receiver.points(u, v)))
-    if not (target.far_field or target.receiver.across_axis):
-        normals = np.stack(np.broadcast_arrays(*target.receiver.normal(u, v)))
-        _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
-    if system.parallel and not target.far_field:
+    normals = np.stack(np.broadcast_arrays(*target.receiver.normal(u, v)))
+    points = FAR * normals
+    if not target.far_field:
+        points = np.stack(np.broadcast_arrays(*target.receiver.points(u, v)))
+    _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
+    if system.parallel:
         _require_gentle(system, points)
 
 
@@ -86,7 +88,8 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
     if before.any():
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside or before the lens, at z below "
-            f"{low:.4g} mm, and light leaves it towards +z; move target.position towards +z"
+            f"{low:.4g} mm, and light leaves it towards +z; "
+            "move target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(
