@@ -101,13 +101,15 @@ def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
     grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in problem.target.half_width))
     target = np.stack(np.broadcast_arrays(*receiver.points(*grid)))
     throw, width = float(target[2].min()) - box[2, 1], problem.target.half_width[0] + box[0, 1]
-    if throw <= 0:  # beside the lens, where nothing is drawn shorter
-        return Scene(oblique(-LEAST_TURN, RISE), box, outline, target, 1.0)
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
-        FACTORS * throw >= SHORT * width
-    ].min(initial=FACTORS[-1])
+    squeeze = 1.0
+    if throw > 0:  # it does not begin beside the lens, where all is drawn as it is
+        squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
+            FACTORS * throw >= SHORT * width
+        ].min(initial=FACTORS[-1])
     turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
-    return Scene(oblique(-turn, RISE), box, outline, target, squeeze)
+    normal = np.array(receiver.normal(0.0, 0.0))  # of a target that is not to be seen from its edge
+    view = max((oblique(side * turn, RISE) for side in (-1, 1)), key=lambda seen: abs(seen[2] @ normal))
+    return Scene(view, box, outline, target, squeeze)
 
 
 def corners(box: Array) -> Array:

@@ -14,6 +14,7 @@ from optics.scene.system.stops import lens_heights
 from thbcad.checks import Floats
 
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
+FAR = 1e9  # mm, of points of the far field
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -105,11 +106,12 @@ def require_reachable(system: OpticalSystem) -> None:
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]
     receiver = target.receiver.seen_from(system.pose)
-    points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
-    if not target.far_field and (system.reflects or not receiver.across_axis):
-        normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
-        _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
-    if system.parallel and not target.far_field:
+    normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
+    points = FAR * normals
+    if not target.far_field:
+        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
+    _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
+    if system.parallel:
         _require_gentle(system, points)
 
 
@@ -125,7 +127,7 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
             f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; move "
-            f"target.position towards {towards}"
+            "target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(
