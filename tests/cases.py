@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,25 @@ THOROUGH = settings.default.max_examples >= 60  # the profile of `make slow`, se
 
 
 def examples(most, **options):
-    """Return the settings of a property of so many examples; a quarter of them, or 8, in `make test`."""
-    return settings(max_examples=most if THOROUGH else max(min(most, 8), most // 4), **options)
+    """Return the settings of a property of so many examples; of every fifth of them in `make test`."""
+    return settings(max_examples=most if THOROUGH else -(-most // 5), **options)
 
 
 def slow_unless(often, cases):
     """Return parameters of which those that `often` does not hold for are marked slow."""
     return [pytest.param(case, marks=() if often(case) else pytest.mark.slow) for case in cases]
+
+
+def chequered(*axes):
+    """Return products of parameters, by turns marked slow: `make test` has every value, of three axes every
+    pair."""
+    axes = [tuple(enumerate(axis)) for axis in axes]
+    return [
+        pytest.param(
+            *(value for _, value in case), marks=pytest.mark.slow if sum(k for k, _ in case) % 2 else ()
+        )
+        for case in product(*axes)
+    ]
 
 
 def shared_folder(tmp_path_factory, name, make):

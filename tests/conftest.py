@@ -1,4 +1,4 @@
-"""One thread for numpy's BLAS, two hypothesis profiles, a rare search for garbage, and narrow kernels.
+"""One thread for all that computes, two hypothesis profiles, a rare search for garbage, and narrow kernels.
 
 The tests run side by side, and so do the programs that they start.  Hypothesis tries the same examples on
 every run, and without a time limit: the machine may be busy.  `make slow` tries more of them.
@@ -17,7 +17,7 @@ from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-for profile, examples in (("quick", 8), ("thorough", 60)):
+for profile, examples in (("quick", 5), ("thorough", 60)):
     settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
@@ -46,7 +46,8 @@ def narrow_kernels():
 
 
 def pytest_collection_finish(session):
-    """What is loaded now stays: Python need not look through it again."""
+    """All cores of a worker are one; what is loaded now stays: Python need not look through it again."""
+    os.sched_getaffinity = lambda _: {0}
     if any(not item.path.is_relative_to(ROOT / "tests" / "thbcad") for item in session.items):
         narrow_kernels()
     gc.collect()

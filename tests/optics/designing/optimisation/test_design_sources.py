@@ -7,6 +7,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.state import earlier_state
+from tests.cases import chequered
 from tests.optics.cases import HOLLOW
 from tests.optics.designing.optimisation.cases import loaded, rows_of, run
 
@@ -29,14 +30,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("kind", "start"),  # every kind once in `make test`
-    [
-        pytest.param(kind, start, marks=() if (i + j) % 2 == 0 else pytest.mark.slow)
-        for i, kind in enumerate(KINDS)
-        for j, start in enumerate(("flat", "transport"))
-    ],
-)
+@pytest.mark.parametrize(("kind", "start"), chequered(KINDS, ("flat", "transport")))
 def test_every_kind_of_problem_gets_better(tmp_path, backend, start, kind):
     """Flat: every level is optimised, each from the surfaces of the one before.  Transport: the last level
     is."""
