@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -24,18 +23,6 @@ def examples(most, **options):
 def slow_unless(often, cases):
     """Return parameters of which those that `often` does not hold for are marked slow."""
     return [pytest.param(case, marks=() if often(case) else pytest.mark.slow) for case in cases]
-
-
-def chequered(*axes):
-    """Return products of parameters, by turns marked slow: `make test` has every value, of three axes every
-    pair."""
-    axes = [tuple(enumerate(axis)) for axis in axes]
-    return [
-        pytest.param(
-            *(value for _, value in case), marks=pytest.mark.slow if sum(k for k, _ in case) % 2 else ()
-        )
-        for case in product(*axes)
-    ]
 
 
 def shared_folder(tmp_path_factory, name, make):

@@ -7,9 +7,11 @@ every run, and without a time limit: the machine may be busy.  `make slow` tries
 import ctypes
 import gc
 import os
+from collections import defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 from optics.base.runtime import load_backend
@@ -43,6 +45,24 @@ def narrow_kernels():
     cpu.restype = features.restype = ctypes.c_char_p
     if width() > 8:
         dr["_Z19jit_llvm_set_targetPKcS0_j"](cpu(), features(), 8)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a product of parameters every second case is slow: `make test` has every value of each."""
+    decided = {item.function for item in items if item.get_closest_marker("slow")}
+    places = defaultdict(dict)
+    for item in items:
+        axes = [mark.args[0] for mark in item.iter_markers("parametrize")]
+        if len(axes) == 1 or item.function in decided:
+            continue
+        place = 0
+        for axis in axes:
+            names = (axis,) if isinstance(axis, str) else tuple(axis)
+            seen = places[item.function, names]
+            place += seen.setdefault(tuple(id(item.callspec.params[name]) for name in names), len(seen))
+        if place % 2:
+            item.add_marker("slow")
 
 
 def pytest_collection_finish(session):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial import cKDTree
 
-from tests.cases import chequered, examples
+from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
 from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line, outlined
 from thbcad import body_mesh, to_trimesh
@@ -168,9 +168,9 @@ def test_a_plan_of_a_lens_with_an_outline_shows_its_rims(lens):
                 assert (curve.style is Style.OUTLINE) == beside
 
 
-@pytest.mark.parametrize(("name", "cut"), chequered(OUTLINES, [("x", 0.0), ("x", -2.3), ("y", 3.1)]))
-def test_a_section_of_a_lens_with_an_outline_has_the_area_that_trimesh_cuts(name, cut):
-    lens, (axis, at) = OUTLINES[name], cut
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize(("axis", "at"), [("x", 0.0), ("x", -2.3), ("y", 3.1)])
+def test_a_section_of_a_lens_with_an_outline_has_the_area_that_trimesh_cuts(lens, axis, at):
     view, across = section_view(lens, axis, at, CHORD), "xy".index(axis)
     assert view.bound <= CHORD
     front, rear, start, stop = (height_line(view, curve.points) for curve in view.curves)
@@ -207,9 +207,9 @@ def test_the_wall_of_an_outline_is_cut_where_its_rulings_pass(lens, axis, at):
     assert off.max() <= view.bound + step / 2
 
 
-@pytest.mark.parametrize(("name", "axis"), chequered(OUTLINES, ["x", "y"]))
-def test_a_side_of_a_lens_with_an_outline_is_as_large_as_its_mesh(name, axis):
-    lens = OUTLINES[name]
+@pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_side_of_a_lens_with_an_outline_is_as_large_as_its_mesh(lens, axis):
     low, high = to_trimesh(body_mesh(lens, 4 * CHORD)).bounds
     view = side_view(lens, axis, CHORD)
     assert view.bound <= CHORD

@@ -19,7 +19,7 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
 
-from tests.cases import chequered, examples
+from tests.cases import examples
 from tests.thbcad.cad.shapes.cases import CASES
 from tests.thbcad.cases import LENSES, lenses
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
@@ -51,10 +51,8 @@ def scaled(text, factor):
     return out
 
 
-@pytest.mark.parametrize(
-    ("name", "factor"),
-    chequered(["plano", "cone with a bore", "cylinder cut aslant"], [2.0, 1e-200, 1e200, 1.5e308]),
-)
+@pytest.mark.parametrize("factor", [2.0, 1e-200, 1e200, 1.5e308])
+@pytest.mark.parametrize("name", ["plano", "cone with a bore", "cylinder cut aslant"])
 def test_only_the_ratios_of_a_direction_count(name, factor, tmp_path):
     if name in LENSES:
         text = step_bytes(LENSES[name]).decode()

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.cases import chequered
 from tests.thbcad.lens.cases import flat_sag
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
@@ -52,16 +51,13 @@ def test_a_wall_leaves_the_rim_steeper_than_the_surface_over_it():
         require_sound(lens(((8.0, 5.0), -5.0), ((5.0, 6.0), -5.0), 4.0))
 
 
+@pytest.mark.parametrize("share", [0.3, 1.0])
 @pytest.mark.parametrize(
-    ("rims", "share"),
-    chequered(
-        [((6.0, 6.0), (4.0, 4.0)), ((4.0, 4.0), (6.0, 4.0)), ((5.0, 3.0), (7.0, 6.0))],
-        [0.3, 1.0],
-    ),
+    ("a", "b"), [((6.0, 6.0), (4.0, 4.0)), ((4.0, 4.0), (6.0, 4.0)), ((5.0, 3.0), (7.0, 6.0))]
 )
-def test_no_point_of_a_proven_wall_lies_beyond_the_surfaces(rims, share):
+def test_no_point_of_a_proven_wall_lies_beyond_the_surfaces(share, a, b):
     """The thinnest proven lens with a wavy front: points of its wall are at no surface's far side."""
-    (a, b), rng = rims, np.random.default_rng(5)
+    rng = np.random.default_rng(5)
     flat = flat_sag()
     sag = THBSurface(flat.space, 0.2 * rng.standard_normal(flat.space.dim))
     corners = [tuple(share * np.array(h)) for h in (a, b)]
