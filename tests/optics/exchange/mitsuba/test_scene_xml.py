@@ -19,7 +19,7 @@ from optics.light.measuring import Splat
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, picture, rough, tracer_to
+from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
 from thbcad.surfaces import THBSurface
 
 RENDER = """
@@ -113,7 +113,7 @@ def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_pa
     subprocess.run([sys.executable, "-c", RENDER, str(out), "256", str(image)], check=True)
     seen = irradiance_of_one(system) * np.load(image)[:, ::-1, 0]
     screen = system.target.screen()
-    _, landing = tracer_to(backend, lens, system.source.rays((301, 301)), system.target.z).trace(
+    _, landing = tracer_to(backend, lens, system.source.rays((301, 301)), target_z(system.problem)).trace(
         coefficients(lens)
     )
     exact = Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
