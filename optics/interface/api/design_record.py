@@ -18,7 +18,7 @@ from optics.light.analysis import Measurement, Verdict, delivery_checks, judged,
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import Problem, limit_checks
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability
+from thbcad.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+            checks += limit_checks(problem, self.system.manufactured(self.lens))
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property
