@@ -30,6 +30,7 @@ FOUND = 1e-13  # mm, relative to the size of the wall
 ROUGH = 257  # samples of a piece of a rim whose heights are wanted about
 SAMPLES = 4096  # of a rim on which crossings with knot lines are looked for
 BISECTIONS = 40  # of a crossing between two samples
+TINY = 1e-300
 NODES = 12  # of the Gauss rule in every span of a rim
 Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
 
@@ -124,6 +125,23 @@ class DraftedWall:
         """
         inset = self.inset(z)
         return self.outline.inset(inset) if inset else self.outline
+
+    def beside(self, x: Floats, y: Floats, z: Floats) -> Floats:
+        """Return how far points lie outside of the wall, mm: negative within.
+
+        With the distance d(x, y) from the outline it is (d + inset(z)) cos(draft).  Upright it is the
+        distance along the ray from the axis, since an ellipse's has no closed form.
+        """
+        if not self.draft:
+            away: Floats = np.hypot(x, y) * (1 - 1 / np.maximum(self.outline.gauge(x, y), TINY))
+            return away
+        (hx, hy), (corner, _) = self.outline.half_width, self.outline.corners
+        u, v = abs(x) - (hx - corner), abs(y) - (hy - corner)
+        apart = np.hypot(np.maximum(u, 0), np.maximum(v, 0)) + np.minimum(np.maximum(u, v), 0) - corner
+        distance: Floats = (apart + self.slope * self.side * (z - self.level)) * np.cos(
+            np.radians(self.draft)
+        )
+        return distance
 
     @cached_property
     def _pair(self) -> tuple[tuple[RimPiece, ...], tuple[RimPiece, ...], float]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.base.runtime import Backend, load_backend
+from optics.base.runtime import Backend, UserError, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
@@ -27,12 +28,15 @@ from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import Lens, Product
+from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
 
 LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
+
+if TYPE_CHECKING:
+    from thbcad.moulds import Solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +231,32 @@ class OpticalSystem:
             return None
         parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
         return BodyOptions(spec.draft, parting, spec.annulus, land, spec.edge_radius)
+
+    def solid(self, lens: Lens) -> Solid:
+        """Return what a lens is made as: itself, or the body that leaves a mould, proven.
+
+        Raises
+        ------
+        UserError : as `MouldedBody.of`.
+        """
+        if self.body is None:
+            return lens
+        from thbcad.moulds import MouldedBody  # other lenses need none of its proofs
+
+        try:
+            return MouldedBody.of(lens, self.body, self.clear_aperture(lens))
+        except ValueError as error:
+            raise UserError(f"the lens has no such body for a mould: {error}") from None
+
+    def manufactured(self, lens: Lens) -> Manufacturability:
+        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges.
+
+        Raises
+        ------
+        UserError : as `solid`.
+        """
+        metrics = manufacturability(lens, self.problem.optic.density or None)
+        return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
     @property
     def source(self) -> LightSource:
