@@ -327,6 +327,12 @@ class Optic:
         """The index; 0 where it is not known yet."""
         return 0.0 if isinstance(self.index, str) else self.index
 
+    noun: ClassVar[str] = "lens"
+
+    def face_name(self, name: str) -> str:
+        """Return what a sentence calls its front or its rear."""
+        return name
+
     @property
     def table(self) -> str:
         """Its name in dotted keys."""
