@@ -262,9 +262,10 @@ class OpticalSystem:
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
+        a lens, but may meet the walls of a body.
         """
-        return not (self.parallel or self.target.far_field)
+        return not (self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
