@@ -30,7 +30,7 @@ from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
-from optics.scene.problem import as_data, limit_checks, manufacture_rows
+from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, Manufacturability
 

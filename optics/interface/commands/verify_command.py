@@ -10,7 +10,7 @@ from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
-from optics.scene.problem import limit_checks
+from optics.scene.limits import limit_checks
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
 

@@ -115,8 +115,13 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
 
 
 def plane_behind(system: OpticalSystem, lens: Lens) -> float:
-    """Return z of the target plane, or in the far field of a plane one thickness behind the lens, mm."""
-    return 2 * lens.thickness if system.target.far_field else system.target.z
+    """Return z of a target plane across the axis; else that of a plane one thickness behind the lens, mm."""
+    return float(system.target.receiver.pose.shift[2]) if _across(system) else 2 * lens.thickness
+
+
+def _across(system: OpticalSystem) -> bool:
+    """Return whether the target is a plane across the axis."""
+    return system.target.receiver.across_axis and not system.target.far_field
 
 
 def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
@@ -139,9 +144,9 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
             1.5 * lens.rear.half_width[1],
         ),
     }
-    if not target.far_field:
+    if _across(system):
         planes["target"] = (
-            at_target(backend, lens, points, start, target.z),
+            at_target(backend, lens, points, start, plane_behind(system, lens)),
             1.1 * target.settings.half_width[1],
         )
     return planes

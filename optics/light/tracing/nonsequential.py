@@ -228,7 +228,7 @@ def trace_paths(
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
         stub = (gone.origin + lens.thickness * gone.direction).T
-        there = target.receiver.pose.points(np.stack([x, y, np.zeros_like(x)])).T
+        there = np.stack(np.broadcast_arrays(*target.receiver.points(x, y)), axis=-1)
         ends = np.where(reaches[:, None], there, stub)
         for ray, end, which in zip(gone.ray, ends, fate):
             points[ray].append(end)

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from optics.scene.receivers.picture import read_picture as read_picture
     from optics.scene.receivers.receivers import (
         DEGREES as DEGREES,
+        Cylinder as Cylinder,
         FarField as FarField,
         Plane as Plane,
         Receiver as Receiver,
+        Sphere as Sphere,
         Triple as Triple,
         receiver_at as receiver_at,
         seen_from as seen_from,

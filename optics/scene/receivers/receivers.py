@@ -1,25 +1,28 @@
-"""Where light is received: a plane, or the directions of the far field, each with the chart of its picture.
+"""Where light is received: a plane, cylinder, sphere or the far field, each with the chart of its picture.
 
-A chart names a point of the receiver by two coordinates (u, v): lengths in a plane, angles in the far field.
-Light travels to +z of the receiver's own frame; what comes from behind, or along it, never meets it.
+A chart names a point of the receiver by two coordinates (u, v): lengths along a surface, angles in the far
+field.  (u, v, direction of the light) are right-handed: light travels to +z of the receiver's own frame, and
+what comes from behind, or along it, never meets it.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from math import isinf
+from dataclasses import dataclass, field, replace
+from math import inf, isinf, pi
 from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from thbcad.poses import IDENTITY, Pose
+from thbcad.values import Value
 
 Triple: TypeAlias = Any  # of numbers or arrays, one for each coordinate
 
 DEGREES = 180 / np.pi
+TOUCHES = 1e-12  # square of the sine between a ray and a curved screen: what touches it does not meet it
 
 
 class LandingPoint(NamedTuple):
@@ -38,7 +41,7 @@ class LandingPoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Receiver(ABC):
+class Receiver(Value, ABC):
     """What receives light.
 
     pose : from its own frame to that of the scene.
@@ -65,16 +68,41 @@ class Receiver(ABC):
         """
         own, (p, q, r) = seen_from(self.pose, point, direction, number)
         met = r > 0
-        choose = np.where if library is np else library.select  # numpy's `select` is another function
-        return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
+        u, v, length, lands = self._chart(own, (p, q, _choose(library)(met, r, 1)), library, number)
+        return LandingPoint(u, v, length, p, q, met if lands is True else met & lands)
 
     @abstractmethod
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
-        """Return u, v and the length of rays that go to +z, in the own frame."""
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
+        """Return u, v, the length and whether there is a meeting, of rays that go to +z, in the own frame."""
 
     @abstractmethod
+    def points(self, u: Any, v: Any) -> Any:
+        """Return where (u, v) lies, mm; in the far field a point in that direction from its frame."""
+
+    @abstractmethod
+    def normal(self, u: Any, v: Any) -> Any:
+        """Return the unit normal there, along which light goes through it; the direction in the far field."""
+
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return directions of any length from points to where light shall land."""
+        x, y, z = (a - b for a, b in zip(self.points(u, v), point))
+        return x, y, z
+
+    def area(self, u: Any, v: Any) -> Any:
+        """Return the area over du dv, mm^2 or solid angle in square degrees: pictures are light per area."""
+        return np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """Below which |u| and |v| lie of all places that the chart names."""
+        return inf, inf
+
+    @property
+    def across_axis(self) -> bool:
+        """Whether it is a plane across the axis z with its middle on it, or the far field around it."""
+        return not self.pose.rotates and not self.pose.shift[:2].any()
 
     @property
     def mirror_axes(self) -> tuple[int, ...]:
@@ -97,17 +125,129 @@ class Plane(Receiver):
     area_unit = "mm^2"
     far_field = False
 
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
         """u = x - z p / r, v = y - z q / r for the ray (x, y, z) + t (p, q, r)."""
         (x, y, z), (p, q, r) = point, direction
         length = -z / r
-        return x + length * p, y + length * q, length
+        return x + length * p, y + length * q, length, True
 
-    def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
+    def points(self, u: Any, v: Any) -> Any:
         """See `Receiver`."""
-        there = self.pose.points((u, v, 0.0))
-        x, y, z = (a - b for a, b in zip(there, point))
-        return x, y, z
+        return self.pose.points((u, v, 0.0))
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        return self.pose.directions((0.0 * u, 0.0 * v, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(Receiver):
+    """A half of the cylinder x^2 + (z - R)^2 = R^2 of its frame, that round the middle: |u| < pi |R| / 2.
+
+    u = R atan(x / (R - z)) is the arc round the axis, which lies along y, and v = y, mm.
+    Light meets it at the nearer of two places where R > 0, as it bulges to the light, else at the farther.
+
+    radius : R, mm.
+    """
+
+    radius: float = field(kw_only=True)
+
+    unit = "mm"
+    area_unit = "mm^2"
+    far_field = False
+
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
+        """c A t^2 - 2 F t = G for the ray s + t d, with c = 1 / R, A = |d|^2, F = r - c d . s and
+        G = 2 z - c |s|^2; round a cylinder y and q do not count.
+
+        t = -G / (F + S) = (F - S) / (c A), with S^2 = F^2 + c A G, is the near root where c > 0 and the far
+        one else.  The first form loses no digits where F > 0, the second elsewhere.
+        """
+        (x, y, z), (p, q, r) = point, direction
+        choose, c = _choose(library), number(1 / self.radius)
+        ca = c * self._dot(direction, direction)
+        f = r - c * self._dot(direction, point)
+        g = 2 * z - c * self._dot(point, point)
+        square = f * f + ca * g
+        meets = square > TOUCHES
+        root = library.sqrt(choose(meets, square, 1))
+        length = choose(f > 0, -g / (abs(f) + root), (f - root) / ca)
+        x, y, z = x + length * p, y + length * q, z + length * r
+        meets = meets & (c * z < 1)
+        return *self._arcs(c, x, y, choose(meets, 1 - c * z, 1), library), length, meets
+
+    def _dot(self, one: Triple, other: Triple) -> Any:
+        """Return the product of two vectors across the axis."""
+        return one[0] * other[0] + one[2] * other[2]
+
+    def _arcs(self, c: Any, x: Any, y: Any, before: Any, library: ModuleType) -> tuple[Any, Any]:
+        """Return u and v of a point.  c : 1 / R.  before : 1 - c z."""
+        return library.atan(c * x / before) / c, y
+
+    def points(self, u: Any, v: Any) -> Any:
+        """x = R sin(u / R), y = v, z = R (1 - cos(u / R))."""
+        angle = u / self.radius
+        return self.pose.points((self.radius * np.sin(angle), v, self.radius * (1 - np.cos(angle))))
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """(-sin(u / R), 0, cos(u / R))."""
+        angle = u / self.radius
+        return self.pose.directions((-np.sin(angle), 0.0 * v, np.cos(angle)))
+
+    @property
+    def across_axis(self) -> bool:
+        """See `Receiver`."""
+        return False
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """See `Receiver`."""
+        return pi / 2 * abs(self.radius), inf
+
+
+class Sphere(Cylinder):
+    """The half of the sphere x^2 + y^2 + (z - R)^2 = R^2 of its frame round the middle.
+
+    u is the arc along the equator in the plane y = 0, as of a cylinder, and v that along a meridian, mm, as
+    degrees of longitude and latitude: v = R atan(y / sqrt(x^2 + (R - z)^2)).  The area is cos(v / R) du dv.
+    """
+
+    def _dot(self, one: Triple, other: Triple) -> Any:
+        """See `Cylinder`."""
+        return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+    def _arcs(self, c: Any, x: Any, y: Any, before: Any, library: ModuleType) -> tuple[Any, Any]:
+        """See `Cylinder`."""
+        level = library.sqrt(c * c * x * x + before * before)
+        return library.atan(c * x / before) / c, library.atan(c * y / level) / c
+
+    def points(self, u: Any, v: Any) -> Any:
+        """x = R sin(u / R) cos(v / R), y = R sin(v / R), z = R (1 - cos(u / R) cos(v / R))."""
+        x, y, z = self._from_centre(u, v)
+        return self.pose.points((self.radius * x, self.radius * y, self.radius * (1 - z)))
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """(-sin(u / R) cos(v / R), -sin(v / R), cos(u / R) cos(v / R))."""
+        x, y, z = self._from_centre(u, v)
+        return self.pose.directions((-x, -y, z))
+
+    def _from_centre(self, u: Any, v: Any) -> tuple[Any, Any, Any]:
+        """Return the parts of the unit vector from the centre, that along -z last."""
+        a, b = u / self.radius, v / self.radius
+        return np.sin(a) * np.cos(b), np.sin(b), np.cos(a) * np.cos(b)
+
+    def area(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        return super().area(u, v) * np.cos(np.asarray(v) / self.radius)
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """See `Receiver`."""
+        return pi / 2 * abs(self.radius), pi / 2 * abs(self.radius)
 
 
 class FarField(Receiver):
@@ -120,17 +260,47 @@ class FarField(Receiver):
     area_unit = "square degrees"
     far_field = True
 
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
         """See the class."""
         p, q, r = direction
         u, v = (DEGREES * library.atan(d / r) for d in (p, q))
-        return u, v, 0.0
+        return u, v, 0.0, True
+
+    def points(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        return self.pose.points(self._tangents(u, v))
 
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """See `Receiver`."""
-        p, q = (np.tan(np.radians(angle)) for angle in (u, v))
-        x, y, z = self.pose.directions((p, q, np.ones_like(p)))
+        x, y, z = self.pose.directions(self._tangents(u, v))
         return x, y, z
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        x, y, z = self.toward((0.0, 0.0, 0.0), u, v)
+        length = np.sqrt(x * x + y * y + z * z)
+        return x / length, y / length, z / length
+
+    def _tangents(self, u: Any, v: Any) -> tuple[Any, Any, Any]:
+        p, q = (np.tan(np.radians(angle)) for angle in (u, v))
+        return p, q, np.ones_like(p)
+
+    def area(self, u: Any, v: Any) -> Any:
+        """d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v."""
+        a, b = (np.tan(np.radians(angle)) ** 2 for angle in (u, v))
+        return (1 + a) * (1 + b) / (1 + a + b) ** 1.5
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """See `Receiver`."""
+        return 90.0, 90.0
+
+
+def _choose(library: ModuleType) -> Callable[..., Any]:
+    """Return what takes one of two arrays by a mask."""
+    return np.where if library is np else library.select  # numpy's `select` is another function
 
 
 def receiver_at(z: float, pose: Pose = IDENTITY) -> Receiver:

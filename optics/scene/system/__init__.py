@@ -13,7 +13,11 @@ if TYPE_CHECKING:
         solvable_system as solvable_system,
     )
     from optics.scene.system.source import source_of as source_of
-    from optics.scene.system.target import target_irradiance as target_irradiance
+    from optics.scene.system.target import (
+        LightTarget as LightTarget,
+        receiver_of as receiver_of,
+        target_irradiance as target_irradiance,
+    )
     from optics.scene.system.tracing_skips import skip_lines as skip_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

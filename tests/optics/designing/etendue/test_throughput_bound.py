@@ -26,7 +26,7 @@ from optics.light.tracing import Tracer
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT, examples
-from tests.optics.cases import hollow_lens, tracer_to
+from tests.optics.cases import hollow_lens, target_z, tracer_to
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.distance": 20.0}
 FLAT = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
@@ -188,7 +188,7 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
         problem_file(LAMBERTIAN | front | {"source.distance": distance, "lens.rear.radius": -10.0})
     )
     lens = OpticalSystem(problem).lens
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays(RAYS), problem.target_z)
+    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays(RAYS), target_z(problem))
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     beside = tracer.fates(landing, problem.target.half_width).beside_lens
@@ -290,7 +290,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
         16 / patches
     ) ** 2
     rays = OpticalSystem(problem).source.rays((512, 512))
-    tracer = tracer_to(backend, lens, rays, problem.target_z)
+    tracer = tracer_to(backend, lens, rays, target_z(problem))
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(1, coefficients)

@@ -20,7 +20,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, filter_image
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import ROOT
-from tests.optics.cases import coefficients, rough, store_result, tracer_to
+from tests.optics.cases import coefficients, rough, store_result, target_z, tracer_to
 from thbcad.surfaces import THBSurface
 
 EPS = 2.0**-23  # of float32
@@ -67,7 +67,7 @@ def scene_with(mi, integrator):
 def traced(backend, problem, lens):
     """Return the exact tracer with 9 rays per pixel."""
     rays = OpticalSystem(problem).source.rays([3 * n for n in PIXELS])
-    return tracer_to(backend, lens, rays, problem.target_z, absorption=problem.lens.absorption)
+    return tracer_to(backend, lens, rays, target_z(problem), absorption=problem.lens.absorption)
 
 
 def exact_film(backend, problem, lens):

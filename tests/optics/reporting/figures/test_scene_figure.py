@@ -11,6 +11,7 @@ from optics.reporting.figures.scene_figure import scene_view
 from optics.reporting.view import scene_paths
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.optics.cases import target_z
 
 LAMBERTIAN = {
     "source.kind": "lambertian",
@@ -76,7 +77,7 @@ def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, nam
     )
     assert len(starts) > 30
     assert (np.abs(starts[:, :2]) <= problem.source.half_width).all()
-    assert np.array_equal(ends[:, 2], np.full(len(ends), problem.target_z))
+    assert np.array_equal(ends[:, 2], np.full(len(ends), target_z(problem)))
 
 
 def test_rays_go_straight_through_a_plate(backend, made):

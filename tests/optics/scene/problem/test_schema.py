@@ -9,7 +9,7 @@ import pytest
 
 from optics.scene.problem import load_problem, per_level
 from tests.cases import EXAMPLES
-from tests.optics.cases import SMALL, toml_text
+from tests.optics.cases import SMALL, target_z, toml_text
 from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_values
 
 
@@ -57,7 +57,7 @@ def test_defaults_are_those_of_the_design_contract(tmp_path):
     assert vars(p.lens.rear.freeform) == {"degree": 3, "spans": (7, 7), "max_level": 5, "z_freedom": 5.0}
     assert (p.target.encoding, p.target.pixels, p.target.fit) == ("srgb", (256, 256), "crop")
     assert (p.run.seed, p.run.precision) == (0, "double")
-    assert p.target_z == SMALL["lens.thickness"] + SMALL["target.distance"]
+    assert target_z(p) == SMALL["lens.thickness"] + SMALL["target.distance"]
 
 
 def test_the_pearl_example_holds_the_numbers_of_the_design_contract():
