@@ -49,8 +49,8 @@ MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
 CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
-# the same within an outline, which has fewer cells for texture (pearl on a disk, five seeds: a change of 0.067,
-# rel_l2 0.0284 with another map and 0.0285 without)
+# the same within an outline, which has fewer cells for texture (pearl on a disk, five seeds: a change of
+# 0.067, rel_l2 0.0284 with another map and 0.0285 without)
 CHANGE_WITHIN = 0.1
 
 

@@ -121,8 +121,7 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, made = system.problem.verify, system.solid(lens)
-    path = system.path(lens).seen_from(system.pose)
+    limits, path, made = system.problem.verify, system.path(lens).seen_from(system.pose), system.solid(lens)
     rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
         path = path.held(made.free)
