@@ -83,6 +83,11 @@ class MouldedBody:
         return self.lens.index
 
     @property
+    def thickness(self) -> float:
+        """That of the lens, mm."""
+        return self.lens.thickness
+
+    @property
     def parting(self) -> float:
         """The z of the parting line, mm."""
         return self.walls[0].level

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Backend, Check
+from optics.base.runtime import Backend, Check, UserError
 from optics.exchange.verification.solid_text import FINE_VOLUME
 from optics.exchange.verification.step_file import ExportedStep, StepFile, faces_besides, has_closed_form
 from optics.exchange.verification.trace_comparison import light_checks
@@ -30,8 +30,16 @@ CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 span
 
 
 def export_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
-    """Write the STEP file of a lens or its body, and return the check of its bytes."""
-    written = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
+    """Write the STEP file of a lens or its body, and return the check of its bytes.
+
+    Raises
+    ------
+    UserError : as `OpticalSystem.solid`; OCCT cannot make the body.
+    """
+    try:
+        written = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
+    except ValueError as error:
+        raise UserError(f"cannot write the STEP file of the lens: {error}") from None
     write_bytes(path, written)
     return [Check.none_of("file differs from what was written", path.read_bytes() != written)]
 

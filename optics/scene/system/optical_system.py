@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.base.runtime import Backend, UserError, load_backend
+from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
@@ -24,6 +24,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
+from optics.scene.system.moulded import body_options, solid_of
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
@@ -225,36 +226,15 @@ class OpticalSystem:
 
     @property
     def body(self) -> BodyOptions | None:
-        """Return what makes the lens a body that leaves a mould; None is the lens."""
-        spec = self.problem.optic.body
-        if spec is None:
-            return None
-        parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
-        return BodyOptions(spec.draft, parting, spec.annulus, land, spec.edge_radius)
+        """What makes the lens a body that leaves a mould; None is the lens."""
+        return body_options(self.problem.optic)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as: itself, or the body that leaves a mould, proven.
-
-        Raises
-        ------
-        UserError : as `MouldedBody.of`.
-        """
-        if self.body is None:
-            return lens
-        from thbcad.moulds import MouldedBody  # other lenses need none of its proofs
-
-        try:
-            return MouldedBody.of(lens, self.body, self.clear_aperture(lens))
-        except ValueError as error:
-            raise UserError(f"the lens has no such body for a mould: {error}") from None
+        """Return what a lens is made as, as `solid_of`, which also raises."""
+        return solid_of(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges.
-
-        Raises
-        ------
-        UserError : as `solid`.
-        """
+        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
         return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
@@ -305,9 +285,10 @@ class OpticalSystem:
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
+        a lens, but may meet the walls of a body.
         """
-        return not (self.parallel or self.target.far_field)
+        return not (self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
