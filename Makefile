@@ -52,7 +52,7 @@ QUICK = \
 	tests/optics/interface/api/test_minimisation.py \
 	tests/optics/interface/api/test_model.py \
 	tests/optics/tolerancing/metrology/test_measured_points.py \
-	tests/optics/scene/problem/test_limits.py \
+	tests/optics/scene/limits/test_limits.py \
 	tests/optics/interface/commands/test_new.py \
 	tests/optics/light/engines \
 	tests/optics/designing/etendue/test_kernel.py \

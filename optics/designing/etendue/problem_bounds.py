@@ -208,7 +208,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
     """Return the universal bound in one sentence, with its class."""
-    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.lens.free.items()]
+    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.optic.free.items()]
     least = universal.least_rel_l2(efficiency)
     brought = f"{efficiency:.4g} of the source's light to the target"
     envelope = f"within the envelope (six faces, z_freedom {' and '.join(freedoms)} included)"
@@ -254,7 +254,7 @@ def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
 
 def base_rear(system: OpticalSystem) -> str:
     """Return words for the area of the rear before there is a design."""
-    freedom, area = freedom_of(system.problem.lens.rear), f"{rear_area(system.lens):.4g} mm^2"
+    freedom, area = freedom_of(system.problem.optic.rear), f"{rear_area(system.lens):.4g} mm^2"
     if not freedom:
         return f"{area} as the lens has it"
     return (

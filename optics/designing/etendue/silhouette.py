@@ -71,7 +71,7 @@ def pixel_etendue(system: OpticalSystem) -> Array:
 
 def envelope(system: OpticalSystem) -> Array:
     """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
-    spec, lens = system.problem.lens, system.lens
+    spec, lens = system.problem.optic, system.lens
     points = np.concatenate(
         [
             _around(lens.front, 0.0, freedom_of(spec.front)),
@@ -223,7 +223,7 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
 
 def _within(system: OpticalSystem) -> Array:
     """Return points of all lenses: of front and rear at both ends of z_freedom, (n, 3) mm."""
-    spec, lens, at = system.problem.lens, system.lens, np.linspace(-1, 1, SAMPLES)
+    spec, lens, at = system.problem.optic, system.lens, np.linspace(-1, 1, SAMPLES)
     points = []
     for surface, vertex, freedom in (
         (lens.front, 0.0, freedom_of(spec.front)),

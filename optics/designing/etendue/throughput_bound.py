@@ -162,7 +162,7 @@ def spread(system: OpticalSystem) -> Array:
     The rear lies between D_1 and D_2 before the target, and the least is at D = r / sqrt(2).  In the far
     field it is du dv / dOmega, square degrees.
     """
-    target, rear = system.problem.target, system.problem.lens.rear
+    target, rear = system.problem.target, system.problem.optic.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
     corner = float(system.lens.rear.conic(*rear.half_width))

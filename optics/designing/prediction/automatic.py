@@ -57,17 +57,16 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     ------
     UserError : no transport map tells the base lens, or the lens that it tells cannot be.
     """
-    if system.problem.lens.automatic:
+    if system.problem.optic.automatic:
         system = _with_base(system, backend)
     if all(freeform.max_level != AUTO for freeform in system.freeforms):
         return system, None
     start = TransportStart(system, backend)
     level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
-    spec = system.problem.lens
+    spec = system.problem.optic
     front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
     rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
-    lens = replace(spec, front=front, rear=rear)
-    return OpticalSystem(replace(system.problem, lens=lens)), start
+    return OpticalSystem(system.problem.with_optic(front=front, rear=rear)), start
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
@@ -78,8 +77,8 @@ def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
 
 def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     """Return the system with a base lens and bounds of its sags."""
-    asked, base = system.problem, base_of(system.problem.lens.rear)
-    widest = min(asked.lens.thickness, ROOM * system.problem.throw)
+    asked, base = system.problem, base_of(system.problem.optic.rear)
+    widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
         wide = solvable_system(_with_numbers(asked, base, widest))
         if not wide.parallel:
@@ -101,7 +100,7 @@ def _nearest_base(
     asked: Problem, light: RearLight, slopes: Sequence[Floats], throw: float
 ) -> tuple[float, float]:
     """Return radius and conic constant of the rear."""
-    rear = asked.lens.rear
+    rear = asked.optic.rear
     constant = -1.0 if isinstance(rear.conic, str) else rear.conic
     if not isinstance(rear.radius, str):
         return rear.radius, constant
@@ -127,7 +126,7 @@ def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float,
     A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
     c = 2 z / (r^2 + (1 + K) z^2).
     """
-    spec, k = problem.lens, 1 + constant
+    spec, k = problem.optic, 1 + constant
     r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
     at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
     low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
@@ -156,11 +155,11 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
 
 def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -> Problem:
     """Return the problem with numbers for the base lens and the bounds of its sags."""
-    spec = problem.lens
+    spec = problem.optic
     flat = base_of(spec.front)
     front = replace(_numbered(spec.front, freedom), radius=flat[0], conic=flat[1])
     rear = replace(_numbered(spec.rear, freedom), radius=base[0], conic=base[1])
-    return replace(problem, lens=replace(spec, front=front, rear=rear))
+    return problem.with_optic(front=front, rear=rear)
 
 
 def _numbered(surface: Surface, freedom: float) -> Surface:

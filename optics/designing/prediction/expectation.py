@@ -21,11 +21,12 @@ from optics.designing.optimisation import (
     transmitted_flux,
 )
 from optics.designing.prediction.cost import memory_mb, seconds
-from optics.designing.prediction.sensitivity import Floats, Sensitivity, sensitivity
+from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import light_before
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
 
 MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
@@ -101,8 +102,8 @@ def expected(
     plan = stages(traced, from_transport)
     fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
     flux = system.problem.source.flux
-    light, slopes = start.rear_slopes()
-    density = system.problem.lens.density
+    light, _ = start.rear_slopes()
+    density = system.problem.optic.density
     volume = lens.volume()
     return Expectation(
         size=_size(lens),
@@ -125,7 +126,7 @@ def expected(
         start_rel_l2=error,
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),
-        sensitivity=sensitivity(system, light, slopes),
+        sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
     ), plan
 

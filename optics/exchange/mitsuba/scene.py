@@ -76,7 +76,7 @@ def scene_dictionary(
     faces = mesh.shapes(
         mi, bsdf=mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
     )
-    if system.problem.lens.wall == "absorbing":
+    if system.problem.optic.wall == "absorbing":
         faces |= mesh.shapes(mi, ["edges"], mi.load_dict(BLACK))
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
     lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
@@ -92,7 +92,7 @@ def scene_dictionary(
 
 def require_open(system: OpticalSystem) -> None:
     """Raise UserError where stops or a clear aperture block light, of which meshes know nothing."""
-    if system.stops or any(system.problem.lens.clear_aperture):
+    if system.stops or any(system.problem.optic.clear_aperture):
         raise UserError(
             "scenes and meshes for Mitsuba hold neither [[stop]] nor lens.clear_aperture; leave them out, or "
             'trace with optimizer.engine = "exact" or "mitsuba-exact"'

@@ -78,7 +78,7 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
             files[path] = place.read_bytes()
             scene[name] = {"type": "ply", "filename": path.name, "bsdf": glass}
         scene["edges"]["face_normals"] = True
-        if system.problem.lens.wall == "absorbing":
+        if system.problem.optic.wall == "absorbing":
             scene["edges"]["bsdf"] = BLACK
         bitmap = scene["source"].get("emitter", {}).get("radiance", {}).pop("bitmap", None)
         if bitmap is not None:

@@ -18,7 +18,7 @@ from optics.exchange.verification.step_file import (
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared
+from optics.exchange.verification.trace_comparison import compared, index_of
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
@@ -47,13 +47,14 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    by_occt = tracer_by_occt(file, lens.index, system.target.receiver)
+    path = system.path(lens).seen_from(system.pose)
+    by_occt = tracer_by_occt(file, index_of(path), path.receiver)
     difference = compared(system, lens, backend, RAYS, by_occt)
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     return [*text_checks(file.text, lens), *measure_checks(file.text, file.solid)[0], fates, landing]
 
 
-def tracer_by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
+def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Callable[[Rays], LandingPoints]:
     """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
     optical, shape = optical_faces(file.text), file.solid.shape
 

@@ -50,24 +50,29 @@ def trace_step(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     flux: ArrayLike,
-    index: float,
+    index: float | None,
     target: Receiver,
     around: LightPath | None = None,
     rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
-    """Trace rays through the two faces of a STEP file to a target.
+    """Trace rays through the two faces of a STEP file to a target, or by its front, which reflects.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
-    around : the path whose stops and clear apertures block light; None is nothing.
+    index : None is a mirror.
+    around : the path whose stops and clear apertures block light, and whose coatings take a share of it, in
+        the frame of the file; None is nothing.
     rims : of front and rear, where the faces do not fill their rectangles.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
     points = origins
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
-    stops, openings = (
-        ((), (None, None)) if around is None else (around.stops, [s.clear for s in around.surfaces])
+    stops, openings, shares = (
+        ((), (None, None), (None, None))
+        if around is None
+        else (around.stops, [s.clear for s in around.surfaces], [s.share for s in around.surfaces])
     )
-    for k, (surface, eta) in enumerate(((step.front, 1 / index), (step.rear, index))):
+    faces = [(step.front, None)] if index is None else [(step.front, 1 / index), (step.rear, index)]
+    for k, (surface, eta) in enumerate(faces):
         start, onward = points, directions
         points, normals, met = _meet(surface, points, directions)
         if rims:
@@ -77,10 +82,16 @@ def trace_step(
             met &= _inside(opening, points[:, 0], points[:, 1])
         if k == 0:
             met &= _passes(stops, start, onward, np.where(met, _dot(points - start, onward), np.inf))
-        directions, transmittance = _refract(directions, normals, eta)
-        weight *= np.where(met, transmittance, 0.0)
+        if eta is None:
+            directions = directions - 2 * _dot(directions, normals)[:, None] * normals
+            transmittance = np.ones(len(points))
+        else:
+            directions, transmittance = _refract(directions, normals, eta)
+            met &= directions[:, 2] > 0
+        share = shares[k]
+        weight *= np.where(met & (transmittance > 0), transmittance if share is None else share, 0.0)
     landing, meets, length = last_step(points, directions, target)
-    arrives = (weight > 0) & (directions[:, 2] > 0) & meets & _passes(stops, points, directions, length)
+    arrives = (weight > 0) & meets & _passes(stops, points, directions, length)
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 

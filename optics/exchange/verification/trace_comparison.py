@@ -11,9 +11,10 @@ from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
 from optics.exchange.verification.step_file import StepFile
 from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
-from optics.scene.sources import Rays, single_rays
+from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -57,7 +58,8 @@ def compared(
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
-    other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
+    other : of Rays in the frame of the lens, returns where they land and the flux that arrives, zero for rays
+        that do not.
     blocked : whether it knows of stops and of the clear aperture; else both traces leave them out.
     """
     rays = system.source.rays(counts)
@@ -65,7 +67,8 @@ def compared(
     clear = clear if blocked else clear.without_stops()
     _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    others, screen = other(single_rays(rays, lens)), system.target.screen()
+    single = rays if isinstance(rays, Rays) else rays.rays(clear.before)
+    others, screen = other(single.posed(system.pose.inverse())), system.target.screen()
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
     least = NO_LIGHT * rays.flux.mean()
     lit, others_lit = flux > least, others.flux > least
@@ -79,6 +82,11 @@ def compared(
         mismatched=int((lit != others_lit).sum()),
         unit=screen.unit,
     )
+
+
+def index_of(path: LightPath) -> float | None:
+    """Return the index of the body that a path goes through; None where it is a mirror."""
+    return None if path.surfaces[0].kind == "reflect" else path.media[1].index
 
 
 def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
@@ -105,12 +113,12 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, path = system.problem.verify, system.path(lens)
+    limits, path = system.problem.verify, system.path(lens).seen_from(system.pose)
     rims = () if lens.rear.outline.is_rectangle else file.rims
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(
-            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver, path, rims
+            step, rays.origin.T, rays.direction.T, rays.flux, index_of(path), path.receiver, path, rims
         )
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)

@@ -24,7 +24,7 @@ from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
-from optics.scene.problem import as_data, limit_checks, manufacture_rows
+from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, Manufacturability, manufacturability
 
@@ -87,7 +87,7 @@ def verified(design: DesignRecord) -> Claims:
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
-        product = manufacturability(lens, system.problem.lens.density or None)
+        product = manufacturability(lens, system.problem.optic.density or None)
         checks = _checks(design, product, *export.checked())
         return verification(checks) | {"left_out": [LEFT_OUT]}
 
@@ -112,7 +112,7 @@ def write_result(
         design.notes(sentence)
     metrics = design.metrics
     clock.lap("measure")
-    product = manufacturability(lens, problem.lens.density or None)
+    product = manufacturability(lens, problem.optic.density or None)
     exported = export.checked()
     writer.place_step()
     checks = _checks(design, product, *exported)

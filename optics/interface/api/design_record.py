@@ -16,7 +16,8 @@ from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, Verdict, delivery_checks, judged, loss_notes, measure
 from optics.light.tracing import normal_incidence_transmittance
-from optics.scene.problem import Problem, limit_checks
+from optics.scene.limits import limit_checks
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, manufacturability
 
@@ -66,7 +67,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+            checks += limit_checks(problem, manufacturability(self.lens, problem.optic.density or None))
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property

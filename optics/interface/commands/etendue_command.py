@@ -149,7 +149,7 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
 
 def _resolved_base(system: OpticalSystem) -> OpticalSystem:
     """Return the system with numbers for a base lens that is left to the program."""
-    if not system.problem.lens.automatic:
+    if not system.problem.optic.automatic:
         return system
     from optics.designing.prediction import resolved  # few problems ask
 

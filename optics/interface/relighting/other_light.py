@@ -87,7 +87,7 @@ def other_source(words: str, problem: Problem) -> Source:
 
 def _beam(problem: Problem) -> Source:
     """Return a parallel beam as wide as the front, from before all of it."""
-    own, front = problem.source, problem.lens.front
+    own, front = problem.source, problem.optic.front
     radius, constant = base_of(front)
     depth = max(0.0, -float(Conic(radius, constant)(*front.half_width)))
     return Source(

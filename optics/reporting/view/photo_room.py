@@ -114,7 +114,7 @@ def _screen(problem: Problem, size: float, top: float) -> tuple[float, float, fl
         return float(throw * tangents[0]), float(throw * tangents[1]), throw, 1.0
     hx, hy = target.half_width
     smaller = float(FACTORS[FACTORS * LARGEST * size >= max(hx, hy)].min(initial=FACTORS[-1]))
-    return hx / smaller, hy / smaller, (problem.lens.thickness + problem.throw - top) / smaller, smaller
+    return hx / smaller, hy / smaller, (problem.optic.thickness + problem.throw - top) / smaller, smaller
 
 
 def _aim(eye: Array, points: Array) -> tuple[Array, tuple[float, float, float, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -126,16 +127,35 @@ class LightPath:
         stops: tuple[Stop, ...] = (),
         clear: tuple[Outline, Outline] | None = None,
         absorbing_wall: bool = False,
+        pose: Pose = IDENTITY,
     ) -> LightPath:
-        """Return the path through front and rear of a lens in air, in the frame of its front vertex.
+        """Return the path through front and rear of a lens in air.
 
-        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.
+        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.  pose : from the frame of
+        its front vertex to that of the path.
         """
         open_front, open_rear = clear or (None, None)
-        front = Surface(lens.front, clear=open_front)
-        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
+        front = Surface(lens.front, pose, clear=open_front)
+        rear = Surface(lens.rear, pose @ Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
         media = AIR, Medium(lens.index, absorption), AIR
         return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
+
+    @classmethod
+    def by_mirror(
+        cls,
+        blank: Lens,
+        share: float,
+        pose: Pose,
+        receiver: Receiver,
+        stops: tuple[Stop, ...] = (),
+        clear: Outline | None = None,
+    ) -> LightPath:
+        """Return the path by the front of a mirror's blank, which reflects a share of the light.
+
+        pose : from the frame of its vertex to that of the path.
+        """
+        face = Surface(blank.front, pose, "reflect", share, clear=clear)
+        return cls((face,), (AIR, AIR), receiver, stops=stops)
 
     @property
     def sags(self) -> list[THBSurface]:
@@ -155,6 +175,23 @@ class LightPath:
         first, second = self.surfaces[0], self.surfaces[:2][-1]
         apart = float(np.linalg.norm(second.pose.shift - first.pose.shift))
         return float(first.pose.shift[2]) - BEFORE * (max(first.shape.half_width) + apart)
+
+    @property
+    def throw(self) -> float:
+        """From the vertex of the last surface to the middle of the receiver, mm; inf to the far field."""
+        if self.receiver.far_field:
+            return inf
+        return float(np.linalg.norm(self.receiver.toward(self.surfaces[-1].pose.shift, 0.0, 0.0)))
+
+    @property
+    def leaving(self) -> Pose:
+        """The frame at the vertex of the last surface from which +z goes to the middle of the receiver."""
+        vertex = self.surfaces[-1].pose.shift
+        towards = np.array(self.receiver.toward(vertex, 0.0, 0.0))
+        x, y, z = towards / np.linalg.norm(towards)
+        across = np.hypot(x, y)
+        angle, (i, j) = np.arctan2(across, z), (-y / across, x / across) if across else (1.0, 0.0)
+        return Pose.at(vertex, (angle * i, angle * j, 0.0))
 
     def onto(self, receiver: Receiver) -> LightPath:
         """Return the path to another receiver."""

@@ -136,9 +136,10 @@ def _tables(
         raise UserError(
             f"{key} must be a list of tables, [[{key}]], at most {MOST_TABLES}, got {_brief(data)}"
         )
-    records = [
-        kind(**checked_values(kind, table, folder, f"{key}[{k}].", root)) for k, table in enumerate(data)
-    ]
+    records = []
+    for k, table in enumerate(data):
+        variant = _variant(kind, table, f"{key}[{k}]")
+        records.append(variant(**checked_values(variant, table, folder, f"{key}[{k}].", root)))
     names = [getattr(record, "name", "") for record in records]
     for k, name in enumerate(names):
         if name and not NAME.fullmatch(name):
@@ -149,6 +150,19 @@ def _tables(
         if name and name in names[:k]:
             raise UserError(f"{key}[{k}].name must differ from that of {key}[{names.index(name)}], {name!r}")
     return tuple(records)
+
+
+def _variant(kind: type[Record], table: object, key: str) -> type[Record]:
+    """Return the record of a table of several kinds, which its key `kind` names, or of one kind."""
+    kinds: Mapping[object, type[Record]] = getattr(kind, "kinds", {})
+    if not kinds:
+        return kind
+    if isinstance(table, kind):
+        return type(table)
+    name = table.get("kind") if isinstance(table, Mapping) else None
+    if name not in kinds:
+        raise UserError(f"{key}.kind must be one of {', '.join(map(repr, kinds))}, got {_brief(name)}")
+    return kinds[name]
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:

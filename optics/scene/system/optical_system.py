@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
 
@@ -12,7 +12,7 @@ from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
-from optics.scene.problem import Freeform, Problem
+from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
 from optics.scene.sources import LightSource
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
@@ -30,6 +30,7 @@ from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import Lens, Product
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
+from thbcad.poses import IDENTITY, Pose
 
 LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
 
@@ -83,6 +84,17 @@ class OpticalSystem:
         return lens_product(self.problem)
 
     @property
+    def reflects(self) -> bool:
+        """Whether it is a mirror that is shaped, and no lens."""
+        return isinstance(self.problem.optic, MirrorElement)
+
+    @property
+    def pose(self) -> Pose:
+        """From the frame of the lens, with its front vertex at 0, to that of the scene."""
+        optic = self.problem.optic
+        return Pose.tilted(optic.position, optic.tilt) if isinstance(optic, Placed) else IDENTITY
+
+    @property
     def freeforms(self) -> tuple[Freeform, ...]:
         """The settings of the free surfaces, front first, as `Lens.sags`."""
         return freeforms(self.problem)
@@ -100,7 +112,7 @@ class OpticalSystem:
     @property
     def shaped(self) -> str:
         """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
-        return [*self.problem.lens.free][-1]
+        return [*self.problem.optic.free][-1]
 
     @property
     def shapes_parallel(self) -> bool:
@@ -110,7 +122,7 @@ class OpticalSystem:
     @property
     def slope_rms(self) -> tuple[float, float]:
         """Of front and rear, radians."""
-        return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms
+        return self.problem.optic.front.slope_rms, self.problem.optic.rear.slope_rms
 
     @property
     def blurred(self) -> bool:
@@ -129,10 +141,12 @@ class OpticalSystem:
         Where it stands for a blurred one, it aims at the target itself, as long as nothing is known of the
         blur.
         """
-        changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
+        optic, source = self.problem.optic, self.problem.source
+        smooth = {name: replace(getattr(optic, name), slope_rms=0.0) for name in ("front", "rear")}
         if self.source.diverging:
-            changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}
-        return OpticalSystem(self.problem.with_(**changes), self.target if self.blurred else None)
+            source = replace(source, divergence=0.0, divergence_profile="uniform")
+        problem = replace(self.problem.with_optic(**smooth), source=source)
+        return OpticalSystem(problem, self.target if self.blurred else None)
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
@@ -175,7 +189,7 @@ class OpticalSystem:
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
-        return (LightTarget(target, receiver_of(target, self.problem.lens.thickness)),)
+        return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
 
     @property
     def lever(self) -> float:
@@ -188,7 +202,7 @@ class OpticalSystem:
         receiver, throw = self.target.receiver, self.problem.throw
         if receiver.across_axis:
             return throw
-        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.lens.thickness)
+        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.optic.thickness)
         cosine = way @ np.array(receiver.normal(0.0, 0.0)) / throw
         return throw / max(abs(float(cosine)), LEAST_COSINE)
 
@@ -199,7 +213,7 @@ class OpticalSystem:
 
     def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
         """Return what a holder leaves free of front and rear of a lens; None is all."""
-        spec = self.problem.lens
+        spec = self.problem.optic
         if not any(spec.clear_aperture):
             return None
         front, rear = (s.outline.scaled(spec.clear(s.half_width)) for s in (lens.front, lens.rear))
@@ -208,7 +222,7 @@ class OpticalSystem:
     @property
     def body(self) -> BodyOptions | None:
         """Return what makes the lens a body that leaves a mould; None is the lens."""
-        spec = self.problem.lens.body
+        spec = self.problem.optic.body
         if spec is None:
             return None
         parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
@@ -232,10 +246,17 @@ class OpticalSystem:
         return self.aim or self.target
 
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
-        """Return the paths of light of the source's own wavelength through a lens, one to each target."""
-        clear, black = self.clear_aperture(lens), self.problem.lens.wall == "absorbing"
+        """Return the paths of the source's own wavelength by a lens or a mirror, one to each target."""
+        optic, clear, pose = self.problem.optic, self.clear_aperture(lens), self.pose
+        if isinstance(optic, MirrorElement):
+            face = clear[0] if clear else None
+            return tuple(
+                LightPath.by_mirror(lens, optic.share, pose, target.receiver, self.stops, face)
+                for target in self.targets
+            )
+        black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black)
+            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black, pose)
             for target in self.targets
         )
 
@@ -247,7 +268,8 @@ class OpticalSystem:
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        return self.source.collimated and self.lens.front.is_plane
+        straight = self.pose.is_identity and not self.reflects
+        return straight and self.source.collimated and self.lens.front.is_plane
 
     @property
     def by_edges(self) -> bool:

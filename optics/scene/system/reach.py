@@ -1,4 +1,5 @@
-"""Whether light can reach the target: from before it, clear of the lens, no farther aside than it bends."""
+"""Whether light can reach an element and its target: from before them, clear of the element, no farther aside
+than it bends.  All is seen in the frame of the element."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
     ------
     UserError : names the box.
     """
-    lens, receiver = system.lens, system.target.receiver
+    lens, receiver = system.lens, system.target.receiver.seen_from(system.pose)
     low, high = lens_heights(system.problem, lens)
     x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
     box = np.array([[-x, x], [-y, y], [low, high]])
@@ -37,9 +38,42 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
     points = np.stack(np.broadcast_arrays(*receiver.points(*grid))).reshape(3, -1)
     if cuts or ((points >= box[:, :1]) & (points <= box[:, 1:])).all(axis=0).any():
         raise UserError(
-            f"the target cuts the lens, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, z = {low:.4g} to "
-            f"{high:.4g} mm; move target.position away, or turn it by target.tilt"
+            f"the target cuts {_named(system)}, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, z = {low:.4g} "
+            f"to {high:.4g} mm{_own_frame(system)}; move target.position away, or turn it by target.tilt"
         )
+
+
+def require_met(system: OpticalSystem) -> None:
+    """Refuse a lens or a mirror that light meets from behind.
+
+    Raises
+    ------
+    UserError : names the element.
+    """
+    back = system.pose.inverse()
+    if system.source.from_afar:
+        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
+            raise UserError(
+                f"light along +z meets {_named(system)} from behind, or never; turn it by "
+                f"{system.problem.optic.key('tilt')} so that light comes from its own -z"
+            )
+        return
+    z = float(back.points(np.array(system.source.middle))[2])
+    if z >= 0:
+        raise UserError(
+            f"the source lies behind {_named(system)}, at its own z = {z:.4g} mm; turn it by "
+            f"{system.problem.optic.key('tilt')}, or move it, so that light comes from its own -z"
+        )
+
+
+def _named(system: OpticalSystem) -> str:
+    """Return what a sentence calls the lens or the mirror."""
+    return "the lens" if system.problem.lens else system.problem.optic.table
+
+
+def _own_frame(system: OpticalSystem) -> str:
+    """Return the words that name the frame of an element."""
+    return "" if system.problem.lens else " of its own frame"
 
 
 def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
@@ -58,9 +92,10 @@ def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
 def require_reachable(system: OpticalSystem) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
-    Light leaves the rear towards +z and goes through the target along its normal.  A surface of index n bends
-    rays by less than arccos(1 / n) before it reflects them totally: behind a plane front no rear sends
-    parallel light farther aside from the beam than that, seen from the plane of the rear vertex.
+    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.  A
+    surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
+    front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
+    vertex.
 
     Raises
     ------
@@ -70,10 +105,11 @@ def require_reachable(system: OpticalSystem) -> None:
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]
-    normals = np.stack(np.broadcast_arrays(*target.receiver.normal(u, v)))
+    receiver = target.receiver.seen_from(system.pose)
+    normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
     points = FAR * normals
     if not target.far_field:
-        points = np.stack(np.broadcast_arrays(*target.receiver.points(u, v)))
+        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
     _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
     if system.parallel:
         _require_gentle(system, points)
@@ -84,23 +120,26 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
     nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
-    before, behind = points[2] <= low, (points * normals).sum(axis=0) <= nearest
+    sign, end = (-1, high) if system.reflects else (1, low)
+    before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
     if before.any():
+        towards = "-z" if system.reflects else "+z"
         raise UserError(
-            f"{share[before].sum():.0%} of the light is asked for beside or before the lens, at z below "
-            f"{low:.4g} mm, and light leaves it towards +z; "
+            f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
+            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
             "move target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(
-            f"{share[behind].sum():.0%} of the light is asked for where the target shows the lens its back; "
-            "light goes through a target along its own +z: turn it by target.tilt, or make it smaller"
+            f"{share[behind].sum():.0%} of the light is asked for where the target shows {_named(system)} "
+            "its back; light goes through a target along its own +z: turn it by target.tilt, or make it "
+            "smaller"
         )
 
 
 def _require_gentle(system: OpticalSystem, points: Floats) -> None:
     """Refuse points (3, n) farther aside from a parallel beam than a plane front and a rear can send it."""
-    lens, (x, y, z) = system.problem.lens, points
+    lens, (x, y, z) = system.problem.optic, points
     beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
     aside = np.max([np.maximum(np.abs(a) - b, 0) for a, b in zip((x, y), beam)], axis=0)
     needed = np.degrees(np.arctan2(aside, z - lens.thickness).max())

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
-from optics.scene.problem import Problem, freedom_of, limit_advice, load_problem, require_limits
+from optics.scene.limits import limit_advice, require_limits
+from optics.scene.problem import Problem, freedom_of, load_problem
 from optics.scene.system.optical_system import OpticalSystem
-from optics.scene.system.reach import require_clear_of_lens, require_reachable
+from optics.scene.system.reach import require_clear_of_lens, require_met, require_reachable
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import require_places
 
@@ -83,6 +84,11 @@ def require_room(system: OpticalSystem) -> None:
     UserError : names the planes and the extent of the surfaces.
     """
     problem, lens, source = system.problem, system.lens, system.problem.source
+    if problem.element:
+        require_met(system)
+        if not system.target.far_field:
+            require_clear_of_lens(system)
+        return
     x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
     front = min(0.0, float(lens.front.conic(x, y)))
     if system.source.extended and front <= -source.distance:
@@ -101,7 +107,7 @@ def require_room(system: OpticalSystem) -> None:
                 f"rays of source.file start up to {depth:.4g} mm behind the front; "
                 "make source.distance larger"
             )
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.optic.rear)
     distance = problem.target.distance
     if distance is not None and system.target.receiver.across_axis:
         if distance <= top:

@@ -76,8 +76,8 @@ def lens_heights(problem: Problem, lens: Lens) -> tuple[float, float]:
     """Return between which z the lens lies, whatever its sags become, mm."""
     ends = []
     for sign, surface, spec, vertex in (
-        (-1.0, lens.front, problem.lens.front, 0.0),
-        (1.0, lens.rear, problem.lens.rear, lens.thickness),
+        (-1.0, lens.front, problem.optic.front, 0.0),
+        (1.0, lens.rear, problem.optic.rear, lens.thickness),
     ):
         u, v = np.concatenate([_around(), np.array([surface.half_width]).T], axis=1)
         gauge = surface.outline.gauge(u, v)

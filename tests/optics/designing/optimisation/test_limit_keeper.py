@@ -14,7 +14,8 @@ from optics.designing.optimisation.limit_keeper import PASSES
 from optics.designing.optimisation.loop import shape_lens
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
-from optics.scene.problem import Limits, limit_checks
+from optics.scene.limits import limit_checks
+from optics.scene.problem import Limits
 from tests.optics.designing.optimisation.cases import loaded, run
 from thbcad.lens import manufacturability
 

@@ -374,10 +374,10 @@ def test_the_readme_lists_what_the_program_cannot_do():
     ("key", "value", "words"),
     [
         ("target.zone", [{"name": "road"}], "a target has no zones"),
-        ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
+        ("prism", [{"kind": "mirror"}], "there is one element"),
         ("source.array", {"columns": 3}, "there is one lens before one source"),
-        ("lens.kind", "mirror", "there is one lens and nothing else"),
-        ("source.kind", "mirror", "there is one lens and nothing else"),
+        ("lens.kind", "prism", "there is one element"),
+        ("source.kind", "prism", "there is one element"),
     ],
 )
 def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
@@ -389,8 +389,10 @@ def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tm
 def test_a_dead_end_of_the_command_line_says_so_too():
     with pytest.raises(UserError, match=r"unknown key target\.zone; thbcad cannot do that: a target has"):
         assignment("target.zone=[1, 2, 3]", Problem)
-    with pytest.raises(UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one lens"):
-        assignment("lens.kind=mirror", Problem)
+    with pytest.raises(
+        UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one element"
+    ):
+        assignment("lens.kind=prism", Problem)
 
 
 @pytest.mark.parametrize("table", ["source", "target", "lens.rear"])
