@@ -1,4 +1,4 @@
-"""Systems of one element in any pose: what cannot be lit is said before any tracing; gradients of their loss."""
+"""Systems of one element in any pose: what cannot be lit is said before any tracing; gradients of loss."""
 
 import re
 
