@@ -47,7 +47,7 @@ def occt_trace(
         passes = (hits.faces == face) & (transmittance > 0)
         points, onward, lit = hits.points[passes], onward[passes], lit[passes]
         weight = weight[passes] * transmittance[passes]
-    ends, meets = last_step(points, onward, target)
+    ends, meets, _ = last_step(points, onward, target)
     landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
     return LandingPoints(landing, flux)
 

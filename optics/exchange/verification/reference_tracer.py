@@ -24,10 +24,12 @@ from optics.exchange.verification.traced_faces import (
 )
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import LightPath, Stop
-from optics.scene.receivers import Receiver
+from optics.scene.receivers import Cylinder, Receiver, Sphere
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.sags import PlacedConic
+
+Booleans = NDArray[np.bool_]
 
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
@@ -88,32 +90,46 @@ def trace_step(
             met &= directions[:, 2] > 0
         share = shares[k]
         weight *= np.where(met & (transmittance > 0), transmittance if share is None else share, 0.0)
-    landing, meets = last_step(points, directions, target)
-    arrives = (weight > 0) & meets
-    arrives &= _passes(stops, points, directions, _length(points, directions, target))
+    landing, meets, length = last_step(points, directions, target)
+    arrives = (weight > 0) & meets & _passes(stops, points, directions, length)
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
-def last_step(
-    points: NDArray[np.float64], directions: NDArray[np.float64], target: Receiver
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return where rays land, (n, 2), mm or degrees, and whether they come from before the target, (n,).
+def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Booleans, Floats]:
+    """Return where rays land, (n, 2), mm or degrees, whether they meet the target from before it, (n,), and
+    how far they go, (n,) mm; inf where they do not, and to the far field.
 
     points, directions : (n, 3), in the frame of the lens.
     """
     own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
     meets = along[:, 2] > 0
+    if isinstance(target, Cylinder):
+        landing, length, round_it = _round(own, along, target.radius, isinstance(target, Sphere))
+        meets &= round_it
+        return landing, meets, np.where(meets, length, np.inf)
     across = along[:, :2] / np.where(meets, along[:, 2], 1.0)[:, None]
     if target.far_field:
-        return np.degrees(np.arctan(across)), meets
-    return own[:, :2] - own[:, 2:] * across, meets
+        return np.degrees(np.arctan(across)), meets, np.full(len(points), np.inf)
+    length = np.where(meets, -own[:, 2] / np.where(meets, along[:, 2], 1.0), np.inf)
+    return own[:, :2] - own[:, 2:] * across, meets, length
 
 
-def _length(points: Floats, directions: Floats, target: Receiver) -> Floats:
-    """Return how far rays go to a target, (n,) mm; inf to the far field, and where they do not meet it."""
-    own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
-    meets = (along[:, 2] > 0) & (not target.far_field)
-    return np.where(meets, -own[:, 2] / np.where(meets, along[:, 2], 1.0), np.inf)
+def _round(
+    points: Floats, directions: Floats, radius: float, sphere: bool
+) -> tuple[Floats, Floats, Booleans]:
+    """Return (arcs, lengths, met) of rays on the half of a cylinder or a sphere about (0, 0, radius).
+
+    From its centre it is |p + t d| = |R| without y round a cylinder: the nearer root where R > 0.
+    """
+    centred = points - (0.0, 0.0, radius)
+    some = [0, 1, 2] if sphere else [0, 2]
+    p, d = centred[:, some], directions[:, some]
+    a, b, c = _dot(d, d), _dot(p, d), _dot(p, p) - radius**2
+    met = b * b > a * c
+    length = (-b - np.sign(radius) * np.sqrt(np.where(met, b * b - a * c, 1.0))) / a
+    x, y, z = (centred + length[:, None] * directions).T / radius
+    up = radius * np.arcsin(np.clip(y, -1, 1)) if sphere else radius * y
+    return np.column_stack([radius * np.arctan2(x, -z), up]), length, met & (z < 0)
 
 
 def _passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Floats) -> NDArray[np.bool_]:

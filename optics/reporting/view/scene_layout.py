@@ -101,13 +101,13 @@ def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
     grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in problem.target.half_width))
     target = np.stack(np.broadcast_arrays(*receiver.points(*grid)))
     throw, width = float(target[2].min()) - box[2, 1], problem.target.half_width[0] + box[0, 1]
-    if throw <= 0:  # beside the lens, where nothing is drawn shorter
-        return Scene(oblique(-LEAST_TURN, RISE), box, outline, target, 1.0)
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
-        FACTORS * throw >= SHORT * width
-    ].min(initial=FACTORS[-1])
+    # what lies aslant is drawn as it is, unless it is far
+    longer = FACTORS[FACTORS * throw >= SHORT * width] if receiver.across_axis else FACTORS
+    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / longer.min(initial=FACTORS[-1])
     turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
-    return Scene(oblique(-turn, RISE), box, outline, target, squeeze)
+    normal = np.array(receiver.normal(0.0, 0.0))  # of a target that is not to be seen from its edge
+    view = max((oblique(side * turn, RISE) for side in (-1, 1)), key=lambda seen: abs(seen[2] @ normal))
+    return Scene(view, box, outline, target, squeeze)
 
 
 def corners(box: Array) -> Array:
@@ -153,7 +153,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if target.far_field:
         path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))
         half_width = np.inf, np.inf
-    return trace_paths(backend, lens, rays, TargetArea.of(path, half_width))
+    return trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
 
 
 def with_far_rays(lens: Array) -> Array:

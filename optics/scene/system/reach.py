@@ -14,6 +14,7 @@ from optics.scene.system.stops import lens_heights
 from thbcad.checks import Floats
 
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
+FAR = 1e9  # mm, of points of the far field
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -91,10 +92,10 @@ def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
 def require_reachable(system: OpticalSystem) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
-    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
-    A surface of index n bends
-    rays by less than arccos(1 / n) before it reflects them totally: behind a plane front no rear sends
-    parallel light farther aside from the beam than that, seen from the plane of the rear vertex.
+    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.  A
+    surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
+    front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
+    vertex.
 
     Raises
     ------
@@ -105,11 +106,12 @@ def require_reachable(system: OpticalSystem) -> None:
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]
     receiver = target.receiver.seen_from(system.pose)
-    points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
-    if not target.far_field and (system.reflects or not receiver.across_axis):
-        normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
-        _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
-    if system.parallel and not target.far_field:
+    normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
+    points = FAR * normals
+    if not target.far_field:
+        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
+    _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
+    if system.parallel:
         _require_gentle(system, points)
 
 
@@ -124,8 +126,8 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
         towards = "-z" if system.reflects else "+z"
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
-            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; move "
-            f"target.position towards {towards}"
+            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
+            "move target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(

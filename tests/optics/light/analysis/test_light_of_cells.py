@@ -170,6 +170,14 @@ def test_what_passes_an_outline_is_known(tmp_path, backend, outline, radius):
     assert sum(asdict(fates).values()) == pytest.approx(1.0, rel=1e-12)
 
 
+def test_a_rim_beside_a_round_beam_cuts_nothing(tmp_path, backend, monkeypatch):
+    """Rounding leaves its cells up to 1e-17 of the light where it is dark."""
+    sides = {f"lens.{name}.half_width": [9.8, 9.8] for name in ("front", "rear")}
+    made = Made(tmp_path, PLATE | sides | {"lens.outline": "round", "source.profile": "round"}, backend, 0.0)
+    monkeypatch.setattr(light_of_cells, "_split", None)  # a call fails
+    assert made.light(201, 199)[1].transmitted == pytest.approx(0.96**2, rel=1e-14)
+
+
 @pytest.mark.parametrize("radius", [1.9, 2.6])
 def test_what_passes_a_round_rear_is_its_cone(tmp_path, backend, radius):
     """As above, a point in the middle of a spherical front: rays go straight on to the rim of a cone."""
