@@ -16,8 +16,8 @@ THOROUGH = settings.default.max_examples >= 60  # the profile of `make slow`, se
 
 
 def examples(most, **options):
-    """Return the settings of a property of so many examples; a quarter of them, or 8, in `make test`."""
-    return settings(max_examples=most if THOROUGH else max(min(most, 8), most // 4), **options)
+    """Return the settings of a property of so many examples; of every fifth of them in `make test`."""
+    return settings(max_examples=most if THOROUGH else -(-most // 5), **options)
 
 
 def slow_unless(often, cases):

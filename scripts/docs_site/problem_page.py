@@ -51,14 +51,8 @@ def _table(keys: list[Key]) -> str:
 def _cells(key: Key) -> list[str]:
     unit, meaning = _unit_and_meaning(key.limits["note"])
     name = f'<span id="{key.name}"></span>`{key.name.rpartition(".")[2]}`'
-    return [
-        name,
-        _type(key.hint, key.limits),
-        unit,
-        _default(key.default),
-        _range(key.limits),
-        _sentence(meaning),
-    ]
+    kind, default = _type(key.hint, key.limits), _default(key.default)
+    return [name, kind, unit, default, _range(key.limits), _sentence(meaning)]
 
 
 def _unit_and_meaning(note: str) -> tuple[str, str]:

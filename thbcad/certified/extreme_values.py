@@ -29,6 +29,8 @@ MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
 AT_RIM = 1e-7  # least tolerance over an outline: a sphere reaches its greatest height on all of its rim
 
+Best = tuple[float, float, float, float]
+
 
 @dataclass(frozen=True)
 class Enclosure:
@@ -132,7 +134,7 @@ def greatest(
     rounding, unless that needs more than 2^25 coefficients besides those given.
     """
     require_number("tolerance", tolerance, least=0)
-    best = (-np.inf, -np.inf, 0.0, 0.0)
+    best: Best = (-np.inf, -np.inf, 0.0, 0.0)
     closed = -np.inf
     work = 0
     for _ in range(MOST_STEPS):
@@ -143,7 +145,7 @@ def greatest(
                 continue
             assessment = assess(cells, best[0])
             near = tolerance if cells.region is None else max(tolerance, AT_RIM)
-            best = max(best, _best_corner(cells, assessment))
+            best = _better(best, cells, assessment)
             least = max(least, best[0] + near * assessment.scale + 2 * assessment.error)
             chosen = assessment.upper > least
             closed = max(closed, float(assessment.upper[~chosen].max(initial=-np.inf)))
@@ -186,11 +188,13 @@ def _value(cells: Cells, best: float) -> Assessment:
     )
 
 
-def _best_corner(cells: Cells, assessment: Assessment) -> tuple[float, float, float, float]:
-    """Return (value, lower bound of the value, u, v)."""
+def _better(best: Best, cells: Cells, assessment: Assessment) -> Best:
+    """Return (value, lower bound of the value, u, v) of the best corner, or what is better."""
     corner, k = np.unravel_index(int(np.argmax(assessment.corners)), assessment.corners.shape)
     value = float(assessment.corners[corner, k])
-    return value, value - assessment.error, *cells.position(int(corner), int(k))
+    if value < best[0]:
+        return best
+    return max(best, (value, value - assessment.error, *cells.position(int(corner), int(k))))
 
 
 def reciprocal(found: Enclosure) -> Enclosure:

@@ -24,11 +24,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Floats, Integers
 from thbcad.outlines import Outline
 
 ROUNDINGS = 64  # more than a length s and its square take
-CORNERS = (0.0, 0.0, 1.0, 1.0), (0.0, 1.0, 0.0, 1.0)  # of a cell, relative to it
 
 Booleans = NDArray[np.bool_]
 
@@ -54,24 +53,29 @@ class Region:
 
         box : (2, 2, n) float, box[0] = (x, y) of the lower left corners, box[1] of the upper right ones.
         """
-        nearest = np.where(box[0] * box[1] <= 0, 0.0, np.abs(box).min(axis=0))
-        near = np.maximum(self._lengths(nearest), 0.0)
-        held: Booleans = (near**2).sum(axis=0) <= 1 + self.slack
-        return held & self._reaches(box) if self.rim else held
+        x, y = np.maximum(self._lengths(_nearest(box)), 0.0)
+        held: Booleans = x**2 + y**2 <= 1 + self.slack
+        return held & self.may_cross(box) if self.rim else held
 
-    def points(self, box: Floats) -> tuple[Floats, Booleans, Booleans]:
-        """Return a point of every cell for each corner, relative to the cell, with (moved, inside).
+    def may_cross(self, box: Floats) -> Booleans:
+        """Return which cells are not proven to lie off the rim and inside it, (n,)."""
+        x, y = self._lengths(np.maximum(-box[0], box[1]))
+        return np.asarray((x > 0) & (y > 0) & (x**2 + y**2 > 1 - 4 * self.slack))
 
-        points : (2, 4, n) float from 0 to 1.  moved : (4, n), those that lie just inside the rim, as their
-        corner is outside.  inside : (4, n), those that are proven to count.
+    def points(self, box: Floats, crossed: Integers) -> tuple[Floats, Booleans, Booleans]:
+        """Return (at, moved, inside) of a point of every cell for each corner.
+
+        crossed : the cells that `may_cross`.
+        moved : (4, n), those that lie just inside the rim, as their corner is outside.
+        at : (2, m) float from 0 to 1, where these are in their cells, in the order of `moved`.
+        inside : (4, n), those that are proven to count.
         """
-        low, high = box
-        corner = np.stack([box[[0, 0, 1, 1], 0], box[[0, 1, 0, 1], 1]])
+        low, high = part = box[..., crossed]
+        corner = np.stack([part[[0, 0, 1, 1], 0], part[[0, 1, 0, 1], 1]])
         s = np.maximum(self._lengths(corner), 0.0)
         beside = (s > 0).all(axis=0) & ((s**2).sum(axis=0) > 1 - self.slack)
         cell = np.nonzero(beside)[1]
-        nearest = np.where(low * high <= 0, 0.0, np.abs(box).min(axis=0))[:, cell]
-        start = np.maximum(self._lengths(nearest), 0.0)
+        start = np.maximum(self._lengths(_nearest(part)[:, cell]), 0.0)
         step = s[:, beside] - start
         # |start + t step|^2 = 1 - 2 slack
         a, b = (step**2).sum(axis=0), (start * step).sum(axis=0)
@@ -79,26 +83,27 @@ class Region:
         with np.errstate(divide="ignore", invalid="ignore"):
             t = np.nan_to_num(-c / (b + np.sqrt(np.maximum(b * b - a * c, 0.0))))
         x = np.sign(corner[:, beside]) * self._from_lengths(start + np.clip(t, 0.0, 1.0) * step)
-        width = high - low
-        at: Floats = np.repeat(np.reshape(CORNERS, (2, 4, 1)), box.shape[-1], axis=2)
-        at[:, beside] = np.clip((x - low[:, cell]) / width[:, cell], 0.0, 1.0)
-        met = np.maximum(self._lengths(low[:, cell] + at[:, beside] * width[:, cell]), 0.0)
-        square = (met**2).sum(axis=0)
-        counts = ~beside & (not self.rim)
-        counts[beside] = (square <= 1 - self.slack) & ((square >= 1 - 3 * self.slack) | (not self.rim))
-        return at, beside, counts
+        width = (high - low)[:, cell]
+        at = np.clip((x - low[:, cell]) / width, 0.0, 1.0)
+        square = (np.maximum(self._lengths(low[:, cell] + at * width), 0.0) ** 2).sum(axis=0)
+        moved, counts = np.zeros((4, box.shape[-1]), bool), np.full((4, box.shape[-1]), not self.rim)
+        moved[:, crossed] = beside
+        counts[moved] = (square <= 1 - self.slack) & ((square >= 1 - 3 * self.slack) | (not self.rim))
+        return at, moved, counts
 
-    def most(self, values: Floats, box: Floats) -> Floats:
+    def most(self, values: Floats, box: Floats, crossed: Integers) -> Floats:
         """Return the bound of max_ij (v_ij + mu q_ij) of every cell, (n,), with a good mu.
 
         values : (p + 1, q + 1, n) float, of a convex function at the Bernstein coefficients.
+        crossed : the cells that `may_cross`.
         """
         out: Floats = values.max(axis=(0, 1))
-        ends = self._ends(box)
-        cut = self._reaches(box) & (self.outline.is_ellipse | (ends.min(axis=(0, 1)) >= 0))
-        if cut.any():
+        ends = self._ends(box[..., crossed])
+        apart = self.outline.is_ellipse | (ends.min(axis=(0, 1)) >= 0)
+        if apart.any():
+            cut, ends = crossed[apart], ends[..., apart]
             v, degrees = values[..., cut], [n - 1 for n in values.shape[:2]]
-            x, y = (_square(ends[0, d, cut], ends[1, d, cut], p) for d, p in enumerate(degrees))
+            x, y = (_square(ends[0, d], ends[1, d], p) for d, p in enumerate(degrees))
             q = 1 - x[:, None] - y
             across, height = q - q.mean(axis=(0, 1)), v - v.mean(axis=(0, 1))
             size = (across**2).sum(axis=(0, 1))
@@ -128,10 +133,10 @@ class Region:
         side = np.where(box.sum(axis=0) < 0, -1.0, 1.0)
         return np.asarray((side * box - (h - c)) / c)
 
-    def _reaches(self, box: Floats) -> Booleans:
-        """Return which cells are not proven to lie off the rim and inside it."""
-        far = np.maximum(self._lengths(np.abs(box).max(axis=0)), 0.0)
-        return np.asarray((far > 0).all(axis=0) & ((far**2).sum(axis=0) > 1 - 4 * self.slack))
+
+def _nearest(box: Floats) -> Floats:
+    """Return the distances in x and y from the middle to the nearest point of every cell, (2, n)."""
+    return np.asarray(np.maximum(np.maximum(box[0], -box[1]), 0.0))
 
 
 def _square(low: Floats, high: Floats, degree: int) -> Floats:

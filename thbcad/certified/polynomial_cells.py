@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import comb
 from typing import TypeVar
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.certified.parts_inside import Booleans, Region
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Floats, Integers
 from thbcad.outlines import Outline
 from thbcad.splines import halves
 
@@ -60,9 +61,8 @@ class Cells:
         vectors = corners(self.coefficients)
         if self.region is None:
             return vectors, np.ones(vectors.shape[1:], bool)
-        points, moved, counts = self.region.points(self.box)
+        (s, t), moved, counts = self.region.points(self.box, self._crossed)
         p, q = (n - 1 for n in self.coefficients.shape[1:3])
-        s, t = points[:, moved]
         net = self.coefficients[..., np.nonzero(moved)[1]]
         by_s, by_t = _bernstein_functions(p, s), _bernstein_functions(q, t)
         vectors[:, moved] = np.einsum("im,dijm,jm->dm", by_s, net, by_t)
@@ -72,17 +72,18 @@ class Cells:
         """Return which of the four corners themselves are proven to lie inside the region, (4, n)."""
         if self.region is None:
             return np.ones((4, self.box.shape[-1]), bool)
-        _, moved, counts = self.region.points(self.box)
+        _, moved, counts = self.region.points(self.box, self._crossed)
         return counts & ~moved
 
     def position(self, corner: int, k: int) -> tuple[float, float]:
         """Return (u, v) of a point that `met` stands for, of cell k."""
         u, v = self.box[corner // 2, 0, k], self.box[corner % 2, 1, k]
         if self.region is not None:
-            points, moved, _ = self.region.points(self.box[..., [k]])
+            one = self.take(np.arange(self.box.shape[-1]) == k)
+            at, moved, _ = self.region.points(one.box, one._crossed)
             if moved[corner, 0]:
                 low, high = self.box[..., k]
-                u, v = low + points[:, corner, 0] * (high - low)
+                u, v = low + at[:, np.count_nonzero(moved[:corner])] * (high - low)
         return float(u), float(v)
 
     def most(self, values: Floats) -> Floats:
@@ -91,7 +92,12 @@ class Cells:
         if self.region is None:
             most: Floats = values.max(axis=(0, 1))
             return most
-        return self.region.most(values, self.box)
+        return self.region.most(values, self.box, self._crossed)
+
+    @cached_property
+    def _crossed(self) -> Integers:
+        """The cells that the rim of the region may cross."""
+        return np.flatnonzero(self.region is not None and self.region.may_cross(self.box))
 
     def quartered(self) -> Cells:
         """Return the four quarters of every cell, by de Casteljau's algorithm written as a matrix."""

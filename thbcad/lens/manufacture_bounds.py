@@ -24,11 +24,11 @@ from thbcad.certified import (
     rounding,
     value_range,
 )
-from thbcad.checks import EPS, require_number, require_type
+from thbcad.checks import EPS, Floats, require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.graph_pieces import segment
 from thbcad.lens.lens import Lens
-from thbcad.outlines import Outline, area_rule
+from thbcad.outlines import Outline, integral_inside
 from thbcad.sags import gap_graph
 from thbcad.splines import UNIT, BSplineSurface
 
@@ -210,12 +210,21 @@ def _area(graph: BSplineSurface, outline: Outline) -> tuple[float, float]:
     u, v = (
         np.union1d(kv.breaks, np.linspace(kv.start, kv.stop, LEAST_LINES)) for kv in (graph.kv_u, graph.kv_v)
     )
-    areas = []
-    for count in (2, 3):
-        x, y, weights = area_rule(outline, u, v, count)
-        slopes = (graph(x, y, orders) for orders in ((1, 0), (0, 1)))
-        areas.append(float(weights @ np.sqrt(1 + sum(s**2 for s in slopes))))
-    return areas[1], abs(areas[1] - areas[0])
+    coarse, fine = (integral_inside(_Stretch(graph), outline, u, v, count) for count in (2, 3))
+    return fine, abs(fine - coarse)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """sqrt(1 + z_x^2 + z_y^2) of a graph: its area by dx dy."""
+
+    graph: BSplineSurface
+
+    def __call__(self, u: Floats, v: Floats) -> Floats:
+        return np.sqrt(1 + sum(self.graph(u, v, orders) ** 2 for orders in ((1, 0), (0, 1))))
+
+    def grid(self, u: Floats, v: Floats) -> Floats:
+        return np.sqrt(1 + sum(self.graph.grid(u, v, orders) ** 2 for orders in ((1, 0), (0, 1))))
 
 
 def _slope_angle(graph: BSplineSurface, outline: Outline) -> Enclosure:

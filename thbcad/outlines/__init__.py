@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.outlines.area_quadrature import area_rule as area_rule
+    from thbcad.outlines.area_quadrature import (
+        area_rule as area_rule,
+        integral_inside as integral_inside,
+    )
     from thbcad.outlines.pieces import (
         LEAST_SIZE as LEAST_SIZE,
         Arc as Arc,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         halves as halves,
     )
     from thbcad.splines.region_quadrature import (
+        Integrand as Integrand,
         Primitive as Primitive,
         gauss_rule as gauss_rule,
         grid_integral as grid_integral,

@@ -10,6 +10,7 @@ import numpy as np
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
 from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
@@ -57,6 +58,8 @@ def compared(
 ) -> Comparison:
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
+    Of a body for a mould only rays count that its walls and rounded edges surely leave.
+
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
     other : of Rays in the frame of the lens, returns where they land and the flux that arrives, zero for rays
         that do not.
@@ -69,6 +72,11 @@ def compared(
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     single = rays if isinstance(rays, Rays) else rays.rays(clear.before)
     others, screen = other(single.posed(system.pose.inverse())), system.target.screen()
+    made = system.solid(lens)
+    if not isinstance(made, Lens):
+        _, within = Tracer(backend, clear.held(made.free), rays).trace()
+        kept = (flux == 0) | (within.flux.numpy() > 0)
+        flux, others = flux * kept, LandingPoints(others.points, others.flux * kept)
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
     least = NO_LIGHT * rays.flux.mean()
     lit, others_lit = flux > least, others.flux > least
@@ -113,8 +121,12 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, path = system.problem.verify, system.path(lens).seen_from(system.pose)
-    rims = () if lens.rear.outline.is_rectangle else file.rims
+    limits, path, made = system.problem.verify, system.path(lens).seen_from(system.pose), system.solid(lens)
+    rims: Sequence[FaceRim] = ()
+    if not isinstance(made, Lens):
+        path = path.held(made.free)
+    elif not lens.rear.outline.is_rectangle:
+        rims = file.rims
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(

@@ -19,7 +19,7 @@ from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability
+from thbcad.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, manufacturability(self.lens, problem.optic.density or None))
+            checks += limit_checks(problem, self.system.manufactured(self.lens))
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property

@@ -79,7 +79,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
     plane = TargetArea.of(system.path(lens), half_width)
-    result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
+    result = trace_nonsequential(backend, system.solid(lens), rays, plane, absorption=system.absorption)
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
@@ -159,6 +159,7 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
     """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
+    solid = system.solid(lens)
     area, out = TargetArea.of(system.path(lens), system.target.settings.half_width), {}
     for name, sine in (
         ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
@@ -167,5 +168,5 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
         origin, direction = np.zeros((2, 3, FAN))
         origin[2] = -source.distance
         direction[1], direction[2] = sine, np.sqrt(1 - sine**2)
-        out[name] = trace_paths(backend, lens, Rays(origin, direction, np.ones(FAN)), area)
+        out[name] = trace_paths(backend, solid, Rays(origin, direction, np.ones(FAN)), area)
     return out

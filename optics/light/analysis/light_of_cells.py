@@ -24,7 +24,7 @@ from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
-from thbcad.checks import Floats
+from thbcad.checks import EPS, Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 BORDER_CELLS = (
@@ -51,13 +51,16 @@ class _CellTracer:
     screen: Screen
     backend: Backend
 
-    def light(self, rays: RayGrid | Rays, emitted: Floats) -> _Light:
-        """Return the light of cells that are not cut, from the rays at their corners."""
+    def light(self, rays: RayGrid | Rays, emitted: Floats, least: float = 0.0) -> _Light:
+        """Return the light of cells that are not cut, from the rays at their corners.
+
+        least : W, a cell with no more is not worth its cut.
+        """
         tracer, landing, arrives = self._trace(rays)
         nx, ny = emitted.shape
         seen = arrives.numpy().astype(np.int8).reshape(nx + 1, ny + 1)
         corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
-        cut = (corners > 0) & (corners < 4) & (emitted > 0)
+        cut = (corners > 0) & (corners < 4) & (emitted > least)
         if cut.any():
             whole = np.where(cut, 0.0, emitted)
             flux = corner_flux(whole).reshape(rays.flux.shape)
@@ -113,9 +116,10 @@ def traced_cells(
     at_once : corners that are in memory together, about.
     """
     tracer = _CellTracer(trace, screen, backend)
+    rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
     parts, pieces = [], []
     for strip in cells.slices(at_once):
-        part = tracer.light(strip.rays(), strip.emitted)
+        part = tracer.light(strip.rays(), strip.emitted, rounding)
         parts.append(part)
         i, j = np.nonzero(part.cut)
         pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))

@@ -32,7 +32,7 @@ from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
-from thbcad.lens import Lens
+from thbcad.moulds import Solid
 from thbcad.outlines import Outline
 
 
@@ -98,7 +98,7 @@ class NonsequentialResult:
 
 def trace_nonsequential(
     backend: Backend,
-    lens: Lens,
+    lens: Solid,
     rays: Rays,
     target: TargetArea,
     bounces: int = 64,
@@ -108,6 +108,7 @@ def trace_nonsequential(
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
+    lens : or its body for a mould.
     bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
     Both drop branches into the fate `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
@@ -133,7 +134,7 @@ def trace_nonsequential(
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
-        if target.blocks:
+        if target.blocks or solid.absorbs:
             length = _blocked_after(branches, meetings, target)
             blocked = np.isfinite(length)
             account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
@@ -168,7 +169,7 @@ def trace_nonsequential(
 
 
 def seen_branches(
-    backend: Backend, lens: Lens, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+    backend: Backend, lens: Solid, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
 ) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
@@ -181,7 +182,7 @@ def seen_branches(
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
-        onward = ~(leaving | (absorbing_wall & (meetings.face == EDGE)))
+        onward = ~(leaving | meetings.absorbed | (absorbing_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])
@@ -204,7 +205,7 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
+    backend: Backend, lens: Solid, rays: Rays, target: TargetArea, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
@@ -244,8 +245,8 @@ def trace_paths(
 
 def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
     """Return the path lengths after which branches meet a stop, a holder or a black wall; inf of others."""
-    first = np.full(len(branches.ray), np.inf)
     ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    first = np.where(meetings.absorbed, ahead, np.inf)
     if target.absorbing_wall:
         first = np.where(meetings.face == EDGE, ahead, first)
     for face, clear in zip((FRONT, REAR), target.clear):

@@ -153,7 +153,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if target.far_field:
         path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))
         half_width = np.inf, np.inf
-    return trace_paths(backend, lens, rays, TargetArea.of(path, half_width))
+    return trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
 
 
 def with_far_rays(lens: Array) -> Array:

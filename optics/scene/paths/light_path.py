@@ -214,6 +214,10 @@ class LightPath:
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
         return replace(path, stops=()) if path.stops else path
 
+    def held(self, clear: Sequence[Outline]) -> LightPath:
+        """Return the path through surfaces of which a holder leaves at most these outlines free."""
+        return self._with(s if s.clear else replace(s, clear=c) for s, c in zip(self.surfaces, clear))
+
     def with_stops_moved(self, motion: Pose) -> LightPath:
         """Return the path with its stops elsewhere.  motion : in the frame of the path."""
         return replace(self, stops=tuple(s.moved(motion) for s in self.stops)) if self.stops else self

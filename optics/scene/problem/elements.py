@@ -118,6 +118,7 @@ class MirrorElement(Placed, Optic):
     )
     face: Face = option()
 
+    noun: ClassVar[str] = "mirror"
     # what a lens may have and a mirror has not
     index: ClassVar[float] = 1.0
     indices: ClassVar[Rows] = ()
@@ -140,6 +141,10 @@ class MirrorElement(Placed, Optic):
     def share(self) -> float:
         """Of the light that it reflects."""
         return METALS[self.reflectance] if isinstance(self.reflectance, str) else self.reflectance
+
+    def face_name(self, name: str) -> str:
+        """See `Optic`."""
+        return "face" if name == "front" else "back"
 
     def key(self, name: str) -> str:
         """Return the dotted key of one of its own; "front" stands for its face."""

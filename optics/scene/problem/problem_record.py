@@ -65,7 +65,7 @@ class Problem:
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
     source: Source = option()
-    lens: LensSpec | None = option(None, note="the one lens, on the axis, with its front vertex at z = 0")
+    lens: LensSpec | None = option(None, note="the one lens, on the axis, its front vertex at 0")
     element: tuple[Placed, ...] = option((), note="a lens or a mirror anywhere, in place of [lens]")
     target: Target = option()
     stop: tuple[StopSpec, ...] = option((), note="what absorbs light beside the lens; any number of them")

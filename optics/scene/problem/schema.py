@@ -254,7 +254,7 @@ def freedom_of(surface: Front | Rear) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class BodySpec:
-    """The body that leaves a mould, as the table [lens.body]; `thbcad export` writes it as a solid.
+    """The body that leaves a mould, as the table [lens.body], which STEP files hold.
 
     Examples
     --------
@@ -326,6 +326,12 @@ class Optic:
     def known_index(self) -> float:
         """The index; 0 where it is not known yet."""
         return 0.0 if isinstance(self.index, str) else self.index
+
+    noun: ClassVar[str] = "lens"
+
+    def face_name(self, name: str) -> str:
+        """Return what a sentence calls its front or its rear."""
+        return name
 
     @property
     def table(self) -> str:
@@ -415,7 +421,7 @@ class LensSpec(Optic):
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
-    body: BodySpec | None = option(None, note="the body for a mould, which thbcad export writes")
+    body: BodySpec | None = option(None, note="the body for a mould, which STEP files hold")
     front: Front = option()
     rear: Rear = option()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,16 +24,20 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
+from optics.scene.system.moulded import body_options, solid_of
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import Lens, Product
+from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
 
 LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
+
+if TYPE_CHECKING:
+    from thbcad.moulds import Solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,12 +226,17 @@ class OpticalSystem:
 
     @property
     def body(self) -> BodyOptions | None:
-        """Return what makes the lens a body that leaves a mould; None is the lens."""
-        spec = self.problem.optic.body
-        if spec is None:
-            return None
-        parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
-        return BodyOptions(spec.draft, parting, spec.annulus, land, spec.edge_radius)
+        """What makes the lens a body that leaves a mould; None is the lens."""
+        return body_options(self.problem.optic)
+
+    def solid(self, lens: Lens) -> Solid:
+        """Return what a lens is made as, as `solid_of`, which also raises."""
+        return solid_of(lens, self.body, self.clear_aperture(lens))
+
+    def manufactured(self, lens: Lens) -> Manufacturability:
+        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges."""
+        metrics = manufacturability(lens, self.problem.optic.density or None)
+        return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
     @property
     def source(self) -> LightSource:
@@ -275,9 +285,10 @@ class OpticalSystem:
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
+        a lens, but may meet the walls of a body.
         """
-        return not (self.parallel or self.target.far_field)
+        return not (self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

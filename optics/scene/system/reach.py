@@ -92,10 +92,10 @@ def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
 def require_reachable(system: OpticalSystem) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
-    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.  A
-    surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
-    front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
-    vertex.
+    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
+    A surface of index n bends
+    rays by less than arccos(1 / n) before it reflects them totally: behind a plane front no rear sends
+    parallel light farther aside from the beam than that, seen from the plane of the rear vertex.
 
     Raises
     ------
@@ -126,8 +126,8 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
         towards = "-z" if system.reflects else "+z"
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
-            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
-            "move target.position or turn target.tilt there"
+            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; move "
+            "target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(

@@ -13,6 +13,7 @@ from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
 
@@ -107,7 +108,9 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
         relit(problem, lens, other_source(words, problem), load_backend("double"))
 
 
-@pytest.mark.parametrize("kind", ["sun", "uniform", "gaussian", "theta_uniform"])
+@pytest.mark.parametrize(
+    "kind", slow_unless(("sun", "gaussian").count, ["sun", "uniform", "gaussian", "theta_uniform"])
+)
 def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path, kind):
     """Plane surfaces send every ray on in its own direction: variances of landing points add up.
 
