@@ -14,7 +14,7 @@ from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
-from optics.scene.sources import LightSource
+from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
@@ -87,6 +87,20 @@ class OpticalSystem:
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
+
+    @property
+    def axial(self) -> bool:
+        """Whether it is a lens on the axis before a target across it, or before the far field around it."""
+        return not self.problem.element and self.target.receiver.across_axis
+
+    def own_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens in the lens's own frame."""
+        return self.path(lens).seen_from(self.pose)
+
+    def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
+        """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
+        single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
+        return single.posed(self.pose.inverse())
 
     @property
     def reflects(self) -> bool:
