@@ -27,7 +27,7 @@ from optics.designing.starts.rear_light import (
 )
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
-from optics.light.refraction import ShapedRear
+from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.receivers import Screen, lit_part
 from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
@@ -95,7 +95,8 @@ class TransportStart:
         self.bent = 1.0
         if system.parallel and system.shaped == "rear" and receiver.across_axis and not self._crosses:
             self._vertex = system.lens.thickness
-            self._refraction = ShapedRear(system.lens.index, receiver)
+            air = RestOfPath((), (1.0,), receiver)
+            self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
             self._light, self._slopes = self._shape_parallel()
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
@@ -217,7 +218,7 @@ class TransportStart:
         base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
         for _ in range(steps):
             points = light.x[:, None], light.y[None, :], base + sag
-            slopes, _, refracts = self._refraction.slopes(points, light.direction, arrival)
+            slopes, refracts = self._refraction.slopes(points, light.direction, arrival)
             above = _above_conic(light, self._surface, slopes)
             sag = _height(light, above)
         return above, float(np.average(refracts, weights=light.emitted(self._cells)))

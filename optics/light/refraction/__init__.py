@@ -10,12 +10,6 @@ if TYPE_CHECKING:
         bent as bent,
         normalised as normalised,
     )
-    from optics.light.refraction.shaped_refraction import (
-        FixedRear as FixedRear,
-        ShapedFront as ShapedFront,
-        ShapedRear as ShapedRear,
-        refracted as refracted,
-    )
     from optics.light.refraction.shaped_surface import ShapedSurface as ShapedSurface
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

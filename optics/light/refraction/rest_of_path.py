@@ -2,7 +2,7 @@
 
 Light leaves points along directions, meets fixed surfaces one after the other, and lands at (u, v).  Where
 there are none the receiver itself is the chart.  Else `toward` solves landing(p, d) = (u, v) by Newton's
-method with differences, from the direction to the next surface's vertex.
+method with differences, from the direction from vertex to vertex.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ REACHED = 1e-6  # of the receiver's distance: a landing as near as that is the o
 
 @dataclass(frozen=True, eq=False)
 class RestOfPath:
-    """Fixed surfaces and a receiver, as a chart.
+    """Fixed surfaces and a receiver, as a chart, in the frame of the surface before them.
 
     surfaces : conics, in the order in which light meets them.  indices : before, between and behind them.
     """
@@ -38,7 +38,8 @@ class RestOfPath:
 
     @classmethod
     def behind(cls, path: LightPath, surface: int) -> RestOfPath:
-        """Return what lies behind a surface, in the frame of the path.  surface : its number."""
+        """Return what lies behind a surface.  surface : its number along the path."""
+        path = path.seen_from(path.surfaces[surface].pose)
         indices = tuple(medium.index for medium in path.media[surface + 1 :])
         return cls(path.surfaces[surface + 1 :], indices, path.receiver)
 
@@ -62,9 +63,9 @@ class RestOfPath:
         if not self.surfaces:
             directions = normalised(self.receiver.toward(points, u, v))
             return directions, self.land(points, directions)[2]
-        middle = normalised([s - p for s, p in zip(self.surfaces[0].pose.shift, points)])
-        aside = normalised(np.cross(middle, (0.0, 1.0, 0.01), axisa=0, axisc=0))
-        frame = aside, np.cross(middle, aside, axis=0)
+        middle = np.array(normalised(self.surfaces[0].pose.shift))
+        aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
+        frame = aside, np.cross(middle, aside)
 
         def at(p: Floats, q: Floats) -> list[Floats]:
             return normalised([m + p * a + q * b for m, a, b in zip(middle, *frame)])

@@ -39,8 +39,7 @@ class ShapedSurface:
         """Return a surface of a path, by its number."""
         shaped = path.surfaces[surface]
         before, behind = (medium.index for medium in path.media[surface : surface + 2])
-        rest = RestOfPath.behind(path.seen_from(shaped.pose), surface)
-        return cls(shaped.kind == "reflect", (before, behind), rest)
+        return cls(shaped.kind == "reflect", (before, behind), RestOfPath.behind(path, surface))
 
     def slopes(self, points: Triple, along: Triple, wanted: Triple) -> tuple[list[Floats], NDArray[np.bool_]]:
         """Return the slopes (z_x, z_y) that send light where it is wanted, and where there are such.
