@@ -11,18 +11,11 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
-from optics.designing.optimisation import (
-    RearLight,
-    Stage,
-    TransportStart,
-    first_sags,
-    last_level,
-    stages,
-    transmitted_flux,
-)
+from optics.designing.optimisation import Stage, first_sags, last_level, stages, transmitted_flux
 from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import light_before
+from optics.designing.starts import RearLight, TransportStart
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem

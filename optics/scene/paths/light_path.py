@@ -248,6 +248,10 @@ class LightPath:
             replace(s, pose=motion @ s.pose) if k == surface else s for k, s in enumerate(self.surfaces)
         )
 
+    def with_shape(self, surface: int, shape: FreeformSurface) -> LightPath:
+        """Return the path over surfaces of which one has another shape."""
+        return self._with(replace(s, shape=shape) if k == surface else s for k, s in enumerate(self.surfaces))
+
     def seen_from(self, pose: Pose) -> LightPath:
         """Return the path in the frame of a body with this pose."""
         if pose.is_identity:
