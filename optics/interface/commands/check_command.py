@@ -113,7 +113,8 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
     if not system.reflects and expectation.reflected > STEEP:
         notes.append(
             f"{expectation.reflected:.0%} of the light is reflected at the rear, which bends it far, and "
-            f"{expectation.totally:.1%} totally; {system.problem.target.gentler}, or let both surfaces bend it"
+            f"{expectation.totally:.1%} totally; {system.problem.target.gentler}, or let both surfaces bend "
+            "it"
         )
     etendue = etendue_notes(system)
     if etendue.background and not etendue.limits:

@@ -234,7 +234,7 @@ class OpticalSystem:
         return solid_of(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for manufacture; the volume is that of its body with sharp edges."""
+        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
         return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 

@@ -126,8 +126,8 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
         towards = "-z" if system.reflects else "+z"
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
-            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; move "
-            "target.position or turn target.tilt there"
+            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
+            "move target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(
