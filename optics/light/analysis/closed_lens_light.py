@@ -80,7 +80,14 @@ def _replicate(
     rays = single_rays(system.source.rays(RAYS, rng), lens)
     plane = TargetArea.of(system.path(lens), screen.half_width)
     every = trace_nonsequential(
-        backend, solid, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
+        backend,
+        solid,
+        rays,
+        plane,
+        threshold=ROULETTE,
+        roulette=rng,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
     )
     tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():

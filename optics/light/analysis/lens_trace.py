@@ -79,7 +79,14 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
     plane = TargetArea.of(system.path(lens), half_width)
-    result = trace_nonsequential(backend, system.solid(lens), rays, plane, absorption=system.absorption)
+    result = trace_nonsequential(
+        backend,
+        system.solid(lens),
+        rays,
+        plane,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
+    )
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())

@@ -234,7 +234,7 @@ class OpticalSystem:
         return solid_of(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges."""
+        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
         return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
@@ -266,7 +266,9 @@ class OpticalSystem:
             )
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black, pose)
+            LightPath.through(
+                lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
+            )
             for target in self.targets
         )
 
@@ -288,7 +290,7 @@ class OpticalSystem:
         The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
         a lens, but may meet the walls of a body.
         """
-        return not (self.target.far_field or (self.parallel and self.body is None))
+        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

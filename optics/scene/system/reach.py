@@ -92,10 +92,10 @@ def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
 def require_reachable(system: OpticalSystem) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
-    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.  A
-    surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
-    front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
-    vertex.
+    Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
+    A surface of index n bends
+    rays by less than arccos(1 / n) before it reflects them totally: behind a plane front no rear sends
+    parallel light farther aside from the beam than that, seen from the plane of the rear vertex.
 
     Raises
     ------
