@@ -52,7 +52,7 @@ QUICK = \
 	tests/optics/interface/api/test_minimisation.py \
 	tests/optics/interface/api/test_model.py \
 	tests/optics/tolerancing/metrology/test_measured_points.py \
-	tests/optics/scene/problem/test_limits.py \
+	tests/optics/scene/limits/test_limits.py \
 	tests/optics/interface/commands/test_new.py \
 	tests/optics/light/engines \
 	tests/optics/designing/etendue/test_kernel.py \
@@ -68,6 +68,7 @@ QUICK = \
 	tests/optics/scene/materials \
 	tests/optics/exchange/mitsuba/test_mesh.py \
 	tests/optics/designing/optimisation/test_bounded_variables.py \
+	tests/optics/designing/starts/test_rear_light.py \
 	tests/optics/designing/optimisation/test_loop_failures.py \
 	tests/optics/designing/optimisation/test_refinement.py \
 	tests/optics/base/optimisers \

@@ -63,7 +63,7 @@ def sampled_etendue(system, pixels, points=None):
 def _at(system, points, x, y):
     """Return the etendue by area at a point of the target, sr; in the far field mm^2 sr / degree^2."""
     if not system.target.far_field:
-        return seen(points, x, y, system.target.z)
+        return seen(points, x, y, system.problem.lens.thickness + system.problem.throw)
     a, b = np.tan(np.radians([x, y]))
     thrown = ConvexHull(points[:, :2] - np.outer(points[:, 2], [a, b])).volume
     return thrown * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2 * np.radians(1.0) ** 2

@@ -67,7 +67,7 @@ class Scene:
             half_width=front.half_width,
             thickness=lens.thickness,
             index=lens.index,
-            target=system.target.z,
+            target=system.problem.lens.thickness + system.problem.throw,
             source=source.half_width,
             distance=source.distance,
             flux=source.flux,

@@ -1,4 +1,4 @@
-"""One thread for numpy's BLAS, two hypothesis profiles, a rare search for garbage, and narrow kernels.
+"""One thread for all that computes, two hypothesis profiles, a rare search for garbage, and narrow kernels.
 
 The tests run side by side, and so do the programs that they start.  Hypothesis tries the same examples on
 every run, and without a time limit: the machine may be busy.  `make slow` tries more of them.
@@ -7,9 +7,11 @@ every run, and without a time limit: the machine may be busy.  `make slow` tries
 import ctypes
 import gc
 import os
+from collections import defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 from optics.base.runtime import load_backend
@@ -17,7 +19,7 @@ from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-for profile, examples in (("quick", 8), ("thorough", 60)):
+for profile, examples in (("quick", 5), ("thorough", 60)):
     settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
@@ -45,8 +47,27 @@ def narrow_kernels():
         dr["_Z19jit_llvm_set_targetPKcS0_j"](cpu(), features(), 8)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a product of parameters every second case is slow: `make test` has every value of each."""
+    decided = {item.function for item in items if item.get_closest_marker("slow")}
+    places = defaultdict(dict)
+    for item in items:
+        axes = [mark.args[0] for mark in item.iter_markers("parametrize")]
+        if len(axes) == 1 or item.function in decided:
+            continue
+        place = 0
+        for axis in axes:
+            names = (axis,) if isinstance(axis, str) else tuple(axis)
+            seen = places[item.function, names]
+            place += seen.setdefault(tuple(id(item.callspec.params[name]) for name in names), len(seen))
+        if place % 2:
+            item.add_marker("slow")
+
+
 def pytest_collection_finish(session):
-    """What is loaded now stays: Python need not look through it again."""
+    """All cores of a worker are one; what is loaded now stays: Python need not look through it again."""
+    os.sched_getaffinity = lambda _: {0}
     if any(not item.path.is_relative_to(ROOT / "tests" / "thbcad") for item in session.items):
         narrow_kernels()
     gc.collect()

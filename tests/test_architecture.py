@@ -27,9 +27,14 @@ from tests.source_tree import (
 # wing of optics: its rooms, floor by floor; a wing sees those above it in this table, but for BLIND
 WINGS = {
     "base": ["runtime", "optimisers workers"],
-    "scene": ["luminaires materials photometry ray_files receivers", "problem sources", "paths", "system"],
+    "scene": [
+        "luminaires materials photometry ray_files receivers",
+        "problem sources",
+        "limits paths",
+        "system",
+    ],
     "light": ["intersections measuring refraction", "tracing", "blur", "analysis engines", "outgoing"],
-    "designing": ["etendue penalties transport", "optimisation", "prediction progress"],
+    "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
     "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],
     "reporting": ["report view", "figures"],

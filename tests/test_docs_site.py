@@ -19,7 +19,7 @@ from scripts.docs_site.problem_page import MARK, keys_text
 from tests.cases import EXAMPLES, ROOT
 
 DOCS = ROOT / "docs"
-REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.distance"}
+REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.half_width"}
 QUOTED = {'"uniform"', '"round"', '"gaussian"'}
 
 
@@ -31,11 +31,10 @@ def cells_of(text):
 
 def test_every_key_of_the_schema_has_a_row_with_six_cells():
     rows = cells_of(keys_text())
-    tables = [key.name for key in keys_of(Problem) if table_of(key.hint)]
-    shared = "lens.rear.freeform"  # has the keys of that of the front, of which the page refers to one
-    wanted = {
-        k.name for k in keys_of(Problem) if k.name not in tables and not k.name.startswith(f"{shared}.")
-    }
+    tables = {key.name: table_of(key.hint) for key in keys_of(Problem) if table_of(key.hint)}
+    first = {table: name for name, table in reversed(tables.items())}  # the page refers to one of equal keys
+    shared = tuple(f"{name}." for name, table in tables.items() if first[table] != name)
+    wanted = {k.name for k in keys_of(Problem) if k.name not in tables and not k.name.startswith(shared)}
     assert set(rows) == wanted
     assert {len(cells) for cells in rows.values()} == {6}
     assert [name for name, cells in rows.items() if not cells[5]] == []  # every key has a meaning
@@ -48,7 +47,7 @@ def test_rows_of_keys_tell_type_unit_default_and_range():
     assert rows["target.distance"][1:5] == [
         "number",
         "mm",
-        "**required**",
+        "left out",
         "at least 1e-06, at most 1e+09, or `inf`",
     ]
     assert rows["lens.front.radius"][1] == 'number or `"auto"`'

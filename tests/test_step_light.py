@@ -17,6 +17,7 @@ from oracles.error_measures import relative
 from oracles.exact_cells import area_within, signed_area
 from oracles.step_light import Beam, Pixels, cell_image, read_rear
 from tests.cases import EXAMPLES, ROOT
+from tests.optics.cases import target_z
 from thbcad import write_step
 
 COUNTS = 128, 256  # cells in each direction
@@ -43,7 +44,7 @@ def lens(system):
 def images(lens, system, path, counts=COUNTS):
     write_step(lens, path)
     source, screen = system.problem.source, system.target.screen()
-    beam = Beam(source.half_width, source.flux, lens.index, system.target.z)
+    beam = Beam(source.half_width, source.flux, lens.index, target_z(system.problem))
     pixels = Pixels(screen.half_width, screen.pixels)
     return [cell_image(read_rear(path), beam, pixels, count) for count in counts]
 

@@ -93,7 +93,9 @@ def step_reference(case: Case) -> tuple[Floats, float]:
     """Return the light of the case's STEP file by code of its own, and its relative error."""
     system, screen = case.system, case.system.target.screen()
     source = system.problem.source
-    beam = Beam(source.half_width, source.flux, case.lens.index, system.target.z)
+    beam = Beam(
+        source.half_width, source.flux, case.lens.index, system.problem.lens.thickness + system.problem.throw
+    )
     pixels = Pixels(screen.half_width, screen.pixels)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lens.step"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import MISSING
+from types import NoneType
 from typing import Any, get_args
 
 from optics.scene.problem import AUTO, Key, Problem, keys_of, lists_tables, table_of
@@ -50,7 +51,8 @@ def _table(keys: list[Key]) -> str:
 def _cells(key: Key) -> list[str]:
     unit, meaning = _unit_and_meaning(key.limits["note"])
     name = f'<span id="{key.name}"></span>`{key.name.rpartition(".")[2]}`'
-    return [name, _type(key), unit, _default(key.default), _range(key.limits), _sentence(meaning)]
+    kind, default = _type(key.hint, key.limits), _default(key.default)
+    return [name, kind, unit, default, _range(key.limits), _sentence(meaning)]
 
 
 def _unit_and_meaning(note: str) -> tuple[str, str]:
@@ -59,15 +61,19 @@ def _unit_and_meaning(note: str) -> tuple[str, str]:
     return (found[1], note[found.end() :].strip()) if found else ("", note)
 
 
-def _type(key: Key) -> str:
-    kinds = get_args(key.hint)
-    if key.limits["picture"]:
+def _type(hint: Any, limits: Any) -> str:
+    kinds = get_args(hint)
+    if limits["picture"]:
         return "path"
     if not kinds:
-        return KINDS[key.hint]
+        return KINDS[hint]
+    if NoneType in kinds:
+        return _type(next(kind for kind in kinds if kind is not NoneType), limits)
     if str in kinds:  # a number or "auto", or a name or rows of numbers
         other = next(kind for kind in kinds if kind is not str)
-        return f'{KINDS[other]} or `"{AUTO}"`' if key.limits["auto"] else "name, or rows of numbers"
+        if limits["auto"]:
+            return f'{KINDS[other]} or `"{AUTO}"`'
+        return f"name, or {KINDS.get(other, 'rows of numbers')}"
     if get_args(kinds[0]):
         return f"rows of {len(get_args(kinds[0]))} numbers"
     if kinds[-1] is Ellipsis:
@@ -76,6 +82,8 @@ def _type(key: Key) -> str:
 
 
 def _default(value: Any) -> str:
+    if value is None:
+        return "left out"
     return "**required**" if value is MISSING else f"`{_toml(value)}`"
 
 

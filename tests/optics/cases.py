@@ -223,6 +223,11 @@ def moved_point(text, point, change):
     return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
 
 
+def target_z(problem):
+    """z of a target across the axis, mm; inf of the far field."""
+    return problem.lens.thickness + problem.throw
+
+
 def tracer_to(backend, lens, rays, target_z, soft_rim=0.0, proven=True, fresnel=True, absorption=0.0):
     """Return the Tracer of a lens alone, to a plane; inf is the far field."""
     path = LightPath.through(lens, receiver_at(target_z), absorption).with_soft_rims(soft_rim)

@@ -24,8 +24,8 @@ class Lens:
 
     Raises
     ------
-    ValueError : index at most 1 or not finite, thickness not positive, outlines of front and rear that are
-        not one, scaled with the half-widths.
+    ValueError : index below 1, that of a body which no light enters, or not finite, thickness not positive,
+        outlines of front and rear that are not one, scaled with the half-widths.
 
     Examples
     --------
@@ -45,8 +45,9 @@ class Lens:
     def __post_init__(self) -> None:
         for name in ("front", "rear"):
             require_type(name, getattr(self, name), FreeformSurface)
-        for name, above in (("thickness", 0), ("index", 1)):
-            require_number(name, getattr(self, name), above=above, finite=True)
+        require_number("thickness", self.thickness, above=0, finite=True)
+        require_number("index", self.index, least=1, finite=True)
+        for name in ("thickness", "index"):
             object.__setattr__(self, name, float(getattr(self, name)))
         front, rear = (s.outline.relative_corners for s in (self.front, self.rear))
         if max(abs(a - b) for a, b in zip(front, rear)) > RELATIVE:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from thbcad.certified import Enclosure, minimum
 from thbcad.checks import require_type
 from thbcad.lens.edge_proof import require_simple_edges
@@ -26,8 +28,14 @@ def require_sound(lens: Lens) -> Lens:
         close for a proof; as `Lens.graphs`.
     """
     require_type("lens", lens, Lens)
-    _require(lens.graphs(), lens.thickness, lens.least_thickness(), lens.rear.outline)
+    _prove(lens)
     return lens
+
+
+@lru_cache(maxsize=4)
+def _prove(lens: Lens) -> None:
+    """A lens that is read, held against its problem and written is proven once."""
+    _require(lens.graphs(), lens.thickness, lens.least_thickness(), lens.rear.outline)
 
 
 def require_sound_graphs(front: BSplineSurface, rear: BSplineSurface, outline: Outline | None = None) -> None:

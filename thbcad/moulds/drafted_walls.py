@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from thbcad.checks import Floats, Integers
 from thbcad.lens import FreeformSurface, Lens, Rim, optical_forms
 from thbcad.outlines import (
+    RELATIVE,
     Arc,
     Line,
     Outline,
@@ -30,6 +31,7 @@ FOUND = 1e-13  # mm, relative to the size of the wall
 ROUGH = 257  # samples of a piece of a rim whose heights are wanted about
 SAMPLES = 4096  # of a rim on which crossings with knot lines are looked for
 BISECTIONS = 40  # of a crossing between two samples
+TINY = 1e-300
 NODES = 12  # of the Gauss rule in every span of a rim
 Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
 
@@ -124,6 +126,19 @@ class DraftedWall:
         """
         inset = self.inset(z)
         return self.outline.inset(inset) if inset else self.outline
+
+    def beside(self, x: Floats, y: Floats, z: Floats) -> Floats:
+        """Return how far points lie outside of the wall, mm: negative within.
+
+        With the distance d(x, y) from the outline it is (d + inset(z)) cos(draft).
+        """
+        (hx, hy), (cx, cy) = self.outline.half_width, self.outline.corners
+        u, v = abs(x) - (hx - cx), abs(y) - (hy - cy)
+        round_ = np.hypot(u, v) - cx if abs(cx - cy) <= RELATIVE * hx else _from_ellipse(u, v, cx, cy)
+        apart = np.where((u > 0) & (v > 0), round_, np.maximum(u - cx, v - cy))
+        inset = self.slope * self.side * (z - self.level)
+        distance: Floats = (apart + inset) * np.cos(np.radians(self.draft))
+        return distance
 
     @cached_property
     def _pair(self) -> tuple[tuple[RimPiece, ...], tuple[RimPiece, ...], float]:
@@ -237,6 +252,20 @@ class DraftedWall:
             a, b = cross(np.array(first(t, 1)), inward), cross(turned, inward)
             round_ += float(weights @ (a * most**2 / 2 + b * most**3 / 3)) / self.slope
         return over + self.side * round_
+
+
+def _from_ellipse(x: Floats, y: Floats, a: float, b: float) -> Floats:
+    """Return how far points of the first quarter lie outside of an ellipse: Newton's method finds the angle
+    at which the vector from the ellipse is normal to it."""
+    t = np.arctan2(y * a, x * b)
+    for _ in range(STEPS):
+        sine, cosine = np.sin(t), np.cos(t)
+        u, v = a * cosine - x, b * sine - y
+        rate = np.maximum(a * sine * a * sine + b * cosine * b * cosine - a * cosine * u - b * sine * v, TINY)
+        t = np.clip(t - (b * cosine * v - a * sine * u) / rate, 0, np.pi / 2)
+    apart = np.hypot(a * np.cos(t) - x, b * np.sin(t) - y)
+    signed: Floats = np.copysign(apart, np.hypot(x / a, y / b) - 1)
+    return signed
 
 
 def _crossings(curve: Points, t: Floats, graph: BSplineSurface) -> tuple[Floats, Integers]:

@@ -5,19 +5,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from thbcad.certified import greatest_slope, minimum, value_range
 from thbcad.lens import Lens, require_sound, segment
 from thbcad.moulds.body_options import BodyOptions
+from thbcad.moulds.body_walls import inner_wall, middle_of_rims, outline_and_smaller
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
 from thbcad.moulds.inserts import FACES
-from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
+from thbcad.outlines import LEAST_SIZE, Outline
 from thbcad.sags import gap_graph
 
 ROUGH = 1e-2  # relative, of bounds that need no more
-STEP = 0.1  # mm between a rim that is not level and its land: what a mould can still hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class MouldedBody:
         ValueError : an annulus of like surfaces, unlike ones without; an outline that cannot have draft; what
             cannot be proven.
         """
-        outline, small = _shape(lens, options)
+        outline, small = outline_and_smaller(lens, options)
         for word, graph, surface in zip(FACES, lens.graphs(), (lens.front, lens.rear)):
             steepest = greatest_slope(graph, ROUGH, surface.outline).upper
             if steepest * np.tan(np.radians(options.draft)) >= 1:
@@ -62,10 +63,10 @@ class MouldedBody:
                     f"walls with a draft of {options.draft:g} degrees may not meet the {word}, whose slope "
                     f"is up to {steepest:.6g}; make lens.body.draft smaller"
                 )
-        inner = None if small is None else _inner_wall(lens, options, small)
+        inner = None if small is None else inner_wall(lens, options, small)
         parting = options.parting
         if parting is None:
-            parting = inner.level if inner is not None else _middle(lens, outline)
+            parting = inner.level if inner is not None else middle_of_rims(lens, outline)
         pair = tuple(DraftedWall(outline, float(parting), options.draft, side) for side in (-1, 1))
         body = cls(lens, (pair[0], pair[1]), inner, small, options.edge_radius)
         body._require_parting()
@@ -75,6 +76,16 @@ class MouldedBody:
         if clear is not None:
             body.require_clear(clear)
         return body
+
+    @property
+    def index(self) -> float:
+        """Of refraction."""
+        return self.lens.index
+
+    @property
+    def thickness(self) -> float:
+        """That of the lens, mm."""
+        return self.lens.thickness
 
     @property
     def parting(self) -> float:
@@ -127,6 +138,32 @@ class MouldedBody:
         """Which of front (0) and rear (1) meet the outer wall in an edge that is rounded."""
         return tuple(k for k in (0, 1) if self.edge_radius and k != self.small)
 
+    @property
+    def face_count(self) -> int:
+        """How many faces its solid has."""
+        around = len(self.outline.pieces)
+        halves = 2 if self.walls[0].draft and (self.inner is None or self.inner.level != self.parting) else 1
+        land = 0 if self.inner is None else 1 + self.stepped * around
+        return 2 + land + around * (halves + len(self.rounded))
+
+    @property
+    def free(self) -> tuple[Outline, Outline]:
+        """Outlines on front and rear that walls and rounded edges are proven to leave free.
+
+        An outline scaled by 1 - d / min(hx, hy) lies a depth d within.
+        """
+
+        def within(number: int) -> Outline:
+            outline = self.wall(number).outline
+            half = np.array(outline.half_width)
+            return outline.scaled(half * (1 - self._depth(number) / half.min()))
+
+        return within(0), within(1)
+
+    def _depth(self, number: int) -> float:
+        """Return how far walls and rounded edges reach into the outline of front or rear at most, mm."""
+        return self.least_inset[number] + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
+
     def _radius_reach(self, number: int) -> tuple[float, float]:
         """Return bounds of how far a rounded edge reaches in from the wall, and down it from the rim, mm.
 
@@ -167,10 +204,9 @@ class MouldedBody:
         Of two convex outlines one lies a depth within the other where its support function is everywhere less
         by that depth.
         """
-        for number, (word, inset) in enumerate(zip(FACES, self.least_inset)):
-            wall = self.wall(number)
-            depth = inset + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
-            if _least_support(wall.outline, clear[number]) < depth:
+        for number, word in enumerate(FACES):
+            depth = self._depth(number)
+            if _least_support(self.wall(number).outline, clear[number]) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
                     f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
@@ -233,50 +269,7 @@ class MouldedBody:
             )
 
 
-def _shape(lens: Lens, options: BodyOptions) -> tuple[Outline, int | None]:
-    """Return the outline of the larger surface, and which is the smaller where a land joins it."""
-    ratios = lens.taper
-    alike = all(abs(r - 1) <= RELATIVE for r in ratios)
-    if alike and options.annulus:
-        raise ValueError("an annulus joins a smaller surface to a larger, and front and rear have one size")
-    if alike:
-        return lens.rear.outline, None
-    if not options.annulus:
-        raise ValueError(
-            "front and rear of unlike half-widths have a ruled wall of their own draft: add annulus, or "
-            "leave out draft, parting and edge_radius"
-        )
-    if min(ratios) < 1 < max(ratios) or min(abs(r - 1) for r in ratios) <= RELATIVE:
-        raise ValueError(
-            f"an annulus needs one surface that is smaller in x and in y, got half-widths "
-            f"{lens.front.half_width} and {lens.rear.half_width} mm"
-        )
-    return (lens.rear.outline, 0) if max(ratios) < 1 else (lens.front.outline, 1)
-
-
-def _inner_wall(lens: Lens, options: BodyOptions, small: int) -> DraftedWall:
-    """Return the wall from the land to the smaller surface."""
-    outline = (lens.front, lens.rear)[small].outline
-    upright = DraftedWall(outline, 0.0, 0.0, 1)
-    low, high = upright.rough_heights(lens, small)
-    level = upright.level_rim(lens, small)
-    land = options.land
-    if land is None:
-        land = (low, high)[small] + (2 * small - 1) * STEP if level is None else level
-    if level is not None and abs(land - level) < LEAST_SIZE:
-        land = level  # no step so low
-    elif low <= land <= high:
-        raise ValueError(
-            f"the land at z = {land:.9g} mm crosses the rim of the {FACES[small]}, which lies between z = "
-            f"{low:.9g} and {high:.9g} mm; change lens.body.land"
-        )
-    return DraftedWall(outline, float(land), options.draft, -1 if land > high else 1)
-
-
-def _middle(lens: Lens, outline: Outline) -> float:
-    """Return the z midway between the highest point of the front's rim and the lowest of the rear's."""
-    upright = DraftedWall(outline, 0.0, 0.0, 1)
-    return (upright.rough_heights(lens, 0)[1] + upright.rough_heights(lens, 1)[0]) / 2
+Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as
 
 
 def _least_support(held: Outline, clear: Outline) -> float:

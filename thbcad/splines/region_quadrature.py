@@ -14,10 +14,11 @@ formula, BIT 47 (2007).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Protocol
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legvander
+from numpy.polynomial.legendre import legvander
 
 from thbcad.checks import Floats
 from thbcad.splines.knot_vector import KnotVector
@@ -25,6 +26,8 @@ from thbcad.splines.knot_vector import KnotVector
 STRIP = 2**18  # nodes that are taken at once
 ROWS = 512  # of nodes of an area, at once
 LEAST_SPANS = 32  # per direction, of lengths and areas
+
+leggauss = cache(np.polynomial.legendre.leggauss)  # nobody writes into its arrays
 
 
 class Integrand(Protocol):

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from optics.designing.etendue.problem_bounds import (
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
+        OBLIQUE as OBLIQUE,
         SEARCH as SEARCH,
         OneBlur as OneBlur,
         base_rear as base_rear,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from optics.designing.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,
+        bounds_hold as bounds_hold,
         image_half_width as image_half_width,
         radiance as radiance,
         rear_area as rear_area,

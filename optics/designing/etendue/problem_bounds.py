@@ -8,7 +8,12 @@ from typing import Any, NamedTuple
 
 from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
 from optics.designing.etendue.source_image_bound import ImageBound, any_proportions, image_bound
-from optics.designing.etendue.throughput_bound import front_fraction, image_half_width, rear_area
+from optics.designing.etendue.throughput_bound import (
+    bounds_hold,
+    front_fraction,
+    image_half_width,
+    rear_area,
+)
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import freedom_of
 from optics.scene.system import OpticalSystem
@@ -16,6 +21,7 @@ from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
+OBLIQUE = "etendue bounds the light on targets across the axis only; none is given of this one"
 FORMS = {  # of the source's image, by the kind of its profile
     "uniform": "uniform rectangle along x and y",
     "round": "uniform ellipse along x and y",
@@ -142,8 +148,8 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
 
     The blur of a beam is known, and needs no bound.  z_freedom must be known.
     """
-    notes = EtendueNotes([], [])
-    if not system.source.etendue:
+    notes = EtendueNotes([OBLIQUE] if system.source.etendue and not bounds_hold(system) else [], [])
+    if not bounds_hold(system):
         return notes
     universal = universal_bound(system)
     efficiency = usual_efficiency(system, universal)
@@ -175,7 +181,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     """
     efficiency, rel_l2 = metrics["efficiency"], metrics["rel_l2_debiased"]
     notes = EtendueNotes([], [])
-    if not system.source.etendue or not efficiency:
+    if not bounds_hold(system) or not efficiency:
         return notes
     universal = universal_bound(system)
     least = universal.least_rel_l2(efficiency)
@@ -202,7 +208,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
     """Return the universal bound in one sentence, with its class."""
-    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.lens.free.items()]
+    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.optic.free.items()]
     least = universal.least_rel_l2(efficiency)
     brought = f"{efficiency:.4g} of the source's light to the target"
     envelope = f"within the envelope (six faces, z_freedom {' and '.join(freedoms)} included)"
@@ -248,7 +254,7 @@ def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
 
 def base_rear(system: OpticalSystem) -> str:
     """Return words for the area of the rear before there is a design."""
-    freedom, area = freedom_of(system.problem.lens.rear), f"{rear_area(system.lens):.4g} mm^2"
+    freedom, area = freedom_of(system.problem.optic.rear), f"{rear_area(system.lens):.4g} mm^2"
     if not freedom:
         return f"{area} as the lens has it"
     return (

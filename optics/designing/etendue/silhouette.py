@@ -54,8 +54,8 @@ Array = NDArray[np.float64]
 
 def pixel_etendue(system: OpticalSystem) -> Array:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
-    points, screen = envelope(system), system.target.screen()
-    depth = 180 / pi if screen.angular else system.target.z - points[:, 2].max()
+    points, screen, z = envelope(system), system.target.screen(), system.target.receiver.pose.shift[2]
+    depth = 180 / pi if screen.angular else z - points[:, 2].max()
     # into how many parts a pixel is divided in each direction
     affordable = isqrt(POINTS // (screen.pixels[0] * screen.pixels[1]))
     wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
@@ -64,14 +64,14 @@ def pixel_etendue(system: OpticalSystem) -> Array:
     if screen.angular:
         part = _shadow(fine, points) * _solid_angle(fine)
     else:
-        part = _seen(fine, points, system.target.z) * fine.pixel_area
+        part = _seen(fine, points, z) * fine.pixel_area
     rows, columns = screen.shape
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
 def envelope(system: OpticalSystem) -> Array:
     """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
-    spec, lens = system.problem.lens, system.lens
+    spec, lens = system.problem.optic, system.lens
     points = np.concatenate(
         [
             _around(lens.front, 0.0, freedom_of(spec.front)),
@@ -215,7 +215,7 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
         seen = _thrown(points, a, b) * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2
         seen *= (pi / 180) ** 2
     else:
-        seen = projected_solid_angle(points, x.ravel(), y.ravel(), system.target.z)
+        seen = projected_solid_angle(points, x.ravel(), y.ravel(), system.target.receiver.pose.shift[2])
     seen = seen.reshape(len(rows), NODES, len(columns), NODES)
     filled = np.einsum("injm,n,m->ij", seen, weights, weights) / 4 * screen.pixel_area
     return float((etendue[np.ix_(rows, columns)] / filled).max())
@@ -223,7 +223,7 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
 
 def _within(system: OpticalSystem) -> Array:
     """Return points of all lenses: of front and rear at both ends of z_freedom, (n, 3) mm."""
-    spec, lens, at = system.problem.lens, system.lens, np.linspace(-1, 1, SAMPLES)
+    spec, lens, at = system.problem.optic, system.lens, np.linspace(-1, 1, SAMPLES)
     points = []
     for surface, vertex, freedom in (
         (lens.front, 0.0, freedom_of(spec.front)),

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from optics.scene.problem import Problem, freedom_of
+from optics.scene.problem import freedom_of
 from optics.scene.sources import Profile, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -51,14 +51,15 @@ class Throughput:
 
     source : etendue of the source, mm^2 sr
     front : etendue of its light that meets the front, mm^2 sr
-    target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr
+    target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr;
+        None of a target that does not lie across the axis
     radiance : the greatest of the source, W / (mm^2 sr); inf without extent
     meets_front : flux on the front of the base lens, W
     """
 
     source: float
     front: float
-    target: float
+    target: float | None
     radiance: float
     meets_front: float
 
@@ -70,10 +71,16 @@ def throughput(system: OpticalSystem) -> Throughput:
     return Throughput(
         source=etendue,
         front=fraction * etendue,
-        target=aperture_etendue(problem),
+        target=aperture_etendue(system) if system.axial else None,
         radiance=radiance(system),
         meets_front=fraction * problem.source.flux,
     )
+
+
+def bounds_hold(system: OpticalSystem) -> bool:
+    """Return whether etendue bounds the light of a system: its source has extent, its target lies across the
+    axis."""
+    return bool(system.source.etendue) and system.axial
 
 
 def radiance(system: OpticalSystem) -> float:
@@ -115,21 +122,20 @@ def front_fraction(system: OpticalSystem) -> float:
     return float(rays.flux[inside & ~above[0] & above[1]].sum() / rays.total)
 
 
-def aperture_etendue(problem: Problem) -> float:
+def aperture_etendue(system: OpticalSystem) -> float:
     """Return the etendue of all rays from the rear aperture to the target, mm^2 sr.
 
     The aperture is taken as a flat rectangle.  The projected solid angle of a rectangle seen from a point has
     a closed form; Gauss's rule integrates it over the aperture.
     """
-    target = problem.target
-    far = isinf(target.distance)
-    half = np.tan(np.radians(target.half_width)) if far else np.divide(target.half_width, target.distance)
+    half_width, far, throw = system.problem.target.half_width, system.target.far_field, system.problem.throw
+    half = np.tan(np.radians(half_width)) if far else np.divide(half_width, throw)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    rx, ry = problem.lens.rear.half_width
+    rx, ry = system.lens.rear.half_width
     x, y = (a.ravel() for a in np.meshgrid(rx * nodes, ry * nodes, indexing="ij"))
     area = (rx * ry * np.outer(weights, weights)).ravel()
     # of the target's corners as seen from each point; an aperture is a point in the far field
-    across, up = (np.zeros_like(a) if far else a / target.distance for a in (x, y))
+    across, up = (np.zeros_like(a) if far else a / throw for a in (x, y))
     seen = sum(i * j * _corner(i * half[0] - across, j * half[1] - up) for i in (1, -1) for j in (1, -1))
     return float((area * seen).sum())
 
@@ -156,12 +162,12 @@ def spread(system: OpticalSystem) -> Array:
     The rear lies between D_1 and D_2 before the target, and the least is at D = r / sqrt(2).  In the far
     field it is du dv / dOmega, square degrees.
     """
-    target, rear = system.problem.target, system.problem.lens.rear
+    target, rear = system.problem.target, system.problem.optic.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
     corner = float(system.lens.rear.conic(*rear.half_width))
     nearest, farthest = (
-        target.distance - f(0.0, corner) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
+        system.problem.throw - f(0.0, corner) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
     )
     across, up = (
         np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)

@@ -15,17 +15,17 @@ from optics.designing.optimisation.indicators import (
     near_cells,
     promised_decrease,
     refined_once,
-    summed_over_cells,
     vertex_knots,
 )
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
-from optics.designing.optimisation.transport_start import TransportStart
 from optics.designing.penalties import shape_penalty
+from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, LightModel, sharp_engine
-from optics.scene.problem import Problem, feature_levels, per_level
+from optics.scene.limits import feature_levels
+from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -134,7 +134,7 @@ def penalised_objective(
     options, limits = system.problem.optimizer, system.problem.limits
     if not limits.thickness and surfaces_can_cross(system):
         limits = replace(limits, thickness=THINNEST * lens.thickness)
-    shape = shape_penalty(lens, limits, system.problem.lens.density, options.roughness_weight)
+    shape = shape_penalty(lens, limits, system.problem.optic.density, options.roughness_weight)
     return Objective(
         model,
         target,

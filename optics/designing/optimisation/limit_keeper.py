@@ -22,7 +22,8 @@ from scipy.optimize import minimize
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
-from optics.scene.problem import Miss, Problem, limit_misses
+from optics.scene.limits import Miss, limit_misses
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface
@@ -49,7 +50,7 @@ class LimitKeeper:
     def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], object]) -> None:
         self._system, self._lens, self._note = system, lens, note
         problem = system.problem
-        self._dense = shape_penalty(lens, problem.limits, problem.lens.density, fine=True)
+        self._dense = shape_penalty(lens, problem.limits, problem.optic.density, fine=True)
         self._bounds = [freeform.freedom for freeform in system.freeforms]
 
     def minimised(self, search: Search, iterations: int, log: Log) -> tuple[tuple[THBSurface, ...], Found]:
@@ -155,8 +156,8 @@ class LimitKeeper:
 
 def curable_misses(problem: Problem, lens: Lens) -> list[Miss]:
     """Return the limits that a lens may miss, but for those that no coefficient can mend."""
-    free = {"", *problem.lens.free}
-    metrics = manufacturability(lens, problem.lens.density or None)
+    free = {"", *problem.optic.free}
+    metrics = manufacturability(lens, problem.optic.density or None)
     missed = [m for m in limit_misses(problem, metrics) if m.most > 0]
     return [m for m in missed if m.key != "feature" and m.surface in free]
 

@@ -34,10 +34,11 @@ from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
-from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from optics.designing.starts import TransportFit, TransportStart
 from optics.light.engines import Engine
 from optics.light.tracing import Tracer
-from optics.scene.problem import Limits, limit_sentences
+from optics.scene.limits import limit_sentences
+from optics.scene.problem import Limits
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, manufacturability, require_sound
 from thbcad.surfaces import THBSurface
@@ -145,7 +146,7 @@ def shape_lens(
     lens = with_sags(system.lens, state.sags)
     problem = system.problem
     if crossing or problem.limits != Limits():
-        made = manufacturability(lens, problem.lens.density or None)
+        made = manufacturability(lens, problem.optic.density or None)
         for sentence in limit_sentences(problem, made, crossing):
             listener.note(sentence)
     return lens, state

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import near_cells
 from optics.designing.optimisation.stage_plan import first_level, stages
-from optics.scene.problem import feature_levels
+from optics.scene.limits import feature_levels
 from optics.scene.system import OpticalSystem
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.surfaces import THBSurface

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation import RearLight, TransportStart, transmitted_flux
+from optics.designing.optimisation import transmitted_flux
 from optics.designing.prediction.start_light import seen_level
+from optics.designing.starts import RearLight, TransportStart
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.fitting import fit_slopes, seen_functions
@@ -57,17 +58,16 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     ------
     UserError : no transport map tells the base lens, or the lens that it tells cannot be.
     """
-    if system.problem.lens.automatic:
+    if system.problem.optic.automatic:
         system = _with_base(system, backend)
     if all(freeform.max_level != AUTO for freeform in system.freeforms):
         return system, None
     start = TransportStart(system, backend)
     level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
-    spec = system.problem.lens
+    spec = system.problem.optic
     front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
     rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
-    lens = replace(spec, front=front, rear=rear)
-    return OpticalSystem(replace(system.problem, lens=lens)), start
+    return OpticalSystem(system.problem.with_optic(front=front, rear=rear)), start
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
@@ -78,8 +78,8 @@ def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
 
 def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     """Return the system with a base lens and bounds of its sags."""
-    asked, base = system.problem, base_of(system.problem.lens.rear)
-    widest = min(asked.lens.thickness, ROOM * asked.target.distance)
+    asked, base = system.problem, base_of(system.problem.optic.rear)
+    widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
         wide = solvable_system(_with_numbers(asked, base, widest))
         if not wide.parallel:
@@ -89,17 +89,19 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
             raise UserError(
                 f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
                 f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
-                "the lens as numbers, or make target.half_width smaller or target.distance larger"
+                f"the lens as numbers, or {asked.target.gentler}"
             )
         light, slopes = start.rear_slopes()
-        base = _nearest_base(asked, light, slopes)
+        base = _nearest_base(asked, light, slopes, system.problem.throw)
     based = solvable_system(_with_numbers(asked, base, widest))
     return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
 
 
-def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) -> tuple[float, float]:
+def _nearest_base(
+    asked: Problem, light: RearLight, slopes: Sequence[Floats], throw: float
+) -> tuple[float, float]:
     """Return radius and conic constant of the rear."""
-    rear = asked.lens.rear
+    rear = asked.optic.rear
     constant = -1.0 if isinstance(rear.conic, str) else rear.conic
     if not isinstance(rear.radius, str):
         return rear.radius, constant
@@ -111,7 +113,7 @@ def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) ->
             sum(np.sum(light.weight * (s - conic(x, y, d)) ** 2) for s, d in zip(slopes, ((1, 0), (0, 1))))
         )
 
-    bounds = _curvatures(asked, constant)
+    bounds = _curvatures(asked, constant, throw)
     found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6 * np.ptp(bounds)})
     flattest = LEAST_FREEDOM * max(rear.half_width)  # a plane does where the least sag makes up for the conic
     if abs(found.x) * hypot(*rear.half_width) ** 2 / 2 < flattest:
@@ -119,16 +121,16 @@ def _nearest_base(asked: Problem, light: RearLight, slopes: Sequence[Floats]) ->
     return float(f"{1 / found.x:.3g}"), constant
 
 
-def _curvatures(problem: Problem, constant: float) -> tuple[float, float]:
+def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float, float]:
     """Return the least and the greatest curvature that the rear may have.
 
     A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
     c = 2 z / (r^2 + (1 + K) z^2).
     """
-    spec, k = problem.lens, 1 + constant
+    spec, k = problem.optic, 1 + constant
     r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
     at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
-    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * problem.target.distance
+    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
     most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))
     least = max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
     return least, most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))
@@ -154,11 +156,11 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
 
 def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -> Problem:
     """Return the problem with numbers for the base lens and the bounds of its sags."""
-    spec = problem.lens
+    spec = problem.optic
     flat = base_of(spec.front)
     front = replace(_numbered(spec.front, freedom), radius=flat[0], conic=flat[1])
     rear = replace(_numbered(spec.rear, freedom), radius=base[0], conic=base[1])
-    return replace(problem, lens=replace(spec, front=front, rear=rear))
+    return problem.with_optic(front=front, rear=rear)
 
 
 def _numbered(surface: Surface, freedom: float) -> Surface:

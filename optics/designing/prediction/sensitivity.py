@@ -1,43 +1,41 @@
-"""How far small errors of making and mounting move the light, to first order.
+"""How far small errors of making and mounting move the light.
 
-With the throw D to the target, the angle i of incidence and r of refraction at the rear:
+Index and ripple are those of rays, traced with the error and without.  Light without extent stands for that
+of a source with extent: the light of the point in its middle.  A decentre d moves the light
 
-    index       D dr/dn dn = D sin i / cos r dn
-    ripple      D (n - 1) 2 pi a / p              of amplitude a and period p on the rear
-    decentre    D d / s                           of the source, at the optical distance s before the rear;
-                d                                 of a lens in parallel light, with which the light moves
+    D d / s    of a source at the optical distance s before the shaped surface, with the throw D behind it,
+    d          of a lens in parallel light, with which the light moves.
 
-In the far field D is 1, and the result is in degrees.  Where only the front is free, the shift by the index
-is that of rays traced from it with both indices.
+In the far field D is 1, and the result is in degrees.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optics.designing.optimisation import RearLight
-from optics.light.refraction import FixedRear, ShapedFront
+from optics.base.runtime import Backend
+from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
+from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 INDEX = 0.001
 RIPPLE, PERIOD = 1e-3, 3.0  # mm
 DECENTRE = 0.1  # mm
-LIT = 0.01  # weight of cells that count as lit
+RAYS = (61, 59)
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Shifts of the light on the target, mm, in the far field degrees.
+    """Shifts of the light on the target, mm, in the far field degrees: means by flux.
 
-    index, index_most : by INDEX, mean and greatest.  ripple : by RIPPLE of period PERIOD.  decentre : by
-    DECENTRE of the source against the lens.
+    index, index_most : by INDEX, mean and greatest; 0 of a mirror.  ripple : by a slope as steep as that of
+    RIPPLE with the period PERIOD.  decentre : by DECENTRE of the source against the lens.
     """
 
     index: float
@@ -46,37 +44,42 @@ class Sensitivity:
     decentre: float
 
 
-def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Sensitivity:
-    """Return the Sensitivity of a lens whose shaped surface has these slopes (zx, zy), (nx, ny) each, in this
-    light."""
-    spec, source, target = system.problem.lens, system.problem.source, system.problem.target
-    far = system.target.far_field
-    throw = degrees(1.0) if far else target.distance
-    # sin i / cos r at the rear, (nx, ny); 0 where light does not pass
-    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
-    dx, dy, dz = light.direction
-    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
-    sine = np.sqrt(1 - cosine**2)
-    passes = spec.known_index * sine < 1
-    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.known_index * sine) ** 2, 1)), 0)
-    shift = throw * INDEX * turn
-    if system.shaped == "front":
-        # the front's own height hardly matters: it is taken as its conic
-        x, y = light.x[:, None], light.y[None, :]
-        points = x, y, system.lens.front.conic(x, y)
-        landings = []
-        for index in (system.lens.index, system.lens.index + INDEX):
-            rear = FixedRear(index, system.lens.rear.conic, system.lens.thickness, system.target.receiver)
-            landings.append(ShapedFront(rear).landing(points, light.direction, slopes))
-        shift = np.hypot(*(b - a for a, b in zip(*landings)))
-    lit = light.weight > LIT
+def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitivity:
+    """Return the Sensitivity of a lens.  backend : of double precision."""
+    path, rays = system.path(lens), system.source.without_extent().rays(RAYS)
+    glass = path.media[1]
+    ripple: list[Floats | None] = [None] * len(path.surfaces)
+    shaped = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+    ripple[shaped] = np.array([[2 * pi * RIPPLE / PERIOD], [0.0]])
+    landed = _landed(backend, path, rays)
+
+    def shifts(other: LightPath) -> tuple[float, float]:
+        """Return the mean and the greatest shift of rays that arrive by both paths."""
+        if other is path:
+            return 0.0, 0.0
+        points, flux = _landed(backend, other, rays)
+        both = (flux > 0) & (landed[1] > 0)
+        shift = np.hypot(*(points - landed[0])[:, both])
+        return float(np.average(shift, weights=landed[1][both])), float(shift.max())
+
+    index = shifts(path.in_glass(replace(glass, index=glass.index + INDEX)))
+    return Sensitivity(*index, shifts(path.with_slope_errors(ripple))[0], _decentre(system, path, shaped))
+
+
+def _decentre(system: OpticalSystem, path: LightPath, shaped: int) -> float:
+    """Return the shift by a decentre.  shaped : the number of the surface."""
+    far = path.receiver.far_field
     if system.source.from_afar:
-        decentre = 0.0 if far else DECENTRE
-    else:
-        decentre = throw * DECENTRE / (source.distance + spec.thickness / spec.known_index)
-    return Sensitivity(
-        index=float(np.average(shift, weights=light.weight)),
-        index_most=float(shift[lit].max()),
-        ripple=throw * (spec.known_index - 1) * 2 * pi * RIPPLE / PERIOD,
-        decentre=decentre,
-    )
+        return 0.0 if far else DECENTRE
+    vertices = [np.array(system.source.middle), *(surface.pose.shift for surface in path.surfaces)]
+    ways = [np.linalg.norm(b - a) / m.index for a, b, m in zip(vertices, vertices[1:], path.media)]
+    return DECENTRE * (degrees(1.0) if far else path.throw) / float(sum(ways[: shaped + 1]))
+
+
+def _landed(backend: Backend, path: LightPath, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
+    """Return where rays land, (2, n), and their flux there, 0 of those that do not arrive."""
+    with backend.dr.suspend_grad():
+        _, landing = Tracer(backend, path, rays).trace()
+        flux = backend.dr.select(landing.arrives, landing.flux, 0)
+        backend.dr.eval(landing.x, landing.y, flux)
+    return np.stack([landing.x.numpy(), landing.y.numpy()]), flux.numpy()

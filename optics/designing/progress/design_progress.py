@@ -60,14 +60,14 @@ class Size:
     @classmethod
     def of(cls, system: OpticalSystem) -> Size:
         columns, rows = system.target.settings.pixels
-        free = system.problem.lens.free.values()
+        free = system.problem.optic.free.values()
         return cls(
             pixels=columns * rows,
             surfaces=len(system.freeforms),
             extended=system.source.extended,
             by_edges=system.by_edges,
             blurred=system.blurred,
-            automatic=system.problem.lens.automatic or any(f.max_level == AUTO for f in free),
+            automatic=system.problem.optic.automatic or any(f.max_level == AUTO for f in free),
             dof=sum(prod((n << _finest(f)) + f.degree for n in f.spans) for f in free),
         )
 

@@ -10,11 +10,13 @@ target.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, atan, inf, isinf, radians, sin, tan
+from math import asin, atan, inf, radians, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.base.runtime import UserError
+from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
 from thbcad.certified import (
     DIRECTIONS,
@@ -33,6 +35,7 @@ Floats = NDArray[np.float64]
 CELLS = 16  # of a surface in each direction, between which its heights are bounded
 CONIC = 1e-11  # mm, of a conic from its spline
 BEYOND = 1.0  # mm before and behind all of a part
+GRID = 129  # points of a target in each direction
 STEEPEST = 89.9  # degrees, beyond which light is taken to go everywhere
 
 
@@ -84,14 +87,14 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
         source = Stack(np.array([back]), source.supports + _grown(steepest, float(source.heights[0]) - back))
     if source.heights.max() < low < surfaces["front"].heights.min():
         source = source.towards(surfaces["front"], low)
-    target = _lit_target(system)
+    lit_target = _lit_target(system)
+    ahead = _ahead(surfaces["rear"], system.target.receiver, lit_target, high)
     regions = {
         "source to front": region_between(source, surfaces["front"]),
         "front to rear": region_between(surfaces["front"], surfaces["rear"]),
-        "rear to target": region_between(
-            surfaces["rear"], _ahead(surfaces["rear"], target, system.target.z, high)
-        ),
+        "rear to target": region_between(surfaces["rear"], ahead),
     }
+    target = supports_of(np.tan(np.radians(lit_target)) if system.target.far_field else lit_target)
     return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel and sharp)
 
 
@@ -169,28 +172,45 @@ def _active(kv: KnotVector, low: float, high: float) -> slice:
 
 
 def _lit_target(system: OpticalSystem) -> Floats:
-    """Return the supports of the pixels that are to be lit, in mm, or of tangents in the far field."""
+    """Return corners of the rows of pixels that are to be lit, (n, 2), mm, in the far field degrees."""
     target = system.target
     screen = target.screen()
     lit = target.irradiance(screen, 1.0) > 0
     (x, y), (wide, tall) = screen.centres, np.divide(screen.pitch, 2)
     rows = np.flatnonzero(lit.any(axis=1))
     first, last = lit[rows].argmax(axis=1), lit.shape[1] - 1 - lit[rows, ::-1].argmax(axis=1)
-    points = np.concatenate(
+    return np.concatenate(
         [
             np.stack([x[columns] + side * wide, y[rows] + up * tall], axis=1)
             for columns, side in ((first, -1), (last, 1))
             for up in (-1, 1)
         ]
     )
-    return supports_of(np.tan(np.radians(points)) if target.far_field else points)
 
 
-def _ahead(rear: Stack, target: Floats, z: float, high: float) -> Stack:
-    """Return where light from the rear to the target ends: at the target, or behind all of the part."""
+def _ahead(rear: Stack, receiver: Receiver, lit: Floats, high: float) -> Stack:
+    """Return where light from the rear to the target ends: at the target, or behind all of the part.
+
+    lit : corners of what is lit, (n, 2).
+    """
     high = max(high, float(rear.heights.max()) + BEYOND)
-    if isinf(z):
-        reached = rear.supports + (high - rear.heights)[:, None] * target
+    if receiver.far_field:
+        x, y, z = receiver.toward((0.0, 0.0, 0.0), *lit.T)
+        if (z <= 0).any():
+            raise UserError("the light of a part goes towards +z; make target.tilt smaller")
+        reached = rear.supports + (high - rear.heights)[:, None] * supports_of(
+            np.stack([x / z, y / z], axis=1)
+        )
         return Stack(np.array([high]), reached.max(axis=0)[None])
-    screen = Stack(np.array([z]), target[None])
-    return screen if z <= high else rear.towards(screen, high)
+    if receiver.across_axis:
+        z = float(receiver.pose.shift[2])
+        screen = Stack(np.array([z]), supports_of(lit)[None])
+        return screen if z <= high else rear.towards(screen, high)
+    # a prism round all of what is lit: between its points a curved target bends by less than BEYOND
+    low, top = lit.min(axis=0), lit.max(axis=0)
+    grid = np.meshgrid(*np.linspace(low, top, GRID, axis=1))
+    x, y, z = (a.ravel() for a in np.broadcast_arrays(*receiver.points(*grid)))
+    around = supports_of(np.stack([x, y], axis=1)) + BEYOND
+    ends = np.array([z.min() - BEYOND, z.max() + BEYOND])
+    screen = Stack(ends, np.stack([around, around]))
+    return screen if ends[1] <= high else rear.towards(screen, high)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from optics.exchange.assemblies.blocked_paths import Obstacles, within_outline
 from optics.light.tracing import Tracer
+from optics.scene.receivers import Receiver
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.certified import DIRECTIONS
@@ -104,8 +105,6 @@ def sampled_light(
     """
     backend = system.backend
     side = isqrt(RAYS // SETS)
-    far = np.isinf(system.target.z)
-    ahead = heights[1] if far else min(heights[1], system.target.z)
     for rays in _light(system, side, heights[0]):
         tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
@@ -116,7 +115,7 @@ def sampled_light(
             values += [landing.x, landing.y, landing.p, landing.q, landing.flux]
             backend.dr.eval(values)
         met = np.stack(np.broadcast_arrays(*(value.numpy() for value in values)))
-        yield _paths(rays, met, lens.thickness, target, far, ahead)
+        yield _paths(rays, met, lens.thickness, target, system.target.receiver, heights[1])
 
 
 def _light(system: OpticalSystem, side: int, low: float) -> Iterator[Rays]:
@@ -146,13 +145,19 @@ def _scattered(grid: RayGrid, system: OpticalSystem, low: float, fresh: np.rando
     return Rays(rays.origin, rays.direction, np.asarray(system.source.profile(x, y)))
 
 
-def _paths(rays: Rays, met: Floats, thickness: float, target: Floats, far: bool, ahead: float) -> Paths:
+def _paths(
+    rays: Rays, met: Floats, thickness: float, target: Floats, receiver: Receiver, ahead: float
+) -> Paths:
     """Return the paths of rays that reach the lit part of the target."""
     front, rear, (x, y, p, q, flux) = met[:3], met[3:6] + np.array([[0.0], [0.0], [thickness]]), met[6:]
-    landing = np.tan(np.radians([x, y])) if far else np.stack([x, y])
+    landing = np.tan(np.radians([x, y])) if receiver.far_field else np.stack([x, y])
     lit = (flux > 0) & (DIRECTIONS @ landing <= target[:, None]).all(axis=0)
-    onward = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-    end = rear + np.maximum(ahead - rear[2], 0.0) / onward[2] * onward
+    onward = receiver.pose.directions(np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))]))
+    length = np.maximum(ahead - rear[2], 0.0) / onward[2]
+    if not receiver.far_field:
+        there = np.stack(np.broadcast_arrays(*receiver.points(x, y)))
+        length = np.minimum(length, np.linalg.norm(there - rear, axis=0))
+    end = rear + length * onward
     start, front, rear, end = (rows[:, lit].T for rows in (rays.origin, front, rear, end))
     return Paths(start, front, rear, end, flux[lit])
 

@@ -106,7 +106,9 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
         return FileTracer(name, trace, None, start, index, None)
     fine, coarse = _by_mitsuba(file, system, index, nodes)
     digits = PRECISIONS["single"][2]
-    resolution = float(np.degrees(digits)) if target.far_field else digits * system.target.z
+    resolution = (
+        float(np.degrees(digits)) if target.far_field else digits * float(np.linalg.norm(target.pose.shift))
+    )
     return FileTracer(name, fine, coarse, start, index, resolution)
 
 

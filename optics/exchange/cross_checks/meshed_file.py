@@ -136,7 +136,7 @@ class MeshedLens:
         every = (*(getattr(v, axis) for v in (point, onward) for axis in "xyz"), flux)
         dr.eval(every)
         *ends, weight = (a.numpy().astype(np.float64) for a in every)
-        landing, meets = last_step(np.stack(ends[:3], axis=1), np.stack(ends[3:], axis=1), self._target)
+        landing, meets, _ = last_step(np.stack(ends[:3], axis=1), np.stack(ends[3:], axis=1), self._target)
         arrives = (weight > 0) & (ends[5] > 0) & meets
         return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 

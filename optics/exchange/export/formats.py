@@ -26,7 +26,7 @@ from optics.exchange.export.read_back import (
     solid_checks,
 )
 from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
-from optics.exchange.verification import volume_check
+from optics.exchange.verification import EXACT_VOLUME, FITTED_VOLUME, volume_check
 from optics.scene.system import OpticalSystem, lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
@@ -44,8 +44,6 @@ from thbcad.lens import Lens, Product, Tessellation, placed_surfaces
 from thbcad.meshes import glb_bytes
 
 CHORD = 1e-3  # mm
-EXACT_VOLUME = 1e-10  # relative, of the text of a STEP file whose edges lie on its faces
-FITTED_VOLUME = 1e-9  # the same, of edges within 1e-9 mm
 PLAIN = Body()
 MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
     "stl": (stl_bytes, True),

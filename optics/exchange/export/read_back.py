@@ -64,7 +64,8 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, body: Body)
     else:
         checks = _whole_checks(read, by, faces, body.volume(lens))
     for face, (word, exact, surface, vertex) in zip((read.front, read.rear), body.optical(lens)):
-        differing, off = differing_numbers(face, exact), surface_deviation(face, surface, vertex)
+        differing = differing_numbers(face, exact)
+        off = surface_deviation(face, surface, vertex, body.is_moulded)
         checks += [
             Check.none_of(f"{word} poles and knots that differ from the lens in memory, {by}", differing),
             Check(f"{word} face, {by}", off, SOLID_SURFACE[name], "mm"),

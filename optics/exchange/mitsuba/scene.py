@@ -58,19 +58,25 @@ def scene_dictionary(
 
     Raises
     ------
-    UserError : a target in the far field, pixels that are not square, a point source of another intensity
-        than a uniform one, stops or a clear aperture.
+    UserError : a target that is no plane across the axis, pixels that are not square, a point source of
+        another intensity than a uniform one, stops or a clear aperture.
     """
     require_open(system)
     if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
-    screen = screen or system.target.screen()
+    if not system.axial:
+        raise UserError(
+            "Mitsuba's screen is a plane across the axis, and this target lies "
+            f"{system.problem.target.place}; "
+            'leave target.tilt and surface out, or take optimizer.engine = "exact" or "mitsuba-mesh"'
+        )
+    screen, z = screen or system.target.screen(), float(system.target.receiver.pose.shift[2])
     square_pixels(screen)
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES) if isinstance(lens, Lens) else lens
     faces = mesh.shapes(
         mi, bsdf=mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
     )
-    if system.problem.lens.wall == "absorbing":
+    if system.problem.optic.wall == "absorbing":
         faces |= mesh.shapes(mi, ["edges"], mi.load_dict(BLACK))
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
     lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
@@ -79,14 +85,14 @@ def scene_dictionary(
         "integrator": {"type": "ptracer", "max_depth": DEPTH},
         "source": _emitter(mi, system, lowest),
         **faces,
-        "screen": screen_rectangle(mi, screen, system.target.z, REFLECTANCE),
-        "sensor": watching_camera(mi, screen, system.target.z, highest, sigma),
+        "screen": screen_rectangle(mi, screen, z, REFLECTANCE),
+        "sensor": watching_camera(mi, screen, z, highest, sigma),
     }
 
 
 def require_open(system: OpticalSystem) -> None:
     """Raise UserError where stops or a clear aperture block light, of which meshes know nothing."""
-    if system.stops or any(system.problem.lens.clear_aperture):
+    if system.stops or any(system.problem.optic.clear_aperture):
         raise UserError(
             "scenes and meshes for Mitsuba hold neither [[stop]] nor lens.clear_aperture; leave them out, or "
             'trace with optimizer.engine = "exact" or "mitsuba-exact"'

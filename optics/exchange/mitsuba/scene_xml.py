@@ -65,7 +65,8 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
     flux = brighter * system.problem.source.flux
     scene = scene_dictionary(OpticalSystem(system.problem.with_(**{"source.flux": flux})), mesh)
-    scene["overview"] = overview_camera(mi, system.target.screen(), system.target.z, lens)
+    z = float(system.target.receiver.pose.shift[2])
+    scene["overview"] = overview_camera(mi, system.target.screen(), z, lens)
     for name, count in SAMPLES.items():
         scene[name]["sampler"] = {"type": "independent", "sample_count": count}
     glass = {"type": "dielectric", "int_ior": lens.index, "ext_ior": 1.0}
@@ -77,7 +78,7 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
             files[path] = place.read_bytes()
             scene[name] = {"type": "ply", "filename": path.name, "bsdf": glass}
         scene["edges"]["face_normals"] = True
-        if system.problem.lens.wall == "absorbing":
+        if system.problem.optic.wall == "absorbing":
             scene["edges"]["bsdf"] = BLACK
         bitmap = scene["source"].get("emitter", {}).get("radiance", {}).pop("bitmap", None)
         if bitmap is not None:

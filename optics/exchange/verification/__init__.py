@@ -30,8 +30,11 @@ if TYPE_CHECKING:
         verify as verify,
     )
     from optics.exchange.verification.step_file import (
+        EXACT_VOLUME as EXACT_VOLUME,
+        FITTED_VOLUME as FITTED_VOLUME,
         ExportedStep as ExportedStep,
         StepFile as StepFile,
+        has_closed_form as has_closed_form,
         optical_faces as optical_faces,
         optical_form as optical_form,
         state_checks as state_checks,

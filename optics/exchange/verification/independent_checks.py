@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,12 @@ from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
     StepFile,
     faces_besides,
+    has_closed_form,
     optical_faces,
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared
+from optics.exchange.verification.trace_comparison import compared, index_of
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
@@ -29,10 +31,14 @@ from thbcad.outlines import UPRIGHT, Line, RimPiece
 from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
+if TYPE_CHECKING:
+    from thbcad.moulds import MouldedBody, Solid
+
 Rows = NDArray[np.float64]
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
+ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
 FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
 ALONG = 33  # points of an edge that are compared
 
@@ -47,13 +53,15 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    by_occt = tracer_by_occt(file, lens.index, system.target.receiver)
+    path = system.own_path(lens)
+    by_occt = tracer_by_occt(file, index_of(path), path.receiver)
     difference = compared(system, lens, backend, RAYS, by_occt)
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
-    return [*text_checks(file.text, lens), *measure_checks(file.text, file.solid)[0], fates, landing]
+    made = system.solid(lens)
+    return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
 
 
-def tracer_by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[Rays], LandingPoints]:
+def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Callable[[Rays], LandingPoints]:
     """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
     optical, shape = optical_faces(file.text), file.solid.shape
 
@@ -64,18 +72,21 @@ def tracer_by_occt(file: StepFile, index: float, target: Receiver) -> Callable[[
     return trace
 
 
-def text_checks(solid: Brep, lens: Lens) -> list[Check]:
-    """Return the Checks of the text of a STEP file against the lens in memory."""
-    pair, optical = optical_forms(lens), optical_faces(solid)
+def text_checks(solid: Brep, made: Solid) -> list[Check]:
+    """Return the Checks of the text of a STEP file against a lens or its body in memory."""
+    pair, optical = optical_forms(made if isinstance(made, Lens) else made.lens), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
     front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
     counts = {
         "front numbers": differing_numbers(front, pair[0]),
         "rear numbers": differing_numbers(rear, pair[1]),
-        "edge face numbers": _other_walls(rest, lens),
-        "rims and corners": _other_edges(solid.edges, lens),
     }
-    besides, number = faces_besides(lens, len(solid.faces))
+    if isinstance(made, Lens):
+        counts["edge face numbers"] = _other_walls(rest, made)
+        counts["rims and corners"] = _other_edges(solid.edges, made)
+    else:
+        counts["walls"] = sum(not _is_wall(face, solid.edges, made) for face in rest)
+    besides, number = faces_besides(made, len(solid.faces))
     return [
         *whole_checks(solid)[0],
         Check.none_of(f"text of the file: {besides}", number),
@@ -83,7 +94,7 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
             Check.none_of(f"text of the file: {name} that differ from the lens in memory", value)
             for name, value in counts.items()
         ),
-        text_volume_check(solid, lens),
+        *([text_volume_check(solid, made)] if has_closed_form(made) else []),
     ]
 
 
@@ -95,6 +106,18 @@ def _other_walls(faces: Sequence[BrepFace], lens: Lens) -> int:
     if lens.rear.outline.is_rectangle:
         return _other_planes(faces, lens)
     return abs(len(faces) - len(pieces)) + sum(not _stands_on(*pair) for pair in zip(faces, pieces))
+
+
+def _is_wall(face: BrepFace, edges: Sequence[BrepEdge], body: MouldedBody) -> bool:
+    """Return whether the edges of a face lie on one wall of a body or on its land, or round its edges."""
+    if face.name.startswith("radius"):
+        return True
+    numbers = {number for loop in face.loops for number, _ in loop}
+    spans = [(edge, span) for edge in edges if edge.number in numbers and (span := edge_span(edge))]
+    x, y, z = np.concatenate([edge.points(np.linspace(*span, ALONG)) for edge, span in spans]).T
+    off = [abs(wall.beside(x, y, z)).max() for wall in (*body.walls, body.inner) if wall is not None]
+    off += [abs(z - body.inner.level).max()] if body.inner is not None else []
+    return bool(min(off) <= (ROUNDED if body.rounded else FITTED))
 
 
 def _stands_on(face: BrepFace, piece: RimPiece) -> bool:

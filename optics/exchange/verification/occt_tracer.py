@@ -23,10 +23,12 @@ def occt_trace(
     optical: tuple[int, int],
     origins: Rows,
     directions: Rows,
-    index: float,
+    index: float | None,
     target: Receiver,
 ) -> LandingPoints:
     """Trace rays of 1 W through the front and the rear of a solid, by OCCT's intersections.
+
+    index : None is a mirror, whose front reflects all.
 
     optical : indices of front and rear among the faces.
     origins, directions : (n, 3) float, mm and unit vectors.
@@ -34,15 +36,19 @@ def occt_trace(
     landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
     points, onward = origins, directions
     lit, weight = np.arange(len(origins)), np.ones(len(origins))
-    for face, eta in zip(optical, (1 / index, index)):
+    for face, eta in zip(optical, (None,) if index is None else (1 / index, index)):
         hits = face_hits(solid, points, onward)
-        onward, transmittance = _refracted(onward, hits.normals, eta)
+        if eta is None:
+            across = np.einsum("ij,ij->i", onward, hits.normals)
+            onward, transmittance = onward - 2 * across[:, None] * hits.normals, np.ones(len(onward))
+        else:
+            onward, transmittance = _refracted(onward, hits.normals, eta)
+            transmittance = np.where(onward[:, 2] > 0, transmittance, 0.0)
         passes = (hits.faces == face) & (transmittance > 0)
         points, onward, lit = hits.points[passes], onward[passes], lit[passes]
         weight = weight[passes] * transmittance[passes]
-    ends, meets = last_step(points, onward, target)
-    arrives = (onward[:, 2] > 0) & meets
-    landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
+    ends, meets, _ = last_step(points, onward, target)
+    landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
     return LandingPoints(landing, flux)
 
 

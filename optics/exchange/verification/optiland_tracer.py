@@ -114,7 +114,7 @@ def optiland_trace(
                 if rims:
                     passes[passes] = rims[k].holds(points[passes, :2])
                 points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
-            ends, meets = last_step(points, onward, target)
+            ends, meets, _ = last_step(points, onward, target)
             arrives = (onward[:, 2] > 0) & meets
             landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
     return LandingPoints(landing, flux)

@@ -39,7 +39,7 @@ def prescription_checks(problem: Problem, lens: Lens) -> list[Check]:
 
 
 def _pairs(problem: Problem, lens: Lens) -> Iterator[Pair]:
-    spec = problem.lens
+    spec = problem.optic
     yield "lens.index", spec.known_index, lens.index, ""
     yield "lens.thickness", spec.thickness, lens.thickness, "mm"
     yield from _surface("lens.front", spec.front, lens.front)

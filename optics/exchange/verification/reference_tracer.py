@@ -24,10 +24,12 @@ from optics.exchange.verification.traced_faces import (
 )
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import LightPath, Stop
-from optics.scene.receivers import Receiver
+from optics.scene.receivers import Cylinder, Receiver, Sphere
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.sags import PlacedConic
+
+Booleans = NDArray[np.bool_]
 
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
@@ -48,24 +50,29 @@ def trace_step(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     flux: ArrayLike,
-    index: float,
+    index: float | None,
     target: Receiver,
     around: LightPath | None = None,
     rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
-    """Trace rays through the two faces of a STEP file to a target.
+    """Trace rays through the two faces of a STEP file to a target, or by its front, which reflects.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
-    around : the path whose stops and clear apertures block light; None is nothing.
+    index : None is a mirror.
+    around : the path whose stops and clear apertures block light, and whose coatings take a share of it, in
+        the frame of the file; None is nothing.
     rims : of front and rear, where the faces do not fill their rectangles.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
     points = origins
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
-    stops, openings = (
-        ((), (None, None)) if around is None else (around.stops, [s.clear for s in around.surfaces])
+    stops, openings, shares = (
+        ((), (None, None), (None, None))
+        if around is None
+        else (around.stops, [s.clear for s in around.surfaces], [s.share for s in around.surfaces])
     )
-    for k, (surface, eta) in enumerate(((step.front, 1 / index), (step.rear, index))):
+    faces = [(step.front, None)] if index is None else [(step.front, 1 / index), (step.rear, index)]
+    for k, (surface, eta) in enumerate(faces):
         start, onward = points, directions
         points, normals, met = _meet(surface, points, directions)
         if rims:
@@ -75,34 +82,54 @@ def trace_step(
             met &= _inside(opening, points[:, 0], points[:, 1])
         if k == 0:
             met &= _passes(stops, start, onward, np.where(met, _dot(points - start, onward), np.inf))
-        directions, transmittance = _refract(directions, normals, eta)
-        weight *= np.where(met, transmittance, 0.0)
-    landing, meets = last_step(points, directions, target)
-    arrives = (weight > 0) & (directions[:, 2] > 0) & meets
-    arrives &= _passes(stops, points, directions, _length(points, directions, target))
+        if eta is None:
+            directions = directions - 2 * _dot(directions, normals)[:, None] * normals
+            transmittance = np.ones(len(points))
+        else:
+            directions, transmittance = _refract(directions, normals, eta)
+            met &= directions[:, 2] > 0
+        share = shares[k]
+        weight *= np.where(met & (transmittance > 0), transmittance if share is None else share, 0.0)
+    landing, meets, length = last_step(points, directions, target)
+    arrives = (weight > 0) & meets & _passes(stops, points, directions, length)
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
-def last_step(
-    points: NDArray[np.float64], directions: NDArray[np.float64], target: Receiver
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return where rays land, (n, 2), mm or degrees, and whether they come from before the target, (n,).
+def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Booleans, Floats]:
+    """Return where rays land, (n, 2), mm or degrees, whether they meet the target from before it, (n,), and
+    how far they go, (n,) mm; inf where they do not, and to the far field.
 
     points, directions : (n, 3), in the frame of the lens.
     """
     own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
     meets = along[:, 2] > 0
+    if isinstance(target, Cylinder):
+        landing, length, round_it = _round(own, along, target.radius, isinstance(target, Sphere))
+        meets &= round_it
+        return landing, meets, np.where(meets, length, np.inf)
     across = along[:, :2] / np.where(meets, along[:, 2], 1.0)[:, None]
     if target.far_field:
-        return np.degrees(np.arctan(across)), meets
-    return own[:, :2] - own[:, 2:] * across, meets
+        return np.degrees(np.arctan(across)), meets, np.full(len(points), np.inf)
+    length = np.where(meets, -own[:, 2] / np.where(meets, along[:, 2], 1.0), np.inf)
+    return own[:, :2] - own[:, 2:] * across, meets, length
 
 
-def _length(points: Floats, directions: Floats, target: Receiver) -> Floats:
-    """Return how far rays go to a target, (n,) mm; inf to the far field, and where they do not meet it."""
-    own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
-    meets = (along[:, 2] > 0) & (not target.far_field)
-    return np.where(meets, -own[:, 2] / np.where(meets, along[:, 2], 1.0), np.inf)
+def _round(
+    points: Floats, directions: Floats, radius: float, sphere: bool
+) -> tuple[Floats, Floats, Booleans]:
+    """Return (arcs, lengths, met) of rays on the half of a cylinder or a sphere about (0, 0, radius).
+
+    From its centre it is |p + t d| = |R| without y round a cylinder: the nearer root where R > 0.
+    """
+    centred = points - (0.0, 0.0, radius)
+    some = [0, 1, 2] if sphere else [0, 2]
+    p, d = centred[:, some], directions[:, some]
+    a, b, c = _dot(d, d), _dot(p, d), _dot(p, p) - radius**2
+    met = b * b > a * c
+    length = (-b - np.sign(radius) * np.sqrt(np.where(met, b * b - a * c, 1.0))) / a
+    x, y, z = (centred + length[:, None] * directions).T / radius
+    up = radius * np.arcsin(np.clip(y, -1, 1)) if sphere else radius * y
+    return np.column_stack([radius * np.arctan2(x, -z), up]), length, met & (z < 0)
 
 
 def _passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Floats) -> NDArray[np.bool_]:

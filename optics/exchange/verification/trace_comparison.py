@@ -10,10 +10,12 @@ import numpy as np
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
 from optics.exchange.verification.step_file import StepFile
+from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints, Tracer
+from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
-from optics.scene.sources import Rays, single_rays
+from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -56,16 +58,24 @@ def compared(
 ) -> Comparison:
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
+    Of a body for a mould only rays count that its walls and rounded edges surely leave.
+
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
-    other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
-    blocked : whether it knows of stops and of the clear aperture; else both traces leave them out.
+    other : of Rays in the frame of the lens, returns where they land and the flux that arrives, zero for rays
+        that do not.
+    blocked : whether it knows of stops, clear aperture and coatings; else both traces leave them out.
     """
     rays = system.source.rays(counts)
     clear = system.path(lens).without_absorption()  # which the independent tracers leave out
-    clear = clear if blocked else clear.without_stops()
+    clear = clear if blocked else clear.without_stops().without_coats()
     _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    others, screen = other(single_rays(rays, lens)), system.target.screen()
+    others, screen = other(system.own_rays(rays, lens)), system.target.screen()
+    made = system.solid(lens)
+    if not isinstance(made, Lens):
+        _, within = Tracer(backend, clear.held(made.free), rays).trace()
+        kept = (flux == 0) | (within.flux.numpy() > 0)
+        flux, others = flux * kept, LandingPoints(others.points, others.flux * kept)
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
     least = NO_LIGHT * rays.flux.mean()
     lit, others_lit = flux > least, others.flux > least
@@ -79,6 +89,11 @@ def compared(
         mismatched=int((lit != others_lit).sum()),
         unit=screen.unit,
     )
+
+
+def index_of(path: LightPath) -> float | None:
+    """Return the index of the body that a path goes through; None where it is a mirror."""
+    return None if path.surfaces[0].kind == "reflect" else path.media[1].index
 
 
 def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
@@ -105,12 +120,16 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, path = system.problem.verify, system.path(lens)
-    rims = () if lens.rear.outline.is_rectangle else file.rims
+    limits, path, made = system.problem.verify, system.own_path(lens), system.solid(lens)
+    rims: Sequence[FaceRim] = ()
+    if not isinstance(made, Lens):
+        path = path.held(made.free)
+    elif not lens.rear.outline.is_rectangle:
+        rims = file.rims
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(
-            step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.receiver, path, rims
+            step, rays.origin.T, rays.direction.T, rays.flux, index_of(path), path.receiver, path, rims
         )
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)

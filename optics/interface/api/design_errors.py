@@ -125,7 +125,7 @@ def _forms(
     design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
 ) -> tuple[FormTolerance, ...]:
     """Return the form tolerances of the surfaces, those of 0 left out."""
-    chosen = dict.fromkeys(design.problem.lens.free, FORM_NM) | dict(forms or {})
+    chosen = dict.fromkeys(design.problem.optic.free, FORM_NM) | dict(forms or {})
     try:
         found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]
     except TypeError:

@@ -17,16 +17,22 @@ from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
 from optics.exchange.results import ResultFolder, ResultWriter, level_files
-from optics.exchange.verification import ExportedStep, StepFile, light_checks, text_volume_check
+from optics.exchange.verification import (
+    ExportedStep,
+    StepFile,
+    has_closed_form,
+    light_checks,
+    text_volume_check,
+)
 from optics.interface.api.design_figures import DesignFigures
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
-from optics.scene.problem import as_data, limit_checks, manufacture_rows
+from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, Manufacturability, manufacturability
+from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
@@ -56,7 +62,8 @@ class _Export:
     """A STEP file that another process writes and reads back."""
 
     def __init__(self, solids: HelperProcess, system: OpticalSystem, lens: Lens, path: Path) -> None:
-        self._lens, self._path = lens, path
+        self._path, self._made = path, system.solid(lens)
+        self.left_out = [LEFT_OUT] if has_closed_form(self._made) else []
         self._written, self._read = (
             solids.ask("optics.exchange.verification", name, system, lens, path)
             for name in ("export_step", "read_back_step")
@@ -69,9 +76,9 @@ class _Export:
         """
         written = self._written.result()
         file = StepFile(self._path)
-        volume = text_volume_check(file.text, self._lens)
+        volume = [text_volume_check(file.text, self._made)] if has_closed_form(self._made) else []
         step = self._read.result()
-        return [*written, *step.checks, volume], step, file
+        return [*written, *step.checks, *volume], step, file
 
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
@@ -87,9 +94,8 @@ def verified(design: DesignRecord) -> Claims:
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
-        product = manufacturability(lens, system.problem.lens.density or None)
-        checks = _checks(design, product, *export.checked())
-        return verification(checks) | {"left_out": [LEFT_OUT]}
+        checks = _checks(design, system.manufactured(lens), *export.checked())
+        return verification(checks) | {"left_out": export.left_out}
 
 
 def write_result(
@@ -112,7 +118,7 @@ def write_result(
         design.notes(sentence)
     metrics = design.metrics
     clock.lap("measure")
-    product = manufacturability(lens, problem.lens.density or None)
+    product = system.manufactured(lens)
     exported = export.checked()
     writer.place_step()
     checks = _checks(design, product, *exported)
@@ -134,7 +140,7 @@ def write_result(
 
     verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
-    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
+    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": export.left_out})
     page = Report(
         problem=design.problem,
         metrics=metrics,

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from optics.base.runtime import Backend
-from optics.designing.etendue import universal_bound
+from optics.designing.etendue import bounds_hold, universal_bound
 from optics.designing.optimisation import Row
 from optics.designing.prediction import blur_limits, blur_sentence
 from optics.designing.progress import Notes
@@ -16,9 +16,10 @@ from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, Verdict, delivery_checks, judged, loss_notes, measure
 from optics.light.tracing import normal_incidence_transmittance
-from optics.scene.problem import Problem, limit_checks
+from optics.scene.limits import limit_checks
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability
+from thbcad.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+            checks += limit_checks(problem, self.system.manufactured(self.lens))
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property
@@ -92,7 +93,7 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))
         metrics["rel_l2_one_blur"] = limits.least
-    if system.source.etendue:
+    if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
     for sentence in loss_notes(metrics, system.units):
         notes(sentence)

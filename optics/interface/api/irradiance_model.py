@@ -57,9 +57,7 @@ class Model:
         again: Callable[[], Model],
     ) -> None:
         self._spaces, self._light, self._objective, self._again = spaces, light, objective, again
-        self._scale = np.ones(light.screen.shape)
-        if light.screen.angular:
-            self._scale = PER_STERADIAN / light.screen.projection()
+        self._scale = (PER_STERADIAN if light.screen.angular else 1.0) / light.screen.projection()
 
     def __reduce__(self) -> tuple[Callable[[], Model], tuple[()]]:
         return self._again, ()

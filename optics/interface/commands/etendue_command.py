@@ -10,6 +10,7 @@ from typing import Any
 from optics.base.runtime import UserError
 from optics.designing.etendue import (
     FIXED,
+    OBLIQUE,
     SEARCH,
     OneBlur,
     Throughput,
@@ -105,6 +106,8 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
     if system.source.from_file:
         return UNKNOWN
+    if not system.axial:
+        return OBLIQUE
     return "" if passing.source else NO_LIMIT
 
 
@@ -146,7 +149,7 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
 
 def _resolved_base(system: OpticalSystem) -> OpticalSystem:
     """Return the system with numbers for a base lens that is left to the program."""
-    if not system.problem.lens.automatic:
+    if not system.problem.optic.automatic:
         return system
     from optics.designing.prediction import resolved  # few problems ask
 
@@ -158,7 +161,7 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
         f"{passing.front:10.4g} mm^2 sr  of its light that meets the front of the base lens",
-        f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
+        *(f"{u:10.4g} mm^2 sr  between rear aperture and target" for u in [passing.target] if u is not None),
         f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
         f"incidence leaves {transmittance:.4f} of it",
     ]

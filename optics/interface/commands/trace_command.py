@@ -58,7 +58,9 @@ def trace(options: Namespace) -> Outcome:
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
-    return Outcome(data, [*_lines(data, system.units), f"wrote {folder}"])
+    aslant = "phase space is shown behind the lens alone: the target does not lie across the axis"
+    left_out = [] if system.axial else [aslant]
+    return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
 
 
 def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: float) -> dict[str, bytes]:

@@ -10,10 +10,9 @@ from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
-from optics.scene.problem import limit_checks
+from optics.scene.limits import limit_checks
 from optics.scene.system import OpticalSystem
 from thbcad.doors import pip_command
-from thbcad.lens import manufacturability
 
 
 def verify(options: Namespace) -> Outcome:
@@ -91,7 +90,7 @@ def _folder_checks(
     checks += prescription_checks(problem, lens)
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
-    checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
+    checks += limit_checks(problem, system.manufactured(lens))
     if by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from optics.base.runtime import Backend, UserError
@@ -25,8 +25,9 @@ def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Mea
     ------
     UserError : a source that does not go with the lens, such as one that lies in it.
     """
+    other = replace(problem, source=source)
     index = _index_at(OpticalSystem(problem), source.wavelength)
-    system = solvable_system(problem.with_(source=asdict(source), **{"lens.index": index}))
+    system = solvable_system(other if problem.optic.index == index else other.with_optic(index=index))
     return measure(system, replace(lens, index=index), backend)
 
 
@@ -87,7 +88,7 @@ def other_source(words: str, problem: Problem) -> Source:
 
 def _beam(problem: Problem) -> Source:
     """Return a parallel beam as wide as the front, from before all of it."""
-    own, front = problem.source, problem.lens.front
+    own, front = problem.source, problem.optic.front
     radius, constant = base_of(front)
     depth = max(0.0, -float(Conic(radius, constant)(*front.half_width)))
     return Source(

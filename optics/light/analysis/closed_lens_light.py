@@ -16,10 +16,10 @@ from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.tracing import FATES, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
 from optics.scene.receivers import Screen
-from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.moulds import Solid
 
 NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
@@ -35,7 +35,7 @@ class OtherLight:
     """What non-sequential paths bring.
 
     light : its LightEstimate; noise may make pixels negative.  fates : of all light in the closed lens, W.
-    share : of the light on the target.
+    share : of the light on the target; negative where a body takes more light away than it adds.
     """
 
     light: LightEstimate
@@ -44,7 +44,7 @@ class OtherLight:
 
     @property
     def negligible(self) -> bool:
-        return self.share <= NEGLIGIBLE
+        return abs(self.share) <= NEGLIGIBLE
 
 
 def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherLight:
@@ -52,10 +52,11 @@ def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backe
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     images: list[tuple[Floats, float, float]] = []
     fates: list[Fates] = []
+    solid = system.solid(lens)
 
     def trace(count: int) -> OtherLight:
         for _ in range(count):
-            image, by_fate, direct = _replicate(system, lens, screen, rng, backend)
+            image, by_fate, direct = _replicate(system, lens, solid, screen, rng, backend)
             images.append((image, by_fate.onto - direct.on_target, by_fate.beside - direct.off_target))
             fates.append(by_fate)
         light = LightEstimate.of_replicates(images)
@@ -67,15 +68,27 @@ def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backe
 
 
 def _replicate(
-    system: OpticalSystem, lens: Lens, screen: Screen, rng: np.random.Generator, backend: Backend
+    system: OpticalSystem,
+    lens: Lens,
+    solid: Solid,
+    screen: Screen,
+    rng: np.random.Generator,
+    backend: Backend,
 ) -> tuple[Floats, Fates, SequentialFates]:
     """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
-    rays = single_rays(system.source.rays(RAYS, rng), lens)
-    plane = TargetArea.of(system.path(lens), screen.half_width)
+    rays, path = system.own_rays(system.source.rays(RAYS, rng), lens), system.own_path(lens)
+    plane = TargetArea.of(path, screen.half_width)
     every = trace_nonsequential(
-        backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
+        backend,
+        solid,
+        rays,
+        plane,
+        threshold=ROULETTE,
+        roulette=rng,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
     )
-    tracer = Tracer(backend, system.path(lens), rays)
+    tracer = Tracer(backend, path, rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         direct = tracer.fates(landing, screen.half_width)

@@ -76,10 +76,17 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
     rear once each.
     """
-    rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
+    rays = system.own_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    plane = TargetArea.of(system.path(lens), half_width)
-    result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
+    plane = TargetArea.of(system.own_path(lens), half_width)
+    result = trace_nonsequential(
+        backend,
+        system.solid(lens),
+        rays,
+        plane,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
+    )
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
@@ -115,8 +122,13 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
 
 
 def plane_behind(system: OpticalSystem, lens: Lens) -> float:
-    """Return z of the target plane, or in the far field of a plane one thickness behind the lens, mm."""
-    return 2 * lens.thickness if system.target.far_field else system.target.z
+    """Return z of a target plane across the axis; else that of a plane one thickness behind the lens, mm."""
+    return float(system.target.receiver.pose.shift[2]) if _across(system) else 2 * lens.thickness
+
+
+def _across(system: OpticalSystem) -> bool:
+    """Return whether the target is a plane across the axis."""
+    return system.axial and not system.target.far_field
 
 
 def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
@@ -139,9 +151,9 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
             1.5 * lens.rear.half_width[1],
         ),
     }
-    if not target.far_field:
+    if _across(system):
         planes["target"] = (
-            at_target(backend, lens, points, start, target.z),
+            at_target(backend, lens, points, start, plane_behind(system, lens)),
             1.1 * target.settings.half_width[1],
         )
     return planes
@@ -154,6 +166,7 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
     """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
+    solid = system.solid(lens)
     area, out = TargetArea.of(system.path(lens), system.target.settings.half_width), {}
     for name, sine in (
         ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
@@ -162,5 +175,5 @@ def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[
         origin, direction = np.zeros((2, 3, FAN))
         origin[2] = -source.distance
         direction[1], direction[2] = sine, np.sqrt(1 - sine**2)
-        out[name] = trace_paths(backend, lens, Rays(origin, direction, np.ones(FAN)), area)
+        out[name] = trace_paths(backend, solid, Rays(origin, direction, np.ones(FAN)), area)
     return out

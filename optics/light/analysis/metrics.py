@@ -93,8 +93,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
-    # light may come by other ways: of a beam, where its front sends enough of it beside the rear
-    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
+    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
     other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
@@ -110,6 +110,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
     metrics["paths"] = "all" if all_ways else "sequential"
     metrics["estimator"] = estimator
+    if system.reflects:
+        metrics["element"] = "mirror"
     if estimator == "rays":
         metrics["rays"] = ray_count(screen)
     metrics["efficiency"] = light.on_target / flux

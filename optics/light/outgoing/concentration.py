@@ -29,7 +29,7 @@ from scipy.spatial import ConvexHull
 
 from optics.base.runtime import Backend, UserError
 from optics.light.tracing import Tracer
-from optics.scene.receivers import receiver_at
+from optics.scene.receivers import Plane
 from optics.scene.sources import SourceCells
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -53,7 +53,7 @@ IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/so
 
 @dataclass(frozen=True)
 class Concentration:
-    """The greatest concentration of light on a plane between lens and target.
+    """The greatest concentration of light on a plane between lens and target, across the way to its middle.
 
     times : the mean irradiance on a disk, over that of the front.  irradiance : on that disk, of the source's
         own flux, W/mm^2 (lm/mm^2), without losses
@@ -111,7 +111,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
     bundle = _leaving(system.shaping, lens, backend)
-    farthest = max(bundle.z0, min(system.target.z - lens.thickness, FAR))
+    farthest = max(bundle.z0, min(system.path(lens).throw, FAR))
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
     def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
@@ -141,14 +141,15 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     cells = None if system.source.extended else system.source.cells((CELLS, CELLS))
     rays = system.source.rays((CELLS, CELLS)) if cells is None else cells.rays()
     path = system.path(lens).without_absorption().without_reflection()
-    tracer = Tracer(backend, path.onto(receiver_at(lens.thickness)), rays)
+    tracer = Tracer(backend, path.onto(Plane(path.leaving)), rays)
+    ahead = path.leaving.inverse() @ path.surfaces[-1].pose
     with backend.dr.suspend_grad():
-        (front, rear), landing = tracer.trace_all()
-        assert rear is not None
-        met = rear if front is None else front
+        hits, landing = tracer.trace_all()
+        first, last = (h[0] for h in ([h for h in way if h is not None] for way in (hits, hits[::-1])))
         every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
-        onto, out = every & met.hit, every & landing.arrives
-        values = [met.x, met.y, rear.z, landing.x, landing.y, landing.p, landing.q, onto, out]
+        onto, out = every & first.hit, every & landing.arrives
+        height = ahead.points((last.x, last.y, last.z))[2]
+        values = [first.x, first.y, height, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)
     u, v, height, x, y, p, q, onto, out = (_corners(a.numpy(), cells) for a in values)
     emitted = np.ravel(rays.flux if cells is None else cells.emitted)
@@ -249,15 +250,21 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
+    optic = system.problem.optic
     return (
-        f"greatest concentration of light: {found.times:.3g} times that on the front, {light}{sun}, "
-        f"{_length(found.behind)} behind the rear vertex (mean over {found.disk:.2g} mm, without losses; "
-        f"searched up to {_length(found.searched)})"
+        f"greatest concentration of light: {found.times:.3g} times that on the {optic.face_name('front')}, "
+        f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
+        f"without losses; searched up to {_length(found.searched)})"
     )
 
 
 def _length(mm: float) -> str:
     return f"{round(mm, 2) + 0.0:g} mm"  # no -0
+
+
+def _place(system: OpticalSystem) -> str:
+    """Return from where the way of light is counted."""
+    return "before the face" if system.reflects else "behind the rear"
 
 
 def fire_warning(system: OpticalSystem, found: Concentration) -> str:
@@ -268,7 +275,7 @@ def fire_warning(system: OpticalSystem, found: Concentration) -> str:
     if not hot:
         return ""
     return (
-        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} behind the rear "
+        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} {_place(system)} "
         f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
         "keep everything out of there, and cover the lens while nobody watches it"
     )

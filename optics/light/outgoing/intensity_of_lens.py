@@ -54,19 +54,20 @@ def outgoing_intensity(
     plane = TargetArea.of(
         system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
     )
-    total, flux = [], 0.0
+    solid, total, flux = system.solid(lens), [], 0.0
     for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
         nodes = np.zeros((grid.turns, grid.tilts + 1))
         for part in parts:
             rays = single_rays(part, lens)
             out = trace_nonsequential(
                 backend,
-                lens,
+                solid,
                 rays,
                 plane,
                 threshold=ROULETTE,
                 roulette=rng,
                 absorption=system.absorption,
+                coats=system.problem.optic.coats,
             ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES

@@ -1,4 +1,4 @@
-"""Where light goes through front and rear: the least lens that loses none of it, and what a cut costs."""
+"""Where light meets the surfaces: the least lens or mirror that loses none of it, and what a cut costs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
-from optics.scene.sources import RayGrid, Rays, single_rays
+from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -20,32 +20,33 @@ CELLS = (512, 512)  # of the source; sources with extent have as many rays
 
 @dataclass(frozen=True, eq=False)
 class LitPoints:
-    """Where rays that go through front and rear meet them.
+    """Where rays that leave the last surface meet all of them.
 
-    points : x and y of front and of rear, (2, n) mm each.  flux : W, behind the rear.
+    points : x and y of every surface, (2, n) mm each.  flux : W, behind the last.
     lit : which of them land on the target.
     """
 
-    points: tuple[Floats, Floats]
+    points: list[Floats]
     flux: Floats
     lit: NDArray[np.bool_]
 
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, backend: Backend, rays: RayGrid | Rays) -> LitPoints:
         """Trace rays of the source of a system."""
-        single = single_rays(rays, lens)
-        tracer = Tracer(backend, system.path(lens), single)
+        path = system.path(lens)
+        single = rays if isinstance(rays, Rays) else rays.rays(path.before)
+        tracer = Tracer(backend, path, single)
         with backend.dr.suspend_grad():
             hits, landing = tracer.trace_all()
             arrives = (landing.flux > 0) & landing.arrives
-            front, rear = ((h.x, h.y) for h in hits if h is not None)
-            values = [*front, *rear, landing.x, landing.y, landing.flux, arrives]
+            met = [row for h in hits if h is not None for row in (h.x, h.y)]
+            values = [*met, landing.x, landing.y, landing.flux, arrives]
             backend.dr.eval(values)
         *values, flux, arrive = (a.numpy() for a in values)
-        x, y, u, v, s, t = (a[arrive] for a in values)
+        *met, s, t = (a[arrive] for a in values)
         hx, hy = system.target.settings.half_width
         lit = (np.abs(s) <= hx) & (np.abs(t) <= hy)
-        return cls((np.stack([x, y]), np.stack([u, v])), flux[arrive], lit)
+        return cls([np.stack(pair) for pair in zip(met[::2], met[1::2])], flux[arrive], lit)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class CutCost:
 
 
 def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[float, float]]:
-    """Return the half-widths of front and rear, in their outline, that would lose none of their light, mm.
+    """Return the half-widths of front and rear, in their outline, that would lose none of their light, mm; of
+    a mirror those of its front.
 
     backend : of double precision.
     """
@@ -81,7 +83,7 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
 def cut_cost(system: OpticalSystem, lens: Lens, backend: Backend, cut: Outline | Polygon) -> CutCost:
     """Return what is lost of the light of a lens that is cut along z.  backend : of double precision."""
     found = LitPoints.of(system, lens, backend, system.source.rays(CELLS))
-    left = cut.contains(*found.points[0]) & cut.contains(*found.points[1])
+    left = np.logical_and.reduce([cut.contains(*points) for points in found.points])
 
     def lost(among: NDArray[np.bool_]) -> float:
         total = float(found.flux[among].sum())

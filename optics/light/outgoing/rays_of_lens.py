@@ -17,14 +17,14 @@ from thbcad.lens import Lens
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
     """Return about `count` rays of the source that went through front and rear, in the unit of its flux.
 
-    place : where the rays start: on the "rear", or on the plane of the "target".  z is that of the lens.
+    place : where the rays start: on the "rear", or on the "target".  z is that of the lens.
     backend : of double precision.
 
     Light that edges and inner reflections send on is not among them.
 
     Raises
     ------
-    UserError : rays from the target in the far field, where no plane is.
+    UserError : rays from the target in the far field, which has no place.
     """
     if place == "target" and system.target.far_field:
         raise UserError("the far field has no plane that rays may start from; take --light rear")
@@ -38,10 +38,12 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
         backend.dr.eval(values)
     x, y, z, u, v, p, q, flux = (a.numpy() for a in values)
     out = flux > 0
-    direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))], axis=1)
+    receiver = system.target.receiver
+    own = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
+    direction = receiver.pose.directions(own).T
     position = np.stack([x, y, z + lens.thickness], axis=1)
     if place == "target":
-        position = np.stack([u, v, np.full_like(u, system.target.z)], axis=1)
+        position = np.stack(np.broadcast_arrays(*receiver.points(u, v)), axis=1)
     wavelength = np.full(int(out.sum()), system.problem.source.wavelength)
     unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
     return RaySet(position[out], direction[out], flux[out], unit, wavelength)

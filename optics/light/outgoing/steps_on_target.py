@@ -1,8 +1,8 @@
 """What the steps of a luminaire file do to the light on the target.
 
 A file gives the light smoothed over one step of its angles, and interpolates it.  Light that is known on the
-target is sent through the same grid: seen from the middle of the rear, at the distance d along z and at the
-angle gamma, an intensity I makes E = I cos^3(gamma) / d^2; in the far field E is I itself.
+target is sent through the same grid: seen from the middle of the rear, at the distance d and under the angle
+i of incidence, an intensity I makes E = I cos(i) / d^2; in the far field E is I itself.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import numpy as np
 from optics.light.analysis import rel_l2
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening, directions_at
 from optics.scene.photometry import uniformity
-from optics.scene.receivers import Receiver, receiver_at
+from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.poses import Pose
 
 POINTS = 4  # of a pixel each way, and of a step at least
 FINE = 0.25  # degrees: between points of gamma at most; pixels are no finer as a rule
@@ -68,13 +69,13 @@ class StepsOnTarget:
         solid = np.sin(np.radians(gamma)) * 2 * (np.pi / points) ** 2
         screen = self.system.target.screen()
         landed = self._receiver.land((0.0, 0.0, 0.0), direction)
-        x, y, forward = landed.u, landed.v, direction[2]
-        dilution = np.ones(forward.size) if screen.angular else forward**3 / self._distance**2
+        x, y = landed.u, landed.v
+        dilution = self._dilution(x, y)
         maps = screen.pixel_map()
         column, row = (np.floor(p * maps[k][0] + maps[k][1] - screen.margin) for k, p in enumerate((x, y)))
         rows, columns = self.light.shape
-        on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        intensity = np.zeros(forward.size)
+        on = landed.met & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        intensity = np.zeros(x.size)
         # noise may leave less than no light
         intensity[on] = (
             np.maximum(self.light[row[on].astype(int), column[on].astype(int)], 0.0) / dilution[on]
@@ -101,16 +102,19 @@ class StepsOnTarget:
         screen = self.system.target.screen().finer(POINTS)
         x, y = (a.ravel() for a in np.meshgrid(*screen.centres))
         direction = np.stack(np.broadcast_arrays(*self._receiver.toward((0.0, 0.0, 0.0), x, y)))
-        if screen.angular:
-            return direction, np.ones(x.size)
-        return direction, self._distance / np.linalg.norm(direction, axis=0) ** 3
+        return direction, self._dilution(x, y)
+
+    def _dilution(self, u: Floats, v: Floats) -> Floats:
+        """Return E / I at points of the target, (n,)."""
+        if self._receiver.far_field:
+            return np.ones(u.size)
+        ways, normals = (
+            np.stack(np.broadcast_arrays(*f(u, v))) for f in (self._receiver.points, self._receiver.normal)
+        )
+        distance = np.linalg.norm(ways, axis=0)
+        return np.maximum((ways * normals).sum(axis=0), 0.0) / distance**3
 
     @property
     def _receiver(self) -> Receiver:
         """The target as seen from the middle of the rear."""
-        return receiver_at(self._distance)
-
-    @property
-    def _distance(self) -> float:
-        """From the middle of the rear to the plane of the target, mm."""
-        return self.system.target.z - self.lens.thickness
+        return self.system.target.receiver.seen_from(Pose.at((0.0, 0.0, self.lens.thickness)))

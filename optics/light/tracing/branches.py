@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, Vector
+from optics.light.tracing.body_faces import body_faces
 from optics.light.tracing.lens_faces import lens_faces
 from optics.light.tracing.refraction import refract
+from optics.scene.paths import BARE, Coats
 from optics.scene.sources import Rays
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.moulds import Solid, rounded_off
 
 # what a branch in air met last: nothing, a face that it did not pass, the face it left by
 NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)
@@ -72,7 +75,7 @@ class Branches:
 class Meetings:
     """What branches meet next, (m,) or (3, m).
 
-    face : FRONT, REAR, EDGE, NEVER where they leave, or UNDECIDED.
+    face : FRONT, REAR, EDGE, NEVER where they leave, or UNDECIDED.  absorbed : (m,), at a rounded edge.
     """
 
     face: NDArray[np.int8]
@@ -80,20 +83,32 @@ class Meetings:
     refracted: Floats
     reflected: Floats
     transmittance: Floats
+    absorbed: NDArray[np.bool_]
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Meetings:
         return Meetings(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
 
 
 class ClosedLens:
-    """The faces of a lens, and what happens to branches there."""
+    """The faces of a lens or its body, and what happens to branches there.
 
-    def __init__(self, backend: Backend, lens: Lens) -> None:
+    coats : what coatings of front and rear let through of light that is not reflected totally.
+    Rounded edges absorb light, with all that lies between them and the sharp edge in their place.
+    """
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether some of it absorbs light."""
+        return self._rounded is not None
+
+    def __init__(self, backend: Backend, solid: Solid, coats: Coats = BARE) -> None:
         if backend.dtype != np.float64:
             raise ValueError("non-sequential tracing needs a backend in double precision")
         self._backend = backend
-        self._faces = lens_faces(backend, lens)
-        self._index = backend.dr.opaque(backend.Float, lens.index)
+        self._faces = lens_faces(backend, solid) if isinstance(solid, Lens) else body_faces(backend, solid)
+        self._rounded = None if isinstance(solid, Lens) or not solid.rounded else solid
+        self._coats = coats
+        self._index = backend.dr.opaque(backend.Float, solid.index)
 
     def meet(self, branches: Branches) -> Meetings:
         """Return the first meetings of branches."""
@@ -113,14 +128,23 @@ class ClosedLens:
             dr.eval(path, (nx, ny, nz), face, doubt)
         face = dr.select(doubt < path, float(UNDECIDED), face)
         refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
+        for number, share in zip((FRONT, REAR), self._coats):
+            if share is not None:
+                transmittance = dr.select((face == number) & (transmittance > 0), share, transmittance)
         point = rays.at(path)
         dr.eval(face, point, refracted, reflected, transmittance)
+        faces, points = face.numpy().astype(np.int8), _rows(point)
+        absorbed = np.zeros(len(faces), dtype=bool)
+        if self._rounded is not None:
+            met = (faces != NEVER) & (faces != UNDECIDED)
+            absorbed[met] = rounded_off(self._rounded, points[:, met], faces[met] - FRONT)
         return Meetings(
-            face=face.numpy().astype(np.int8),
-            point=_rows(point),
+            face=faces,
+            point=points,
             refracted=_rows(refracted),
             reflected=_rows(reflected),
             transmittance=transmittance.numpy(),
+            absorbed=absorbed,
         )
 
     def _split(self, rays: DeviceRays, outward: Vector) -> tuple[Vector, Vector, DrArray]:

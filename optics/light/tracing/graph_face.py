@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface, chord, first_crossing, last_root
@@ -32,6 +32,14 @@ class Meeting:
     doubt: DrArray
 
 
+class Trim(Protocol):
+    """A convex region that a face fills."""
+
+    def interval(self, rays: DeviceRays) -> tuple[DrArray, DrArray]:
+        """Return the path lengths, start > stop for none, between which lines of rays are inside."""
+        ...
+
+
 @dataclass(eq=False)
 class GraphFace:
     """The face z = Z(x, y) where a x + b y + c z + e >= 0 for every row of the domain.
@@ -40,7 +48,7 @@ class GraphFace:
     domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z, loosely.
     cell : lengths in x and y, mm, within which Z is smooth.
     surface : where the face is one, its first meetings are proven; else paths are sampled, twice a cell.
-    outline : with rounded corners, which bounds the plan instead of rows.
+    outline : with rounded corners, which bounds the plan instead of rows.  trim : what bounds it, too.
     """
 
     backend: Backend
@@ -51,6 +59,7 @@ class GraphFace:
     size: float
     surface: PlacedSurface | None = None
     outline: Outline | None = None
+    trim: Trim | None = None
 
     def __post_init__(self) -> None:
         # opaque numbers do not become part of the kernels, which then serve every lens
@@ -120,6 +129,9 @@ class GraphFace:
             stop = dr.select((rate == 0) & (here < 0), -1, stop)
         if self.outline is not None:
             enters, leaves = chord(self.backend, self.outline, (ox, oy), (dx, dy))
+            start, stop = dr.maximum(start, enters), dr.minimum(stop, leaves)
+        if self.trim is not None:
+            enters, leaves = self.trim.interval(rays)
             start, stop = dr.maximum(start, enters), dr.minimum(stop, leaves)
         return start, stop
 

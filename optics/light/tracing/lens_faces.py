@@ -13,7 +13,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface
-from optics.light.tracing.graph_face import START, GraphFace, Jet, Meeting
+from optics.light.tracing.graph_face import START, GraphFace, Jet, Meeting, Trim
 from optics.light.tracing.ruled_wall import RuledWall
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -70,7 +70,7 @@ def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace | Rule
     surfaces = [PlacedSurface(backend, lens.front, 0.0), PlacedSurface(backend, lens.rear, lens.thickness)]
     outlines = [s.outline for s in (lens.front, lens.rear)]
     graphs = [
-        _surface_face(backend, s, outline, outward, size)
+        surface_face(backend, s, outline, outward, size)
         for s, outline, outward in zip(surfaces, outlines, (-1.0, 1.0))
     ]
     if not outlines[0].is_rectangle:
@@ -136,9 +136,15 @@ class _Edge:
         return [[self.sign * a, b, 0, e] if self.axis == 0 else [b, self.sign * a, 0, e] for a, b, e in rows]
 
 
-def _surface_face(
-    backend: Backend, surface: PlacedSurface, outline: Outline, outward: float, size: float
+def surface_face(
+    backend: Backend,
+    surface: PlacedSurface,
+    outline: Outline,
+    outward: float,
+    size: float,
+    trim: Trim | None = None,
 ) -> GraphFace:
+    """Return the face of a front (outward -1) or a rear (+1) within its outline, and what else trims it."""
     hx, hy = surface.half_width
     if outline.is_rectangle:
         plan, rounded = [[1, 0, 0, hx], [-1, 0, 0, hx], [0, 1, 0, hy], [0, -1, 0, hy]], None
@@ -146,7 +152,7 @@ def _surface_face(
         (cx, cy), more = outline.corners, RIM * size
         plan, rounded = [], Outline((hx + more, hy + more), (cx + more, cy + more))
     domain = _domain(plan, surface.low, surface.high, size)
-    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface, rounded)
+    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface, rounded, trim)
 
 
 def _edge_face(edge: _Edge, size: float) -> GraphFace:

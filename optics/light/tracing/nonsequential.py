@@ -28,11 +28,11 @@ from optics.light.tracing.branches import (
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
-from optics.scene.paths import LightPath, Stop
+from optics.scene.paths import BARE, Coats, LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
-from thbcad.lens import Lens
+from thbcad.moulds import Solid
 from thbcad.outlines import Outline
 
 
@@ -98,24 +98,27 @@ class NonsequentialResult:
 
 def trace_nonsequential(
     backend: Backend,
-    lens: Lens,
+    lens: Solid,
     rays: Rays,
     target: TargetArea,
     bounces: int = 64,
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
+    coats: Coats = BARE,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
+    lens : or its body for a mould.
     bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
     Both drop branches into the fate `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    coats : as of `ClosedLens`.
     """
     require_rays(rays)
-    solid = ClosedLens(backend, lens)
+    solid = ClosedLens(backend, lens, coats)
     n = len(rays.flux)
     by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
 
@@ -133,7 +136,7 @@ def trace_nonsequential(
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
-        if target.blocks:
+        if target.blocks or solid.absorbs:
             length = _blocked_after(branches, meetings, target)
             blocked = np.isfinite(length)
             account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
@@ -168,7 +171,7 @@ def trace_nonsequential(
 
 
 def seen_branches(
-    backend: Backend, lens: Lens, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+    backend: Backend, lens: Solid, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
 ) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
@@ -181,7 +184,7 @@ def seen_branches(
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
-        onward = ~(leaving | (absorbing_wall & (meetings.face == EDGE)))
+        onward = ~(leaving | meetings.absorbed | (absorbing_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])
@@ -204,7 +207,7 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: Rays, target: TargetArea, bounces: int = 64
+    backend: Backend, lens: Solid, rays: Rays, target: TargetArea, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
@@ -227,7 +230,7 @@ def trace_paths(
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
         stub = (gone.origin + lens.thickness * gone.direction).T
-        there = target.receiver.pose.points(np.stack([x, y, np.zeros_like(x)])).T
+        there = np.stack(np.broadcast_arrays(*target.receiver.points(x, y)), axis=-1)
         ends = np.where(reaches[:, None], there, stub)
         for ray, end, which in zip(gone.ray, ends, fate):
             points[ray].append(end)
@@ -244,8 +247,8 @@ def trace_paths(
 
 def _blocked_after(branches: Branches, meetings: Meetings, target: TargetArea) -> Floats:
     """Return the path lengths after which branches meet a stop, a holder or a black wall; inf of others."""
-    first = np.full(len(branches.ray), np.inf)
     ahead = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    first = np.where(meetings.absorbed, ahead, np.inf)
     if target.absorbing_wall:
         first = np.where(meetings.face == EDGE, ahead, first)
     for face, clear in zip((FRONT, REAR), target.clear):

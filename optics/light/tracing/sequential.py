@@ -232,7 +232,8 @@ class Tracer:
             lost["beside_lens" if first else "missed_rear"] += coming - unresolved - blocked - hit
             lost["absorbed"] += hit - reaching
             lost["total_internal"] += reaching - going
-            lost["front_reflected" if first else "rear_reflected"] += going - leaving
+            kept = self._path.surfaces[k].kind == "reflect"  # by a metal, or behind it
+            lost["absorbed" if kept else "front_reflected" if first else "rear_reflected"] += going - leaving
             coming, before = leaving, p.leaving
         on_target, blocked = total(landing.flux, onto), total(before, landing.blocked)
         lost["blocked"] += blocked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,6 +19,7 @@ from optics.reporting.view import (
     Face,
     Scene,
     View,
+    block_means,
     caption,
     corners,
     placed,
@@ -25,13 +27,15 @@ from optics.reporting.view import (
     stop_rims,
     with_far_rays,
 )
-from optics.scene.system import OpticalSystem
+from optics.scene.system import LightTarget, OpticalSystem
 from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
 
+MOST_PIXELS = 256  # of the light on a curved target, across
 SMALL = 0.15  # of the picture: smaller lenses are drawn again, larger
 WIDTH, TALLEST, TEXT = 7.6, 5.0, 0.4  # inches: of the picture, and of what stands under it
+LETTERS = 110  # under a picture; more are smaller
 AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
 
 
@@ -46,7 +50,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     """
     problem = system.problem
     faces, _ = solid_faces(lens)
-    scene = placed(problem, faces)
+    scene = placed(system, faces)
     body = corners(scene.lens)
     target = scene.target if scene.target.size else corners(with_far_rays(scene.lens))
     stops = stop_rims(system, lens)
@@ -60,20 +64,22 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     for box, shape, start in zip(boxes, shapes, starts):
         position = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
         axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
-        _draw(axes, scene, faces, irradiance, paths)
+        _draw(axes, scene, faces, paths)
+        if scene.target.size:
+            _target(axes, scene, irradiance, system.target)
         for rims in stops:
             _stop(axes, scene, rims)
         (left, low), (right, high) = box
         axes.set_xlim(left, right)
         axes.set_ylim(low, high)
-    figure.text(0.5, 0.1 / (height + TEXT), caption(problem, scene), fontsize=9, ha="center")
+    under = caption(problem, scene)
+    size = min(9.0, 9.0 * LETTERS / len(under))
+    figure.text(0.5, 0.1 / (height + TEXT), under, fontsize=size, ha="center")
     return png_bytes(figure)
 
 
-def _draw(
-    axes: Axes, scene: Scene, faces: Sequence[Face], irradiance: Array, paths: Sequence[RayPath]
-) -> None:
-    """Draw everything, what is nearer above what is farther."""
+def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], paths: Sequence[RayPath]) -> None:
+    """Draw source, lens and rays, what is nearer above what is farther."""
     for path in paths:
         points = scene.visible(path.points)
         colour = AIM if path.fate.endswith("on_target") else LOST
@@ -84,8 +90,6 @@ def _draw(
         axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=1.5)
     low, high = scene.box(*(face.points.reshape(3, -1) for face in faces[:2]))
     draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
-    if scene.target.size:
-        _target(axes, scene, irradiance)
 
 
 def _stop(axes: Axes, scene: Scene, rims: Sequence[Array]) -> None:
@@ -106,22 +110,28 @@ def _wider(box: Array, margin: float) -> Array:
     return box + np.array([[-room], [room]])
 
 
-def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
-    """Draw the light on the target's plane."""
-    (x, y), z = scene.target[:2, 2], scene.target[2, 0]
-    origin, right, up = scene(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [z, z, z]])).T
-    plane = Affine2D(
-        np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T
-    )
-    top = float(np.quantile(irradiance, 0.999)) or 1.0
-    axes.imshow(
-        irradiance,
-        cmap="gray",
-        vmin=0,
-        vmax=top,
-        extent=(-x, x, -y, y),
-        transform=plane + axes.transData,
-        interpolation="antialiased",
-        zorder=4,
-    )
-    axes.fill(*scene(scene.target), facecolor="none", edgecolor=INK, lw=0.9, zorder=4)
+def _target(axes: Axes, scene: Scene, irradiance: Array, target: LightTarget) -> None:
+    """Draw the light on the target: a curved one pixel by pixel, or block by block."""
+    (x, y), receiver = target.settings.half_width, target.receiver
+    shown: dict[str, Any] = {"cmap": "gray", "vmin": 0, "vmax": float(np.quantile(irradiance, 0.999)) or 1.0}
+    if target.settings.curved:
+        light = block_means(irradiance, -(-max(irradiance.shape) // MOST_PIXELS))
+        u, v = (np.linspace(-h, h, n + 1) for h, n in zip((x, y), light.shape[::-1]))
+        points = np.stack(np.broadcast_arrays(*receiver.points(*np.meshgrid(u, v[::-1]))))
+        seen = scene(points.reshape(3, -1)).reshape(2, *points.shape[1:])
+        axes.pcolormesh(*seen, light, zorder=4, rasterized=True, **shown)
+    else:
+        corners = np.broadcast_arrays(*receiver.points(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
+        origin, right, up = scene(np.stack(corners)).T
+        plane = Affine2D(
+            np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T
+        )
+        axes.imshow(
+            irradiance,
+            extent=(-x, x, -y, y),
+            transform=plane + axes.transData,
+            interpolation="antialiased",
+            zorder=4,
+            **shown,
+        )
+    axes.fill(*scene(scene.rim), facecolor="none", edgecolor=INK, lw=0.9, zorder=4)

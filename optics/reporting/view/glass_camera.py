@@ -23,6 +23,7 @@ from optics.reporting.view.scene_layout import block_means
 from optics.scene.photometry import encoded_srgb
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
@@ -66,7 +67,8 @@ def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
         found.append((pixel[meets], count[meets], weight[meets], ray[:, :, meets]))
     pixel, count, weight, before = (np.concatenate(column, axis=-1) for column in zip(*found))
     rays = Rays(before[0], before[1], np.ones(pixel.size))
-    out = seen_branches(backend, lens, rays, absorbing_wall=problem.lens.wall == "absorbing")
+    solid = OpticalSystem(problem).solid(lens)
+    out = seen_branches(backend, solid, rays, absorbing_wall=problem.optic.wall == "absorbing")
     behind = np.stack([out.origin, out.direction])
     short = np.float32  # a third of a pixel's grey level is 1e-3
     return LensSight(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isinf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, placed
 from optics.reporting.view.solid_renderer import solid_faces
 from optics.scene.problem import Problem
-from optics.scene.system import source_of
+from optics.scene.system import OpticalSystem, source_of
 from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
@@ -75,7 +74,7 @@ class PhotoRoom:
 
 def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
     """Return the room of a problem's lens."""
-    scene = placed(problem, solid_faces(lens, COARSE)[0])
+    scene = placed(OpticalSystem(problem), solid_faces(lens, COARSE)[0])
     size, top = float(np.ptp(scene.lens[:2], axis=1).max() / 2), float(scene.lens[2, 1])
     hx, hy, throw, smaller = _screen(problem, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw
@@ -92,7 +91,7 @@ def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
         round_lamp=scene.source.shape[1] > CORNERS,
         parallel=source_of(problem).from_afar,
         screen=(hx, hy, top + throw),
-        angular=isinf(problem.target_z),
+        angular=problem.target.far_field,
         table=-max(TALLER * hy, STANDING * size, -scene.lens[1, 0] + 0.1 * size),
         eye=eye,
         forward=forward,
@@ -109,13 +108,13 @@ def _screen(problem: Problem, size: float, top: float) -> tuple[float, float, fl
     size : half-width of the lens.  top : z of its end.
     """
     target = problem.target
-    if isinf(problem.target_z):
+    if target.far_field:
         tangents = np.tan(np.radians(np.minimum(target.half_width, WIDEST)))
         throw = size * min(FAR, LARGEST / float(tangents.max()))
         return float(throw * tangents[0]), float(throw * tangents[1]), throw, 1.0
     hx, hy = target.half_width
     smaller = float(FACTORS[FACTORS * LARGEST * size >= max(hx, hy)].min(initial=FACTORS[-1]))
-    return hx / smaller, hy / smaller, (problem.target_z - top) / smaller, smaller
+    return hx / smaller, hy / smaller, (problem.optic.thickness + problem.throw - top) / smaller, smaller
 
 
 def _aim(eye: Array, points: Array) -> tuple[Array, tuple[float, float, float, float]]:
@@ -145,6 +144,8 @@ def photo_caption(problem: Problem, lens: Lens) -> str:
         screen = f"it shows the intensity in every direction, up to {WIDEST:g} degrees"
         return f"{shown}, and so is the screen: {screen}."
     parts = []
+    if problem.target.position is not None or any(problem.target.tilt) or problem.target.curved:
+        parts.append(f"the screen, which lies {problem.target.place}, is drawn flat across the axis")
     if room.smaller > 1:
         parts.append(f"screen and distance are drawn {room.smaller:g} times smaller than they are")
     if abs(room.stretch - 1) > ROUNDING:

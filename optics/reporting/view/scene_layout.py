@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isinf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from optics.reporting.view.solid_renderer import Face, oblique
 from optics.scene.problem import Problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays, single_rays
-from optics.scene.system import OpticalSystem, source_of
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 Array = NDArray[np.float64]
@@ -29,6 +28,7 @@ LONG = 3.0
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
 BUNDLE = (8, 8)  # rays
+BENDS = 25  # points of a curved target in each direction
 FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 
 
@@ -39,7 +39,7 @@ class Scene:
     turn : (3, 3), rows right, up and towards the viewer
     lens : (3, 2), least and greatest corner of the box around it
     source : (3, n), outline
-    target : (3, 4), corners, or (3, 0) for the far field
+    target : (3, n, m), points of it, along its v and u, or (3, 0, 0) for the far field
     squeeze : how many times the distance behind the lens is drawn shorter than it is (below 1: longer)
     """
 
@@ -55,6 +55,12 @@ class Scene:
         top = self.lens[2, 1]
         return self.turn[:2] @ np.stack([x, y, np.minimum(z, top) + np.maximum(z - top, 0.0) / self.squeeze])
 
+    @property
+    def rim(self) -> Array:
+        """The rim of the target, closed by its first point, (3, k)."""
+        sides = self.target[:, 0], self.target[:, :, -1], self.target[:, -1, ::-1], self.target[:, ::-1, 0]
+        return np.concatenate([side[:, :-1] for side in sides], axis=1)
+
     def visible(self, path: Array) -> Array:
         """Return the points (k, 3) of a path as (3, k), from the source's picture on.
 
@@ -67,15 +73,16 @@ class Scene:
 
     def box(self, *parts: Array) -> Array:
         """Return the (2, 2) least and greatest corner of what is drawn of points."""
-        seen = self(np.concatenate(parts, axis=1))
+        seen = self(np.concatenate([part.reshape(3, -1) for part in parts], axis=1))
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
-def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
-    """Return the scene of a problem, turned so that the target leaves the lens free."""
+def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
+    """Return the scene of a system, turned so that the target leaves the lens free."""
+    problem, receiver = system.problem, system.target.receiver
     points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
     box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
-    source, far = problem.source, source_of(problem).from_afar
+    source, far = problem.source, system.source.from_afar
     before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if far else -source.distance
     circle = source.profile in ("round", "round_gaussian")
     around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
@@ -88,16 +95,19 @@ def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
     outline = np.stack(
         [*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)]
     )
-    if isinf(problem.target_z):
-        return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0)), 1.0)
-    hx, hy = problem.target.half_width
-    corners = np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [problem.target_z] * 4])
-    throw, width = problem.target_z - box[2, 1], hx + box[0, 1]
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
-        FACTORS * throw >= SHORT * width
-    ].min(initial=FACTORS[-1])
+    if receiver.far_field:
+        return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0, 0)), 1.0)
+    bends = BENDS if problem.target.curved else 2
+    grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in problem.target.half_width))
+    target = np.stack(np.broadcast_arrays(*receiver.points(*grid)))
+    throw, width = float(target[2].min()) - box[2, 1], problem.target.half_width[0] + box[0, 1]
+    # what lies aslant is drawn as it is, unless it is far
+    longer = FACTORS[FACTORS * throw >= SHORT * width] if receiver.across_axis else FACTORS
+    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / longer.min(initial=FACTORS[-1])
     turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
-    return Scene(oblique(-turn, RISE), box, outline, corners, squeeze)
+    normal = np.array(receiver.normal(0.0, 0.0))  # of a target that is not to be seen from its edge
+    view = max((oblique(side * turn, RISE) for side in (-1, 1)), key=lambda seen: abs(seen[2] @ normal))
+    return Scene(view, box, outline, target, squeeze)
 
 
 def corners(box: Array) -> Array:
@@ -121,7 +131,7 @@ def caption(problem: Problem, scene: Scene) -> str:
     if not scene.target.size:
         return "rays to the far field"
     hx, hy = problem.target.half_width
-    text = f"target {2 * hx:g} x {2 * hy:g} mm, {problem.target.distance:g} mm behind the lens"
+    text = f"target {2 * hx:g} x {2 * hy:g} mm, {problem.target.place}"
     if scene.squeeze == 1:
         return text
     drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
@@ -143,7 +153,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if target.far_field:
         path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))
         half_width = np.inf, np.inf
-    return trace_paths(backend, lens, rays, TargetArea.of(path, half_width))
+    return trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
 
 
 def with_far_rays(lens: Array) -> Array:

@@ -41,11 +41,11 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
     faces, _ = solid_faces(lens, SAMPLES)
-    scene = placed(system.problem, faces)
+    scene = placed(system, faces)
     step = -(-len(paths) // MOST_PATHS) or 1
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
     body = corners(scene.lens)
-    far = [scene.target] if scene.target.size else [points[:, -1:] for points, _ in shown]
+    far = [scene.rim] if scene.target.size else [points[:, -1:] for points, _ in shown]
     stops = [rim for rims in stop_rims(system, lens) for rim in rims]
     around = np.concatenate([body, scene.source, *stops, *far], axis=1)
     data = {
@@ -107,15 +107,24 @@ def _face(face: Face) -> dict[str, Any]:
 
 
 def _target(scene: Scene, irradiance: Array) -> dict[str, Any] | None:
-    """Return the target's corners, and the light on it as grey levels up to the 99.9 % quantile."""
+    """Return the target's rim, its points as a strip of triangles with their places in the picture, and the
+    light on it as grey levels up to the 99.9 % quantile."""
     if not scene.target.size:
         return None
     side = -(-max(irradiance.shape) // MOST_PIXELS)
     shown = block_means(irradiance, side)
     top = float(np.quantile(irradiance, 0.999)) or 1.0
     grey = np.rint(255 * np.clip(shown / top, 0.0, 1.0))
+    _, rows, columns = scene.target.shape
+    s, t = np.meshgrid(np.linspace(0, 1, columns), np.linspace(1, 0, rows))
+    grid = np.concatenate([scene.target, [s, t, np.zeros_like(s)]])
+    pairs = np.stack([grid[:, :-1], grid[:, 1:]], axis=-1).reshape(6, rows - 1, -1)
+    # the ends of every row twice: triangles without area lead to the next
+    strip = np.concatenate([pairs[..., :1], pairs, pairs[..., -1:]], axis=-1).reshape(6, -1)
     return {
-        "corners": scene.target.T.tolist(),
+        "rim": scene.rim.T.tolist(),
+        "strip": strip[:3].T.tolist(),
+        "at": strip[3:].T.tolist(),
         "image": {"shape": grey.shape, "grey": _packed(grey, np.uint8)},
     }
 

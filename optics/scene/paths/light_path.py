@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -32,6 +33,8 @@ class Medium:
 
 
 AIR = Medium(1.0)
+Coats: TypeAlias = "tuple[float | None, float | None]"  # share of the light that goes through front and rear
+BARE: Coats = (None, None)
 
 
 class HeightError(Protocol):
@@ -126,16 +129,37 @@ class LightPath:
         stops: tuple[Stop, ...] = (),
         clear: tuple[Outline, Outline] | None = None,
         absorbing_wall: bool = False,
+        pose: Pose = IDENTITY,
+        coats: Coats = BARE,
     ) -> LightPath:
-        """Return the path through front and rear of a lens in air, in the frame of its front vertex.
+        """Return the path through front and rear of a lens in air.
 
-        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.
+        absorption : of its glass, 1/mm.  clear, coats : of front and rear, see `Surface`.  pose : from the
+        frame of its front vertex to that of the path.
         """
         open_front, open_rear = clear or (None, None)
-        front = Surface(lens.front, clear=open_front)
-        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
+        front = Surface(lens.front, pose, share=coats[0], clear=open_front)
+        behind = pose @ Pose.at((0.0, 0.0, lens.thickness))
+        rear = Surface(lens.rear, behind, share=coats[1], clear=open_rear)
         media = AIR, Medium(lens.index, absorption), AIR
         return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
+
+    @classmethod
+    def by_mirror(
+        cls,
+        blank: Lens,
+        share: float,
+        pose: Pose,
+        receiver: Receiver,
+        stops: tuple[Stop, ...] = (),
+        clear: Outline | None = None,
+    ) -> LightPath:
+        """Return the path by the front of a mirror's blank, which reflects a share of the light.
+
+        pose : from the frame of its vertex to that of the path.
+        """
+        face = Surface(blank.front, pose, "reflect", share, clear=clear)
+        return cls((face,), (AIR, AIR), receiver, stops=stops)
 
     @property
     def sags(self) -> list[THBSurface]:
@@ -156,6 +180,23 @@ class LightPath:
         apart = float(np.linalg.norm(second.pose.shift - first.pose.shift))
         return float(first.pose.shift[2]) - BEFORE * (max(first.shape.half_width) + apart)
 
+    @property
+    def throw(self) -> float:
+        """From the vertex of the last surface to the middle of the receiver, mm; inf to the far field."""
+        if self.receiver.far_field:
+            return inf
+        return float(np.linalg.norm(self.receiver.toward(self.surfaces[-1].pose.shift, 0.0, 0.0)))
+
+    @property
+    def leaving(self) -> Pose:
+        """The frame at the vertex of the last surface from which +z goes to the middle of the receiver."""
+        vertex = self.surfaces[-1].pose.shift
+        towards = np.array(self.receiver.toward(vertex, 0.0, 0.0))
+        x, y, z = towards / np.linalg.norm(towards)
+        across = np.hypot(x, y)
+        angle, (i, j) = np.arctan2(across, z), (-y / across, x / across) if across else (1.0, 0.0)
+        return Pose.at(vertex, (angle * i, angle * j, 0.0))
+
     def onto(self, receiver: Receiver) -> LightPath:
         """Return the path to another receiver."""
         return self if receiver is self.receiver else replace(self, receiver=receiver)
@@ -172,10 +213,20 @@ class LightPath:
         """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
         return self._with(replace(s, share=1.0) if s.share != 1 else s for s in self.surfaces)
 
+    def without_coats(self) -> LightPath:
+        """Return the path through bare glass, and by mirrors that reflect all."""
+        shares = (1.0 if s.kind == "reflect" else None for s in self.surfaces)
+        pairs = zip(self.surfaces, shares)
+        return self._with(s if s.share == share else replace(s, share=share) for s, share in pairs)
+
     def without_stops(self) -> LightPath:
         """Return the path that nothing blocks: neither stops nor a holder of the lens."""
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
         return replace(path, stops=()) if path.stops else path
+
+    def held(self, clear: Sequence[Outline]) -> LightPath:
+        """Return the path through surfaces of which a holder leaves at most these outlines free."""
+        return self._with(s if s.clear else replace(s, clear=c) for s, c in zip(self.surfaces, clear))
 
     def with_stops_moved(self, motion: Pose) -> LightPath:
         """Return the path with its stops elsewhere.  motion : in the frame of the path."""
@@ -196,6 +247,10 @@ class LightPath:
         return self._with(
             replace(s, pose=motion @ s.pose) if k == surface else s for k, s in enumerate(self.surfaces)
         )
+
+    def with_shape(self, surface: int, shape: FreeformSurface) -> LightPath:
+        """Return the path over surfaces of which one has another shape."""
+        return self._with(replace(s, shape=shape) if k == surface else s for k, s in enumerate(self.surfaces))
 
     def seen_from(self, pose: Pose) -> LightPath:
         """Return the path in the frame of a body with this pose."""

@@ -1,4 +1,4 @@
-"""The problem file and its limits of manufacture."""
+"""The problem file."""
 
 from typing import TYPE_CHECKING
 
@@ -12,21 +12,12 @@ if TYPE_CHECKING:
         lists_tables as lists_tables,
         table_of as table_of,
     )
+    from optics.scene.problem.elements import (
+        LensElement as LensElement,
+        MirrorElement as MirrorElement,
+        Placed as Placed,
+    )
     from optics.scene.problem.key_changes import assignment as assignment
-    from optics.scene.problem.limit_remedies import limit_sentences as limit_sentences
-    from optics.scene.problem.manufacture_text import (
-        as_data as as_data,
-        manufacture_rows as manufacture_rows,
-        position as position,
-    )
-    from optics.scene.problem.manufacturing_limits import (
-        Miss as Miss,
-        feature_levels as feature_levels,
-        limit_advice as limit_advice,
-        limit_checks as limit_checks,
-        limit_misses as limit_misses,
-        require_limits as require_limits,
-    )
     from optics.scene.problem.problem_record import Problem as Problem, load_problem as load_problem
     from optics.scene.problem.run_schema import (
         Export as Export,
@@ -43,6 +34,7 @@ if TYPE_CHECKING:
         Freeform as Freeform,
         Front as Front,
         LensSpec as LensSpec,
+        Optic as Optic,
         Rear as Rear,
         Source as Source,
         StopSpec as StopSpec,

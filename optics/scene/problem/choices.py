@@ -5,23 +5,21 @@ from __future__ import annotations
 ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 
-_ONE_LENS = "there is one lens and nothing else that bends light"
-_ON_AXIS = "the target is a plane across the axis, with its middle on it"
-_BARE = "surfaces are bare: they have no coating and no mirror"
+_ONE_LENS = "there is one element, a lens or a mirror: [[element]] says where it lies"
+_BARE = "lenses are bare: their surfaces have no coating"
 _ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
 # the program learns leaves this table, as a test of it says
 CANNOT = {
-    **dict.fromkeys(("element", "lense", "mirror", "reflector", "prism"), _ONE_LENS),
+    **dict.fromkeys(("lense", "reflector", "prism"), _ONE_LENS),
     "path": "light goes through the front, then through the rear",
-    **dict.fromkeys(("reflectance", "coating"), _BARE),
+    "coating": _BARE,
     **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
     "array": "there is one lens before one source",
     "grin": "the index is the same everywhere in the lens",
-    **dict.fromkeys(("target.tilt", "target.position", "target.shift", "target.turn"), _ON_AXIS),
-    **dict.fromkeys(("target.surface", "target.radius"), "the target is a plane"),
     **dict.fromkeys(
-        ("lens.position", "lens.tilt"), "the lens lies on the axis, with its front vertex at z = 0"
+        ("lens.position", "lens.tilt"),
+        "[lens] lies on the axis, with its front vertex at z = 0: take [[element]]",
     ),
     "source.position": _ALONG_Z,
     "run.device": "light is traced on the processor",

@@ -46,17 +46,27 @@ def lists_tables(hint: Any) -> bool:
     return get_origin(hint) is tuple and table_of(hint) is not None
 
 
+def variants_of(kind: type[Record]) -> tuple[type[Record], ...]:
+    """Return the records that a table may be, by its key `kind`; itself, where there is one."""
+    return tuple(getattr(kind, "kinds", {"": kind}).values())
+
+
 def keys_of(kind: type[Record], prefix: str = "") -> Iterator[Key]:
     """Yield every key of a record and of its tables, a table before its keys.
 
     prefix : of their names, "" or "table."
     """
-    for f in fields(kind):
-        hint = hints_of(kind)[f.name]
-        yield Key(prefix + f.name, hint, f.metadata, f.default)
-        table = table_of(hint)
-        if table is not None:
-            yield from keys_of(table, f"{prefix}{f.name}.")
+    told = set()
+    for variant in variants_of(kind):
+        for f in fields(variant):
+            if f.name in told:
+                continue
+            told.add(f.name)
+            hint = hints_of(variant)[f.name]
+            yield Key(prefix + f.name, hint, f.metadata, f.default)
+            table = table_of(hint)
+            if table is not None:
+                yield from keys_of(table, f"{prefix}{f.name}.")
 
 
 def key_of(name: str, kind: type[Record]) -> Key | None:
@@ -95,6 +105,7 @@ def did_you_mean(key: str, kind: type[Record]) -> str:
     if not near:
         beside = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == table}
         near = [beside[match] for match in get_close_matches(name, beside, 1)]
+    near = [k for k in near if not _list_of(k, kind)] or near
     if listed:
         near = [f"{listed}NAME.{k.removeprefix(listed)}" for k in near]
     return f" (did you mean {' or '.join(near[:MOST])}?)" if near else ""

@@ -101,9 +101,9 @@ def _wanted(key: Key) -> str:
     if any(get_origin(get_args(kind)[0]) is tuple for kind in kinds):
         names = "".join(f", or {name}" for name in (key.limits["choices"] or ())[:1])
         return f"a list of rows, such as {key.name}=[[450, 1.5], [550, 1.49]]{names}"
-    if get_origin(key.hint) is tuple:
-        number = "1" if get_args(key.hint)[0] is int else "1.5"
-        several = ", ".join([number] * max(len(get_args(key.hint)), 2))
+    if kinds:
+        number = "1" if get_args(kinds[0])[0] is int else "1.5"
+        several = ", ".join([number] * max(len(get_args(kinds[0])), 2))
         return f"a list of numbers, such as {key.name}=[{several}]"
     if key.hint is bool:
         return "true or false"

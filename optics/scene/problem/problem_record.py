@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from html import escape
 from itertools import pairwise
+from math import dist, inf
 from pathlib import Path
+from typing import Any
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
+from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.required_apertures import require_apertures
+from optics.scene.problem.required_target import require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import (
     LEAST_FLUX,
     SHORTEST,
     SOURCES,
     LensSpec,
+    Optic,
     Rows,
     Source,
     StopSpec,
@@ -54,13 +59,14 @@ class Problem:
     ...     lens={"index": 1.5, "thickness": 6, **sides},
     ...     target=Target(kind="tophat", distance=60, half_width=(20, 20), pixels=(32, 32)),
     ... )
-    >>> problem.with_(**{"target.distance": 400}).target_z  # mm
-    406.0
+    >>> problem.with_(**{"target.distance": 400}).target.place
+    '400 mm behind the lens'
     """
 
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
     source: Source = option()
-    lens: LensSpec = option()
+    lens: LensSpec | None = option(None, note="the one lens, on the axis, its front vertex at 0")
+    element: tuple[Placed, ...] = option((), note="a lens or a mirror anywhere, in place of [lens]")
     target: Target = option()
     stop: tuple[StopSpec, ...] = option((), note="what absorbs light beside the lens; any number of them")
     optimizer: Optimizer = option(Optimizer())
@@ -76,10 +82,28 @@ class Problem:
             object.__setattr__(self, name, value)
         _require_partners(self)
 
+    @cached_property
+    def optic(self) -> Optic:
+        """The lens or the mirror whose surface is free."""
+        optic = self.lens or self.element[0]
+        assert isinstance(optic, Optic)
+        return optic
+
+    def with_optic(self, **changes: Any) -> Problem:
+        """Return a variation with other values of keys of the optic."""
+        if self.lens:
+            return replace(self, lens=replace(self.lens, **changes))
+        return replace(self, element=(self.element[0].with_keys(**changes),))
+
     @property
-    def target_z(self) -> float:
-        """z of the target plane, mm."""
-        return self.lens.thickness + self.target.distance
+    def throw(self) -> float:
+        """From the rear vertex, or a mirror's, to the middle of the target, mm; inf to the far field."""
+        target, optic = self.target, self.optic
+        if target.position is None:
+            return inf if target.distance is None else target.distance
+        if isinstance(optic, Placed):
+            return dist(target.position, optic.position)
+        return dist(target.position, (0.0, 0.0, optic.thickness))
 
     def with_(self, **changes: object) -> Problem:
         """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
@@ -98,12 +122,10 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        from optics.scene.receivers import receiver_at  # loads numpy, which a problem itself does without
-
-        source, lens, target = self.source, self.lens, self.target
-        receiver = receiver_at(self.target_z)
-        far, unit = receiver.far_field, receiver.unit
+        source, lens, target = self.source, self.optic, self.target
         made_of = f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
+        if isinstance(lens, MirrorElement):
+            made_of = f"mirror, reflectance {lens.share:g}"
         rows = {
             "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
             "lens": f"{made_of}, thickness {lens.thickness:g} mm",
@@ -119,8 +141,8 @@ class Problem:
                 )
                 rows[name] += f", sag within {free.z_freedom} mm"
         rows["target"] = (
-            f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
-            f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
+            f"{target.kind}, {target.place}, half-width {_by(target.half_width)} "
+            f"{'degrees' if target.far_field else 'mm'}, {_by(target.pixels)} pixels"
         )
         lines = (
             f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items()
@@ -135,8 +157,9 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
+    _require_one_optic(problem)
     for key, text in (
-        ("lens.material", problem.lens.material),
+        (problem.optic.key("material"), problem.optic.material),
         ("export.product", problem.export.product),
         ("export.author", problem.export.author),
         ("export.organization", problem.export.organization),
@@ -145,52 +168,73 @@ def _require_partners(problem: Problem) -> None:
             require_line(key, text)
         except ValueError as error:
             raise UserError(str(error)) from None
-    target, lens, spectrum = problem.target, problem.lens, problem.source.spectrum
-    if target.kind == "image" and not target.image:
-        raise UserError("the key target.image is missing; add it")
-    if target.kind == "function" and not target.formula:
-        raise UserError("the key target.formula is missing; add it")
-    if target.kind != "image" and target.seen_from == "lens":
-        raise UserError(
-            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
-            "the page on targets"
-        )
-    if math.isinf(target.distance) and max(target.half_width) >= 90:
-        raise UserError(
-            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
-        )
+    optic, spectrum = problem.optic, problem.source.spectrum
+    require_target(problem.target)
     _require_source(problem.source)
-    if lens.index == AUTO and not (lens.indices or lens.material):
-        raise UserError(
-            "the key lens.index is missing (refractive index, relative to the air around); add it, or name a "
-            'known material, such as lens.material = "PMMA"'
-        )
-    _require_rows("lens.indices", lens.indices, LEAST_INDEX, 10.0)
-    _require_rows("lens.absorptions", lens.absorptions, 0.0, 1e3)
+    if isinstance(optic, LensSpec):
+        _require_glass(optic)
     if not isinstance(spectrum, str):
         _require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
-    require_apertures(lens, problem.stop)
-    merge, pixels = problem.optimizer.merge, min(target.pixels)
+    require_apertures(optic, problem.stop)
+    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
         )
-    if not lens.free:
+    _require_free(optic)
+    most = optic.thickness + sum(f.freedom for f in optic.free.values())
+    if problem.limits.thickness > most and not optic.automatic:
         raise UserError(
-            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
-        )
-    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
-        raise UserError(
-            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
-            f'got "{AUTO}"'
-        )
-    most = lens.thickness + sum(f.freedom for f in lens.free.values())
-    if problem.limits.thickness > most and not lens.automatic:
-        raise UserError(
-            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
+            f"limits.thickness must be at most {most:g} mm, {optic.key('thickness')} and z_freedom together, "
             f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_one_optic(problem: Problem) -> None:
+    """Refuse a problem with another number of elements than one."""
+    if problem.lens is None and not problem.element:
+        raise UserError("the key lens is missing; add it, or an [[element]]")
+    if problem.lens and problem.element:
+        raise UserError("[lens] is a lens on the axis, in place of [[element]]; leave one of them out")
+    if len(problem.element) > 1:
+        raise UserError(
+            f"one [[element]] can be designed, got {len(problem.element)}: "
+            f"{', '.join(e.name for e in problem.element)}; leave the others out"
+        )
+    if problem.element and problem.target.distance is not None:
+        raise UserError(
+            f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
+            'target.position, or target.surface = "far_field"'
+        )
+    for k, element in enumerate(problem.element):
+        if not element.name:
+            raise UserError(f'element[{k}].name is missing; add one, such as name = "M1"')
+
+
+def _require_glass(lens: LensSpec) -> None:
+    """Refuse a lens of which nobody knows the index."""
+    if lens.index == AUTO and not (lens.indices or lens.material):
+        raise UserError(
+            f"the key {lens.key('index')} is missing (refractive index, relative to the air around); add it, "
+            f'or name a known material, such as {lens.key("material")} = "PMMA"'
+        )
+    _require_rows(lens.key("indices"), lens.indices, LEAST_INDEX, 10.0)
+    _require_rows(lens.key("absorptions"), lens.absorptions, 0.0, 1e3)
+
+
+def _require_free(optic: Optic) -> None:
+    """Refuse an element without a surface to design, and a fixed one whose base is left to the program."""
+    if not optic.free:
+        mirror = isinstance(optic, MirrorElement)
+        fixed = optic.key("front.freeform" if mirror else "rear.freeform")
+        remedy = "leave it out" if mirror else f"add the table {optic.key('front.freeform')}"
+        raise UserError(f"{fixed} = false leaves no surface to design; {remedy}")
+    if optic.rear.freeform is None and AUTO in (optic.rear.radius, optic.rear.conic):
+        raise UserError(
+            f"{optic.key('rear.radius')} and {optic.key('rear.conic')} must be numbers with "
+            f'{optic.key("rear.freeform")} = false, got "{AUTO}"'
         )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from math import inf, isinf
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from optics.scene.photometry import ILLUMINANTS
 from optics.scene.problem.toml_records import AUTO, option
@@ -173,22 +173,30 @@ class Freeform:
         return FINEST_AUTO if isinstance(self.max_level, str) else self.max_level
 
 
-def _radius(automatic: str) -> Any:
+def radius_option(automatic: str) -> Any:
     """Return the option of a surface's radius.  automatic : what "auto" stands for."""
     note = f"mm, of the vertex; positive opens to +z, inf is a plane; {automatic}"
-    return option(math.inf, infinite=True, size=RADII, note=note, auto=True)
+    return option(inf, infinite=True, size=RADII, note=note, auto=True)
 
 
-def _conic() -> Any:
+def conic_option() -> Any:
+    """Return the option of a surface's conic constant."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
     return option(0.0, size=(0, GREATEST_CONIC), note=note, auto=True)
 
 
-def _slope_rms() -> Any:
+def slope_rms_option() -> Any:
+    """Return the option of a surface's roughness."""
     note = (
         "radians, of errors of the slope in x and in y that blur the light: roughness, the steps of a print"
     )
     return option(0.0, low=0, high=0.3, note=note)
+
+
+def reflectance_option() -> Any:
+    """Return the option of a coating."""
+    note = "share of the light that a coating reflects, at any angle; left out is bare glass by Fresnel's law"
+    return option(None, low=0, high=1, note=note)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,16 +205,17 @@ class Front:
 
     Examples
     --------
-    >>> problem.lens.front.freeform is None, problem.lens.front.radius  # a plane, unless asked for
+    >>> problem.optic.front.freeform is None, problem.optic.front.radius  # a plane, unless asked for
     (True, inf)
     """
 
     half_width: tuple[float, float] = option(
         low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
     )
-    radius: float | str = _radius("auto is a plane too")
-    conic: float | str = _conic()
-    slope_rms: float = _slope_rms()
+    radius: float | str = radius_option("auto is a plane too")
+    conic: float | str = conic_option()
+    slope_rms: float = slope_rms_option()
+    reflectance: float | None = reflectance_option()
     freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free")
 
 
@@ -216,7 +225,7 @@ class Rear:
 
     Examples
     --------
-    >>> problem.lens.rear.freeform.degree
+    >>> problem.optic.rear.freeform.degree
     3
     """
 
@@ -226,15 +235,23 @@ class Rear:
     freeform: Freeform | None = option(
         Freeform(), note="false in place of this table is the conic alone, behind a free front"
     )
-    radius: float | str = _radius("auto takes it from the light")
-    conic: float | str = _conic()
-    slope_rms: float = _slope_rms()
+    radius: float | str = radius_option("auto takes it from the light")
+    conic: float | str = conic_option()
+    slope_rms: float = slope_rms_option()
+    reflectance: float | None = reflectance_option()
+
+
+def outline_option() -> Any:
+    """Return the option of an element's outline."""
+    return option(
+        "rectangle", choices=OUTLINES, note="the largest such shape within each surface's half_width"
+    )
 
 
 def base_of(surface: Front | Rear) -> tuple[float, float]:
     """Return radius and conic constant of a surface; those of a plane where they are not known yet."""
     if isinstance(surface.radius, str):
-        return math.inf, 0.0
+        return inf, 0.0
     return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
 
 
@@ -245,7 +262,7 @@ def freedom_of(surface: Front | Rear) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class BodySpec:
-    """The body that leaves a mould, as the table [lens.body]; `thbcad export` writes it as a solid.
+    """The body that leaves a mould, as the table [lens.body], which STEP files hold.
 
     Examples
     --------
@@ -276,64 +293,68 @@ class BodySpec:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class LensSpec:
-    """The lens before it is designed, as the table [lens].
+class Optic:
+    """A lens or a mirror, as a problem describes it: a body with two surfaces and one outline.
 
-    Examples
-    --------
-    >>> [*problem.lens.free]
-    ['rear']
+    A table [lens] or [[element]] has these keys, or says otherwise what they are.
     """
 
-    index: float | str = option(
-        AUTO,
-        above=1,
-        high=10,
-        note="refractive index, relative to the air around; auto takes it from indices or the material",
-        auto=True,
-    )
-    thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
-    material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
-    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
-    absorption: float | str = option(
-        0.0,
-        low=0,
-        high=1e3,
-        note="1/mm: exp(-absorption path) of the light stays; auto takes the material's",
-        auto=True,
-    )
-    absorptions: Rows = option(
-        (), note="[[nm, 1/mm], ...] for other wavelengths; [] is absorption everywhere"
-    )
-    density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
-    outline: str = option(
-        "rectangle", choices=OUTLINES, note="the largest such shape within each surface's half_width"
-    )
-    corner_radius: float = option(
-        0.0,
-        low=0,
-        high=LONGEST,
-        note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
-    )
-    clear_aperture: tuple[float, float] = option(
-        (0.0, 0.0),
-        low=0,
-        high=LONGEST,
-        note="mm, half-widths of what a holder leaves free of the larger surface, shaped like the outline, "
-        "and of the smaller in proportion; 0 is all",
-    )
-    wall: str = option(
-        "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
-    )
-    body: BodySpec | None = option(None, note="the body for a mould, which thbcad export writes")
-    front: Front = option()
-    rear: Rear = option()
+    if TYPE_CHECKING:
+
+        @property
+        def front(self) -> Front: ...
+        @property
+        def rear(self) -> Rear: ...
+        @property
+        def index(self) -> float | str: ...
+        @property
+        def indices(self) -> Rows: ...
+        @property
+        def material(self) -> str: ...
+        @property
+        def absorption(self) -> float | str: ...
+        @property
+        def absorptions(self) -> Rows: ...
+        @property
+        def thickness(self) -> float: ...
+        @property
+        def density(self) -> float: ...
+        @property
+        def outline(self) -> str: ...
+        @property
+        def corner_radius(self) -> float: ...
+        @property
+        def clear_aperture(self) -> tuple[float, float]: ...
+        @property
+        def wall(self) -> str: ...
+        @property
+        def body(self) -> BodySpec | None: ...
 
     @property
     def known_index(self) -> float:
         """The index; 0 where it is not known yet."""
         return 0.0 if isinstance(self.index, str) else self.index
+
+    noun: ClassVar[str] = "lens"
+
+    def face_name(self, name: str) -> str:
+        """Return what a sentence calls its front or its rear."""
+        return name
+
+    @property
+    def table(self) -> str:
+        """Its name in dotted keys."""
+        return "lens"
+
+    def key(self, name: str) -> str:
+        """Return the dotted key of one of its own, such as "rear.radius"."""
+        return f"{self.table}.{name}"
+
+    @property
+    def coats(self) -> tuple[float | None, float | None]:
+        """The shares of the light that coatings of front and rear let through; None is bare glass."""
+        front, rear = (None if s.reflectance is None else 1 - s.reflectance for s in (self.front, self.rear))
+        return front, rear
 
     def corners(self, half_width: tuple[float, float]) -> tuple[float, float]:
         """Return the semi-axes of the corners of a surface with these half-widths, mm; 0 of a rectangle."""
@@ -364,6 +385,59 @@ class LensSpec:
         """Whether the base lens or a bound of the sags is left to the program."""
         bounds = [freeform.z_freedom for freeform in self.free.values()]
         return AUTO in (*bounds, *(value for s in (self.front, self.rear) for value in (s.radius, s.conic)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensSpec(Optic):
+    """The lens before it is designed, as the table [lens].
+
+    Examples
+    --------
+    >>> [*problem.optic.free]
+    ['rear']
+    """
+
+    index: float | str = option(
+        AUTO,
+        above=1,
+        high=10,
+        note="refractive index, relative to the air around; auto takes it from indices or the material",
+        auto=True,
+    )
+    thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
+    material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
+    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
+    absorption: float | str = option(
+        0.0,
+        low=0,
+        high=1e3,
+        note="1/mm: exp(-absorption path) of the light stays; auto takes the material's",
+        auto=True,
+    )
+    absorptions: Rows = option(
+        (), note="[[nm, 1/mm], ...] for other wavelengths; [] is absorption everywhere"
+    )
+    density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
+    outline: str = outline_option()
+    corner_radius: float = option(
+        0.0,
+        low=0,
+        high=LONGEST,
+        note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
+    )
+    clear_aperture: tuple[float, float] = option(
+        (0.0, 0.0),
+        low=0,
+        high=LONGEST,
+        note="mm, half-widths of what a holder leaves free of the larger surface, shaped like the outline, "
+        "and of the smaller in proportion; 0 is all",
+    )
+    wall: str = option(
+        "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
+    )
+    body: BodySpec | None = option(None, note="the body for a mould, which STEP files hold")
+    front: Front = option()
+    rear: Rear = option()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -412,16 +486,34 @@ class Target:
     lit: tuple[float, float] = option(
         (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
     )
-    distance: float = option(
+    distance: float | None = option(
+        None,
         low=SHORTEST,
         high=FARTHEST,
         infinite=True,
-        note="mm from the rear vertex to the target plane; inf is the far field",
+        note="mm from the rear vertex to the middle of the target, on the axis; inf is the far field",
+    )
+    position: tuple[float, float, float] | None = option(
+        None, size=(0, FARTHEST), note="mm, of the target's middle, in place of distance"
+    )
+    tilt: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), size=(0, 360), note="right-handed degrees about own x, then own y, then own z"
+    )
+    surface: str = option(
+        "plane",
+        choices=("plane", "cylinder", "sphere", "far_field"),
+        note="what is lit, from its own -z; the axis of a cylinder is its own y",
+    )
+    radius: float = option(
+        inf,
+        size=(SHORTEST, FARTHEST),
+        infinite=True,
+        note="mm, of a cylinder or a sphere; above 0 it bulges to the light",
     )
     half_width: tuple[float, float] = option(
         low=SHORTEST,
         high=FARTHEST,
-        note="mm in x and y, from the axis to the border; degrees in the far field",
+        note="mm in own x and y, from the middle to the border, along the surface; degrees in the far field",
     )
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
@@ -431,6 +523,7 @@ class Target:
         choices=("behind", "lens"),
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
     )
+    crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
 
     data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
 
@@ -441,3 +534,37 @@ class Target:
         Regions and formulas are made on the pixels themselves.
         """
         return self.fit if self.kind == "image" else "stretch"
+
+    @property
+    def far_field(self) -> bool:
+        """Whether light is asked for by direction."""
+        return self.surface == "far_field" or self.distance == inf
+
+    @property
+    def curved(self) -> bool:
+        """Whether light is asked for on a curved surface."""
+        return self.surface in ("cylinder", "sphere")
+
+    @property
+    def gentler(self) -> str:
+        """What lets light be bent less, in words."""
+        farther = (
+            "target.distance larger" if self.position is None else "move target.position nearer the axis"
+        )
+        return f"make target.half_width smaller or {farther}"
+
+    @property
+    def place(self) -> str:
+        """What is lit, and where it lies, in words."""
+        parts = []
+        if not isinf(self.radius):
+            parts.append(f"on a {self.surface} of radius {self.radius:g} mm")
+        if self.far_field:
+            parts.append("in the far field")
+        elif self.position is None:
+            parts.append(f"{self.distance:g} mm behind the lens")
+        else:
+            parts.append("at ({:g}, {:g}, {:g}) mm".format(*self.position))
+        if any(self.tilt):
+            parts.append("tilted by ({:g}, {:g}, {:g}) degrees".format(*self.tilt))
+        return ", ".join(parts)

@@ -114,10 +114,10 @@ def checked_values(
                 raise UserError(f"the key {key} is missing{note}; add it")
             continue
         value, table = data[f.name], table_of(hint)
-        if table is None:
+        if NoneType in get_args(hint) and (value is None or value is False):
+            values[f.name] = None  # a table or a number left out: None in code, false in a file
+        elif table is None:
             values[f.name] = _value(key, hint, value, f.metadata)
-        elif NoneType in get_args(hint) and (value is None or value is False):
-            values[f.name] = None  # a table left out: None in code, false in a file
         elif lists_tables(hint):
             values[f.name] = _tables(table, value, folder, key, root)
         else:
@@ -136,9 +136,10 @@ def _tables(
         raise UserError(
             f"{key} must be a list of tables, [[{key}]], at most {MOST_TABLES}, got {_brief(data)}"
         )
-    records = [
-        kind(**checked_values(kind, table, folder, f"{key}[{k}].", root)) for k, table in enumerate(data)
-    ]
+    records = []
+    for k, table in enumerate(data):
+        variant = _variant(kind, table, f"{key}[{k}]")
+        records.append(variant(**checked_values(variant, table, folder, f"{key}[{k}].", root)))
     names = [getattr(record, "name", "") for record in records]
     for k, name in enumerate(names):
         if name and not NAME.fullmatch(name):
@@ -151,9 +152,23 @@ def _tables(
     return tuple(records)
 
 
+def _variant(kind: type[Record], table: object, key: str) -> type[Record]:
+    """Return the record of a table of several kinds, which its key `kind` names, or of one kind."""
+    kinds: Mapping[object, type[Record]] = getattr(kind, "kinds", {})
+    if not kinds:
+        return kind
+    if isinstance(table, kind):
+        return type(table)
+    name = table.get("kind") if isinstance(table, Mapping) else None
+    if name not in kinds:
+        raise UserError(f"{key}.kind must be one of {', '.join(map(repr, kinds))}, got {_brief(name)}")
+    return kinds[name]
+
+
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
-    if isinstance(hint, UnionType) and not limits["auto"]:  # a name, or rows of numbers
-        hint = next(kind for kind in get_args(hint) if (kind is str) == isinstance(value, str))
+    if isinstance(hint, UnionType) and not limits["auto"]:  # a name, or rows of numbers; what may be left out
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        hint = next((kind for kind in kinds if (kind is str) == isinstance(value, str)), kinds[0])
     if get_origin(hint) is tuple:
         return _row(key, hint, value, limits)
     if hint is str:
@@ -257,8 +272,9 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
         choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
         words = "; ".join(w for w in (f.metadata["note"], choices) if w)
         value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
-        if value is None and f.default is not None:
-            lines.append(f"{f.name} = false{remark}\n")
+        is_table = table_of(hints_of(type(record))[f.name]) is not None
+        if value is None and (f.default is not None or not is_table):
+            lines.append(f"{f.name} = false{remark}\n" if is_table or notes else "")
             continue
         if value is None:
             tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.receivers.curved_receivers import Cylinder as Cylinder, Sphere as Sphere
     from optics.scene.receivers.fitted_picture import fit_picture as fit_picture
     from optics.scene.receivers.formula import (
         MAX_LENGTH as MAX_LENGTH,

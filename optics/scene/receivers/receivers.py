@@ -1,7 +1,8 @@
-"""Where light is received: a plane, or the directions of the far field, each with the chart of its picture.
+"""Where light is received: a plane, cylinder, sphere or the far field, each with the chart of its picture.
 
-A chart names a point of the receiver by two coordinates (u, v): lengths in a plane, angles in the far field.
-Light travels to +z of the receiver's own frame; what comes from behind, or along it, never meets it.
+A chart names a point of the receiver by two coordinates (u, v): lengths along a surface, angles in the far
+field.  (u, v, direction of the light) are right-handed: light travels to +z of the receiver's own frame, and
+what comes from behind, or along it, never meets it.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import isinf
+from math import inf, isinf
 from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from thbcad.poses import IDENTITY, Pose
+from thbcad.values import Value
 
 Triple: TypeAlias = Any  # of numbers or arrays, one for each coordinate
 
@@ -38,7 +40,7 @@ class LandingPoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Receiver(ABC):
+class Receiver(Value, ABC):
     """What receives light.
 
     pose : from its own frame to that of the scene.
@@ -65,16 +67,41 @@ class Receiver(ABC):
         """
         own, (p, q, r) = seen_from(self.pose, point, direction, number)
         met = r > 0
-        choose = np.where if library is np else library.select  # numpy's `select` is another function
-        return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
+        u, v, length, lands = self._chart(own, (p, q, choose_by(library)(met, r, 1)), library, number)
+        return LandingPoint(u, v, length, p, q, met if lands is True else met & lands)
 
     @abstractmethod
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
-        """Return u, v and the length of rays that go to +z, in the own frame."""
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
+        """Return u, v, the length and whether there is a meeting, of rays that go to +z, in the own frame."""
 
     @abstractmethod
+    def points(self, u: Any, v: Any) -> Any:
+        """Return where (u, v) lies, mm; in the far field a point in that direction from its frame."""
+
+    @abstractmethod
+    def normal(self, u: Any, v: Any) -> Any:
+        """Return the unit normal there, along which light goes through it; the direction in the far field."""
+
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return directions of any length from points to where light shall land."""
+        x, y, z = (a - b for a, b in zip(self.points(u, v), point))
+        return x, y, z
+
+    def area(self, u: Any, v: Any) -> Any:
+        """Return the area over du dv, mm^2 or solid angle in square degrees: pictures are light per area."""
+        return np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """Below which |u| and |v| lie of all places that the chart names."""
+        return inf, inf
+
+    @property
+    def across_axis(self) -> bool:
+        """Whether it is a plane across the axis z with its middle on it, or the far field around it."""
+        return not self.pose.rotates and not self.pose.shift[:2].any()
 
     @property
     def mirror_axes(self) -> tuple[int, ...]:
@@ -97,17 +124,21 @@ class Plane(Receiver):
     area_unit = "mm^2"
     far_field = False
 
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
         """u = x - z p / r, v = y - z q / r for the ray (x, y, z) + t (p, q, r)."""
         (x, y, z), (p, q, r) = point, direction
         length = -z / r
-        return x + length * p, y + length * q, length
+        return x + length * p, y + length * q, length, True
 
-    def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
+    def points(self, u: Any, v: Any) -> Any:
         """See `Receiver`."""
-        there = self.pose.points((u, v, 0.0))
-        x, y, z = (a - b for a, b in zip(there, point))
-        return x, y, z
+        return self.pose.points((u, v, 0.0))
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        return self.pose.directions((0.0 * u, 0.0 * v, 1.0))
 
 
 class FarField(Receiver):
@@ -120,17 +151,47 @@ class FarField(Receiver):
     area_unit = "square degrees"
     far_field = True
 
-    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+    def _chart(
+        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
+    ) -> tuple[Any, Any, Any, Any]:
         """See the class."""
         p, q, r = direction
         u, v = (DEGREES * library.atan(d / r) for d in (p, q))
-        return u, v, 0.0
+        return u, v, 0.0, True
+
+    def points(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        return self.pose.points(self._tangents(u, v))
 
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """See `Receiver`."""
-        p, q = (np.tan(np.radians(angle)) for angle in (u, v))
-        x, y, z = self.pose.directions((p, q, np.ones_like(p)))
+        x, y, z = self.pose.directions(self._tangents(u, v))
         return x, y, z
+
+    def normal(self, u: Any, v: Any) -> Any:
+        """See `Receiver`."""
+        x, y, z = self.toward((0.0, 0.0, 0.0), u, v)
+        length = np.sqrt(x * x + y * y + z * z)
+        return x / length, y / length, z / length
+
+    def _tangents(self, u: Any, v: Any) -> tuple[Any, Any, Any]:
+        p, q = (np.tan(np.radians(angle)) for angle in (u, v))
+        return p, q, np.ones_like(p)
+
+    def area(self, u: Any, v: Any) -> Any:
+        """d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v."""
+        a, b = (np.tan(np.radians(angle)) ** 2 for angle in (u, v))
+        return (1 + a) * (1 + b) / (1 + a + b) ** 1.5
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """See `Receiver`."""
+        return 90.0, 90.0
+
+
+def choose_by(library: ModuleType) -> Callable[..., Any]:
+    """Return what takes one of two arrays by a mask."""
+    return np.where if library is np else library.select  # numpy's `select` is another function
 
 
 def receiver_at(z: float, pose: Pose = IDENTITY) -> Receiver:

@@ -1,4 +1,4 @@
-"""The target as pixels: a rectangle of the target plane, or of directions in the far field."""
+"""The target as pixels: a rectangle of what receives light."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from optics.scene.receivers.receivers import FarField, Plane
+from optics.scene.receivers.receivers import Plane, Receiver
 from thbcad.checks import Floats
 
 
 @dataclass(frozen=True)
 class Screen:
-    """Pixels that tile |x| <= half_width[0], |y| <= half_width[1]; row 0 at +y, column 0 at -x.
+    """Pixels that tile |u| <= half_width[0], |v| <= half_width[1]; row 0 at +v, column 0 at -u.
 
     pixels : (columns, rows).  margin : dark pixels added on every side, so that light that
     falls beside the target is seen (and charged) too.
-    angular : coordinates are the angles u = atan(d_x / d_z), v = atan(d_y / d_z) in degrees instead of mm.
+    receiver : whose chart says what u and v are.
     """
 
     half_width: tuple[float, float]
     pixels: tuple[int, int]
     margin: int = 0
-    angular: bool = False
+    receiver: Receiver = Plane()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -42,7 +42,12 @@ class Screen:
     @property
     def unit(self) -> str:
         """Of lengths on the screen."""
-        return (FarField if self.angular else Plane).unit
+        return self.receiver.unit
+
+    @property
+    def angular(self) -> bool:
+        """Whether u and v are angles of the far field."""
+        return self.receiver.far_field
 
     @property
     def pixel_area(self) -> float:
@@ -55,19 +60,12 @@ class Screen:
         return x, -y
 
     def projection(self) -> Floats:
-        """Return flux per pixel area of a unit picture, (rows, columns).
+        """Return flux per pixel area of a unit picture, (rows, columns): the area over du dv of the receiver.
 
-        In a plane it is 1.  In the far field it is the solid angle
-        d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v,
-        so that pictures are intensities.
+        So pictures are light per mm^2 of a curved screen, and intensities in the far field.
         """
-        if not self.angular:
-            return np.ones(self.shape)
-        a, b = (
-            np.tan(np.radians(h * ((2 * np.arange(n) + 1) / n - 1)))[None, :] ** 2
-            for h, n in zip(self.half_width, self.pixels)
-        )
-        return (1 + a) * (1 + b.T) / (1 + a + b.T) ** 1.5
+        u, v = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(self.half_width, self.pixels))
+        return np.asarray(self.receiver.area(u[None, :], v[:, None]), dtype=np.float64)
 
     def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""

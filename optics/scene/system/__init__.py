@@ -7,13 +7,18 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
+    from optics.scene.system.reach import require_lens_on_axis as require_lens_on_axis
     from optics.scene.system.soundness import (
         advice as advice,
         load_system as load_system,
         solvable_system as solvable_system,
     )
     from optics.scene.system.source import source_of as source_of
-    from optics.scene.system.target import target_irradiance as target_irradiance
+    from optics.scene.system.target import (
+        LightTarget as LightTarget,
+        receiver_of as receiver_of,
+        target_irradiance as target_irradiance,
+    )
     from optics.scene.system.tracing_skips import skip_lines as skip_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

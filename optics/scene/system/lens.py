@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, base_of
+from optics.scene.problem import Freeform, Front, MirrorElement, Optic, Problem, Rear, base_of
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
@@ -20,35 +20,36 @@ def base_lens(problem: Problem) -> Lens:
     ------
     UserError : the prescription makes no lens.
     """
-    spec = problem.lens
+    spec = problem.optic
     front, rear = (_surface(spec, name) for name in ("front", "rear"))
     try:
         return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
     except ValueError as error:
-        raise UserError(f"lens: {error}") from None
+        raise UserError(f"{spec.table}: {error}") from None
 
 
 def lens_product(problem: Problem) -> Product:
     """Return what the CAD files say about the lens."""
-    spec, names = problem.lens, problem.export
+    spec, names = problem.optic, problem.export
+    glass = None if isinstance(spec, MirrorElement) else spec.known_index
     return Product(
         name=names.product or one_line(problem.title) or "lens",
         author=names.author,
         organization=names.organization,
-        material=spec.material or f"transparent, n = {spec.known_index:g}",
+        material=spec.material or (f"transparent, n = {glass:g}" if glass else "blank of a mirror"),
         density=spec.density,
-        index=spec.known_index,
+        index=glass,
     )
 
 
 def freeforms(problem: Problem) -> tuple[Freeform, ...]:
     """Return the settings of the free surfaces, front first, as `Lens.sags`."""
-    return tuple(problem.lens.free.values())
+    return tuple(problem.optic.free.values())
 
 
-def _surface(lens: LensSpec, name: str) -> FreeformSurface:
+def _surface(optic: Optic, name: str) -> FreeformSurface:
     """Return a surface of the prescription, with a sag of zeros on the level-0 mesh where it is free."""
-    spec: Front | Rear = getattr(lens, name)
+    spec: Front | Rear = getattr(optic, name)
     sag = None
     if spec.freeform is not None:
         kv = [
@@ -58,8 +59,8 @@ def _surface(lens: LensSpec, name: str) -> FreeformSurface:
         space = THBSpace(*kv)
         sag = THBSurface(space, np.zeros(space.dim))
     try:
-        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag, lens.corners(spec.half_width))
+        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag, optic.corners(spec.half_width))
     except ValueError as error:
         raise UserError(
-            f"lens.{name}: {error}; make its radius larger in size or its half_width smaller"
+            f"{optic.key(name)}: {error}; make its radius larger in size or its half_width smaller"
         ) from None

@@ -10,7 +10,7 @@ from optics.base.runtime import UserError
 from optics.scene.materials import Material, find_material, tabulated
 from optics.scene.paths import Medium
 from optics.scene.photometry import spectral_lines
-from optics.scene.problem import AUTO, LensSpec, Problem
+from optics.scene.problem import AUTO, MirrorElement, Optic, Problem
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
@@ -40,7 +40,7 @@ def with_material(problem: Problem) -> Problem:
     ------
     UserError : no such material is known, or not at the source's wavelengths.
     """
-    spec, nm = problem.lens, problem.source.wavelength
+    spec, nm = problem.optic, problem.source.wavelength
     if AUTO not in (spec.index, spec.absorption):
         return problem
     changes: dict[str, Any] = {}
@@ -52,10 +52,10 @@ def with_material(problem: Problem) -> Problem:
     if spec.absorption == AUTO:
         changes["absorption"] = _absorption(spec, nm)
         changes["absorptions"] = spec.absorptions or _absorption_rows(problem)
-    return replace(problem, lens=replace(spec, **changes))
+    return problem.with_optic(**changes)
 
 
-def known_material(spec: LensSpec) -> Material | None:
+def known_material(spec: Optic) -> Material | None:
     """Return the material that a lens names, if it is known; else the name is a label."""
     try:
         return find_material(spec.material)
@@ -65,10 +65,10 @@ def known_material(spec: LensSpec) -> Material | None:
 
 def indexing_material(problem: Problem) -> Material | None:
     """Return the material whose index the lens has at the source's wavelength; None where it is another."""
-    material, nm = known_material(problem.lens), problem.source.wavelength
+    material, nm = known_material(problem.optic), problem.source.wavelength
     if material is None or not material.range[0] <= nm <= material.range[1]:
         return None
-    same = abs(material.index(nm) - problem.lens.known_index) < 10**-INDEX_DIGITS
+    same = abs(material.index(nm) - problem.optic.known_index) < 10**-INDEX_DIGITS
     return material if same else None
 
 
@@ -112,22 +112,23 @@ def index_at(problem: Problem, nm: float) -> float:
     ------
     UserError : neither tells the index there.
     """
-    spec, own = problem.lens, problem.source.wavelength
-    if nm == own:
+    spec, own = problem.optic, problem.source.wavelength
+    if nm == own or isinstance(spec, MirrorElement):
         return spec.known_index
     if spec.indices:
         return _tabulated_index(spec, nm)
     material = known_material(spec)
     if material is None:
         raise UserError(
-            f"source.spectrum needs the index at {nm:.4g} nm too, but lens.index is one number: name a known "
-            'lens.material, such as "PMMA", or give lens.indices = [[nm, index], ...]'
+            f"source.spectrum needs the index at {nm:.4g} nm too, but {spec.key('index')} is one number: "
+            f'name a known {spec.key("material")}, such as "PMMA", or give {spec.key("indices")} = '
+            "[[nm, index], ...]"
         )
     index = spec.known_index + material.index(nm) - material.index(own)
     if index <= 1:
         raise UserError(
-            f"lens.index = {spec.known_index:g} is far from that of {spec.material}: its dispersion leaves "
-            f"{index:.4g} at {nm:.4g} nm; give lens.indices = [[nm, index], ...]"
+            f"{spec.key('index')} = {spec.known_index:g} is far from that of {spec.material}: its dispersion "
+            f"leaves {index:.4g} at {nm:.4g} nm; give {spec.key('indices')} = [[nm, index], ...]"
         )
     return index
 
@@ -139,13 +140,13 @@ def absorption_at(problem: Problem, nm: float) -> float:
     ------
     UserError : lens.absorptions has rows, but not around the wavelength.
     """
-    spec = problem.lens
+    spec = problem.optic
     return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
 
 
 def _absorption_rows(problem: Problem) -> tuple[tuple[float, float], ...]:
     """Return the absorption of the material at all wavelengths that are traced, and where it is visible."""
-    spec, source = problem.lens, problem.source
+    spec, source = problem.optic, problem.source
     lines = spectral_lines(source.spectrum) if source.spectrum else ()
     rows = {nm: _absorption(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
     for nm in map(float, VISIBLE):
@@ -154,11 +155,11 @@ def _absorption_rows(problem: Problem) -> tuple[tuple[float, float], ...]:
     return tuple(sorted(rows.items()))
 
 
-def _tabulated_index(spec: LensSpec, nm: float) -> float:
-    return tabulated(spec.indices, nm, "lens.indices", CAUCHY)
+def _tabulated_index(spec: Optic, nm: float) -> float:
+    return tabulated(spec.indices, nm, spec.key("indices"), CAUCHY)
 
 
-def _absorption(spec: LensSpec, nm: float) -> float:
+def _absorption(spec: Optic, nm: float) -> float:
     if spec.absorptions:
-        return tabulated(spec.absorptions, nm, "lens.absorptions")
+        return tabulated(spec.absorptions, nm, spec.key("absorptions"))
     return float(f"{find_material(spec.material).absorption(nm):.{ABSORPTION_DIGITS}g}")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import degrees
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
-from optics.scene.problem import Freeform, Problem
-from optics.scene.sources import LightSource
+from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
+from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
@@ -20,13 +24,20 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
+from optics.scene.system.moulded import body_options, solid_of
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
-from optics.scene.system.target import LightTarget
+from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import Lens, Product
+from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
+from thbcad.poses import IDENTITY, Pose
+
+LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
+
+if TYPE_CHECKING:
+    from thbcad.moulds import Solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +89,31 @@ class OpticalSystem:
         return lens_product(self.problem)
 
     @property
+    def axial(self) -> bool:
+        """Whether it is a lens on the axis before a target across it, or before the far field around it."""
+        return not self.problem.element and self.target.receiver.across_axis
+
+    def own_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens in the lens's own frame."""
+        return self.path(lens).seen_from(self.pose)
+
+    def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
+        """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
+        single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
+        return single.posed(self.pose.inverse())
+
+    @property
+    def reflects(self) -> bool:
+        """Whether it is a mirror that is shaped, and no lens."""
+        return isinstance(self.problem.optic, MirrorElement)
+
+    @property
+    def pose(self) -> Pose:
+        """From the frame of the lens, with its front vertex at 0, to that of the scene."""
+        optic = self.problem.optic
+        return Pose.tilted(optic.position, optic.tilt) if isinstance(optic, Placed) else IDENTITY
+
+    @property
     def freeforms(self) -> tuple[Freeform, ...]:
         """The settings of the free surfaces, front first, as `Lens.sags`."""
         return freeforms(self.problem)
@@ -95,7 +131,7 @@ class OpticalSystem:
     @property
     def shaped(self) -> str:
         """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
-        return [*self.problem.lens.free][-1]
+        return [*self.problem.optic.free][-1]
 
     @property
     def shapes_parallel(self) -> bool:
@@ -105,7 +141,7 @@ class OpticalSystem:
     @property
     def slope_rms(self) -> tuple[float, float]:
         """Of front and rear, radians."""
-        return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms
+        return self.problem.optic.front.slope_rms, self.problem.optic.rear.slope_rms
 
     @property
     def blurred(self) -> bool:
@@ -124,10 +160,12 @@ class OpticalSystem:
         Where it stands for a blurred one, it aims at the target itself, as long as nothing is known of the
         blur.
         """
-        changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
+        optic, source = self.problem.optic, self.problem.source
+        smooth = {name: replace(getattr(optic, name), slope_rms=0.0) for name in ("front", "rear")}
         if self.source.diverging:
-            changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}
-        return OpticalSystem(self.problem.with_(**changes), self.target if self.blurred else None)
+            source = replace(source, divergence=0.0, divergence_profile="uniform")
+        problem = replace(self.problem.with_optic(**smooth), source=source)
+        return OpticalSystem(problem, self.target if self.blurred else None)
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
@@ -169,7 +207,23 @@ class OpticalSystem:
 
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
-        return (LightTarget(self.problem.target, self.problem.target_z),)
+        target = self.problem.target
+        return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
+
+    @property
+    def lever(self) -> float:
+        """How far light that is turned by a radian moves on the middle of the target, at most, mm or degrees.
+
+        It is the throw over the cosine of the angle of incidence.
+        """
+        if self.target.far_field:
+            return degrees(1.0)
+        receiver, throw = self.target.receiver, self.problem.throw
+        if receiver.across_axis:
+            return throw
+        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.optic.thickness)
+        cosine = way @ np.array(receiver.normal(0.0, 0.0)) / throw
+        return throw / max(abs(float(cosine)), LEAST_COSINE)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -178,7 +232,7 @@ class OpticalSystem:
 
     def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
         """Return what a holder leaves free of front and rear of a lens; None is all."""
-        spec = self.problem.lens
+        spec = self.problem.optic
         if not any(spec.clear_aperture):
             return None
         front, rear = (s.outline.scaled(spec.clear(s.half_width)) for s in (lens.front, lens.rear))
@@ -186,12 +240,17 @@ class OpticalSystem:
 
     @property
     def body(self) -> BodyOptions | None:
-        """Return what makes the lens a body that leaves a mould; None is the lens."""
-        spec = self.problem.lens.body
-        if spec is None:
-            return None
-        parting, land = (None if isinstance(z, str) else z for z in (spec.parting, spec.land))
-        return BodyOptions(spec.draft, parting, spec.annulus, land, spec.edge_radius)
+        """What makes the lens a body that leaves a mould; None is the lens."""
+        return body_options(self.problem.optic)
+
+    def solid(self, lens: Lens) -> Solid:
+        """Return what a lens is made as, as `solid_of`, which also raises."""
+        return solid_of(lens, self.body, self.clear_aperture(lens))
+
+    def manufactured(self, lens: Lens) -> Manufacturability:
+        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
+        metrics = manufacturability(lens, self.problem.optic.density or None)
+        return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
     @property
     def source(self) -> LightSource:
@@ -211,10 +270,19 @@ class OpticalSystem:
         return self.aim or self.target
 
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
-        """Return the paths of light of the source's own wavelength through a lens, one to each target."""
-        clear, black = self.clear_aperture(lens), self.problem.lens.wall == "absorbing"
+        """Return the paths of the source's own wavelength by a lens or a mirror, one to each target."""
+        optic, clear, pose = self.problem.optic, self.clear_aperture(lens), self.pose
+        if isinstance(optic, MirrorElement):
+            face = clear[0] if clear else None
+            return tuple(
+                LightPath.by_mirror(lens, optic.share, pose, target.receiver, self.stops, face)
+                for target in self.targets
+            )
+        black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black)
+            LightPath.through(
+                lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
+            )
             for target in self.targets
         )
 
@@ -226,15 +294,17 @@ class OpticalSystem:
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        return self.source.collimated and self.lens.front.is_plane
+        straight = self.pose.is_identity and not self.reflects
+        return straight and self.source.collimated and self.lens.front.is_plane
 
     @property
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
+        a lens, but may meet the walls of a body.
         """
-        return not (self.parallel or self.target.far_field)
+        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

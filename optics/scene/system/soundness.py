@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isinf
 from pathlib import Path
 
 import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
-from optics.scene.problem import Problem, freedom_of, limit_advice, load_problem, require_limits
+from optics.scene.limits import limit_advice, require_limits
+from optics.scene.problem import Problem, freedom_of, load_problem
 from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.reach import require_clear_of_lens, require_met, require_reachable
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import require_places
 
@@ -38,8 +39,8 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     Raises
     ------
     UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
-        read, a source or a target that lies in the lens, a target that no lens can light, a material that is
-        not known, a stop in the lens, before the source or behind the target.
+        read, a source or a target that lies in the lens, a target that no lens can light, from before or at
+        all, a material that is not known, a stop in the lens, before the source or behind the target.
     """
     require_limits(problem)
     told = source_of(problem).told
@@ -55,38 +56,6 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     require_light(system)
     require_reachable(system)
     return system
-
-
-def require_reachable(system: OpticalSystem) -> None:
-    """Refuse a target that no rear surface behind a plane front can light.
-
-    A surface of index n bends parallel rays by less than arccos(1 / n) before it reflects them totally;
-    a lit pixel farther aside from the beam than that, seen from the rear vertex, stays dark.
-
-    Raises
-    ------
-    UserError : names the angle needed and the angle that the index allows.
-    """
-    if not system.parallel or system.target.far_field:
-        return
-    lens, target = system.problem.lens, system.problem.target
-    screen = system.target.screen()
-    lit = system.target.irradiance(screen, 1.0) > 0
-    beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
-    aside = [
-        np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()
-        for d, (n, h, b) in enumerate(zip(screen.pixels[::-1], target.half_width[::-1], beam[::-1]))
-    ]
-    needed, most = (
-        np.degrees(np.arctan(max(aside) / target.distance)),
-        np.degrees(np.arccos(1 / lens.known_index)),
-    )
-    if needed >= most:
-        raise UserError(
-            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
-            f"{lens.known_index:g} bends rays by less than {most:.1f} degrees; "
-            "make target.half_width smaller or target.distance larger"
-        )
 
 
 def require_light(system: OpticalSystem) -> None:
@@ -114,8 +83,12 @@ def require_room(system: OpticalSystem) -> None:
     ------
     UserError : names the planes and the extent of the surfaces.
     """
-    problem, lens = system.problem, system.lens
-    source, distance = problem.source, problem.target.distance
+    problem, lens, source = system.problem, system.lens, system.problem.source
+    if problem.element:
+        require_met(system)
+        if not system.target.far_field:
+            require_clear_of_lens(system)
+        return
     x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
     front = min(0.0, float(lens.front.conic(x, y)))
     if system.source.extended and front <= -source.distance:
@@ -134,12 +107,16 @@ def require_room(system: OpticalSystem) -> None:
                 f"rays of source.file start up to {depth:.4g} mm behind the front; "
                 "make source.distance larger"
             )
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
-    if distance <= top:
-        raise UserError(
-            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
-            f"got {distance:g}"
-        )
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.optic.rear)
+    distance = problem.target.distance
+    if distance is not None and system.target.receiver.across_axis:
+        if distance <= top:
+            raise UserError(
+                f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
+                f"got {distance:g}"
+            )
+    elif not system.target.far_field:
+        require_clear_of_lens(system)
 
 
 def advice(system: OpticalSystem) -> list[str]:
@@ -155,8 +132,8 @@ def advice(system: OpticalSystem) -> list[str]:
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
     bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
-    thrown = CONIC_SLOPE * problem.target.distance
-    if bent and not isinf(thrown) and thrown > problem.verify.landing:
+    thrown = CONIC_SLOPE * system.lever
+    if bent and not system.target.far_field and thrown > problem.verify.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
             f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "

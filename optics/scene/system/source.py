@@ -34,7 +34,7 @@ def source_of(problem: Problem) -> LightSource:
         "shape": keys.profile,
         "picture": keys.image,
         "divergence": Divergence(keys.divergence_profile, keys.half_divergence),
-        "aperture": problem.lens.front.half_width,
+        "aperture": problem.optic.front.half_width,
     }
     values = vars(keys) | others
     return made(**{field.name: values[field.name] for field in fields(made)})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isinf
-
 import numpy as np
 
 from optics.base.runtime import UserError
@@ -38,7 +36,7 @@ def stops_of(problem: Problem) -> tuple[Stop, ...]:
 
 
 def require_places(problem: Problem, lens: Lens, stops: tuple[Stop, ...], parallel: bool) -> None:
-    """Refuse stops that reach into the lens, before the source plane, or behind the target.
+    """Refuse stops that reach into the lens, before the source plane, or behind a target across the axis.
 
     The lens is taken as all that its outline and its freedom in z enclose.
     parallel : whether light is, whose rays start nearer to the lens.
@@ -49,7 +47,7 @@ def require_places(problem: Problem, lens: Lens, stops: tuple[Stop, ...], parall
     """
     if not stops:
         return
-    source, far = -problem.source.distance, isinf(problem.target.distance)
+    source, distance = -problem.source.distance, problem.target.distance
     start = max(source, -BEFORE * max(lens.front.half_width))  # of parallel light
     first = start if parallel else source
     for stop in stops:
@@ -60,26 +58,26 @@ def require_places(problem: Problem, lens: Lens, stops: tuple[Stop, ...], parall
                 f"{stop.name} reaches to z = {z.min():.4g} mm, but the {where} is at z = {first:.4g} mm; "
                 "move it towards the lens"
             )
-        if not far and z.max() >= problem.target_z:
+        if distance is not None and not any(problem.target.tilt) and z.max() >= lens.thickness + distance:
             raise UserError(
                 f"{stop.name} reaches to z = {z.max():.4g} mm, but the target is at z = "
-                f"{problem.target_z:.4g} mm; move it towards the lens"
+                f"{lens.thickness + distance:.4g} mm; move it towards the lens"
             )
         section = _section(problem, lens, stop)
         if len(section) and _cuts(stop, section):
-            low, high = _heights(problem, lens)
+            low, high = lens_heights(problem, lens)
             raise UserError(
                 f"{stop.name} reaches into the lens, which may fill z = {low:.4g} to {high:.4g} mm; "
                 "move it out of there, or make its hole larger"
             )
 
 
-def _heights(problem: Problem, lens: Lens) -> tuple[float, float]:
+def lens_heights(problem: Problem, lens: Lens) -> tuple[float, float]:
     """Return between which z the lens lies, whatever its sags become, mm."""
     ends = []
     for sign, surface, spec, vertex in (
-        (-1.0, lens.front, problem.lens.front, 0.0),
-        (1.0, lens.rear, problem.lens.rear, lens.thickness),
+        (-1.0, lens.front, problem.optic.front, 0.0),
+        (1.0, lens.rear, problem.optic.rear, lens.thickness),
     ):
         u, v = np.concatenate([_around(), np.array([surface.half_width]).T], axis=1)
         gauge = surface.outline.gauge(u, v)
@@ -94,7 +92,7 @@ def _section(problem: Problem, lens: Lens, stop: Stop) -> Floats:
     It is a square around the lens, clipped by the planes a . p <= b that the lens lies within.
     """
     far = np.max([s.outline.support(_around()) for s in (lens.front, lens.rear)], axis=0)
-    low, high = _heights(problem, lens)
+    low, high = lens_heights(problem, lens)
     normals = np.zeros((3, DIRECTIONS + 2))
     normals[:2, :-2], normals[2, -2:] = _around(), (-1, 1)
     far = np.concatenate([far, [-low, high]])

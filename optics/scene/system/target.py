@@ -12,28 +12,43 @@ from optics.base.runtime import UserError, speaking_of
 from optics.scene.photometry import RASTER, LitRegion
 from optics.scene.problem import Target
 from optics.scene.receivers import (
+    Cylinder,
+    FarField,
+    Plane,
     Receiver,
     Screen,
+    Sphere,
     fit_picture,
     formula_light,
     formula_pixels,
-    receiver_at,
     uniform_region,
 )
 from thbcad.checks import Floats
+from thbcad.poses import Pose
 
 WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
 
 
+def receiver_of(target: Target, rear: float) -> Receiver:
+    """Return what receives the light of a target.  rear : z from which its distance counts, mm."""
+    if target.far_field:
+        return FarField(Pose.tilted((0.0, 0.0, 0.0), target.tilt))
+    position = target.position or (0.0, 0.0, rear + (target.distance or 0.0))
+    pose = Pose.tilted(position, target.tilt)
+    if target.surface == "plane":
+        return Plane(pose)
+    return {"cylinder": Cylinder, "sphere": Sphere}[target.surface](pose, radius=target.radius)
+
+
 @dataclass(frozen=True, eq=False)
 class LightTarget:
-    """The light asked for, and its plane.
+    """The light asked for, and where.
 
-    settings : of the problem file.  z : of the target plane, mm; inf is the far field.
+    settings : of the problem file.  receiver : of the light, in the frame of the scene.
     """
 
     settings: Target
-    z: float
+    receiver: Receiver
 
     @cached_property
     def light(self) -> Floats:
@@ -89,11 +104,6 @@ class LightTarget:
         return LitRegion.of_pixels(lit, target.half_width)
 
     @property
-    def receiver(self) -> Receiver:
-        """Where the light is asked for."""
-        return receiver_at(self.z)
-
-    @property
     def unit(self) -> str:
         """Of lengths on the target."""
         return self.receiver.unit
@@ -109,14 +119,14 @@ class LightTarget:
         margin : of dark pixels around it.
         """
         columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
-        return Screen(self.settings.half_width, (columns, rows), margin, self.far_field)
+        return Screen(self.settings.half_width, (columns, rows), margin, self.receiver)
 
     def of_light(self, screen: Screen, irradiance: Floats) -> LightTarget:
-        """Return a target in the same plane that asks for a given irradiance on a screen's pixels."""
+        """Return a target on the same receiver that asks for a given irradiance on a screen's pixels."""
         settings = replace(
             self.settings, kind="image", fit="stretch", half_width=screen.half_width, pixels=screen.pixels
         )
-        target = LightTarget(settings, self.z)
+        target = LightTarget(settings, self.receiver)
         target.__dict__["light"] = irradiance / screen.projection()  # in place of a picture that is read
         return target
 

@@ -43,7 +43,7 @@ def skips(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
     source : its own.  parallel : rays stay parallel in the lens.
     """
     rays = _of_rays(problem, source, parallel)
-    front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
+    front, rear = problem.optic.front.freeform, problem.optic.rear.freeform
     frozen = front is None
     deep = max(f.finest for f in (front, rear) if f is not None) > 0
     state = "the front has no freeform" if frozen else "the front is free"
@@ -89,7 +89,7 @@ def skip_lines(parts: Sequence[Skip]) -> list[str]:
 
 
 def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
-    size, front = problem.source.half_width, problem.lens.front
+    size, front = problem.source.half_width, problem.optic.front
     wider = source.collimated and any(s > f for s, f in zip(size, front.half_width))
     if not source.collimated:
         aperture = "the source lights all around"
@@ -97,7 +97,7 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
         aperture = "the beam is wider than the lens"
     else:
         aperture = "all of the beam meets the lens"
-    lens, colours = problem.lens, bool(problem.source.spectrum)
+    lens, colours = problem.optic, bool(problem.source.spectrum)
     blurs = source.diverging or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
     return [
         Skip(
@@ -146,7 +146,7 @@ def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip
 
 
 def _edges(problem: Problem, parallel: bool) -> Skip:
-    source, lens = problem.source, problem.lens
+    source, lens = problem.source, problem.optic
     beam = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
     within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
     why = "no parallel ray meets an edge before the rear"

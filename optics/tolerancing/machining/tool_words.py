@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Any
 
-from optics.scene.problem import position
+from optics.scene.limits import position
 from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure

@@ -133,9 +133,9 @@ def test_surfaces_that_cross_between_samples_are_refused():
         require_sound(plano(rear, 0.1))
 
 
-@pytest.mark.parametrize("index", [1.0, 0.5, -1.5, np.nan, np.inf, None])
+@pytest.mark.parametrize("index", [0.99, 0.5, -1.5, np.nan, np.inf, None])
 def test_index_is_refused(index):
-    with pytest.raises(ValueError, match="index must be a finite number greater than 1, got"):
+    with pytest.raises(ValueError, match="index must be a finite number of at least 1, got"):
         Lens(FreeformSurface((5, 5)), FreeformSurface((5, 5)), 1.0, index)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
@@ -38,6 +39,9 @@ from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens, Product, face_colour, require_line
 
+if TYPE_CHECKING:
+    from thbcad.moulds import Solid
+
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 SCHEMA_STARTS = {
     "AP242": "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING",
@@ -47,20 +51,26 @@ SCHEMA_STARTS = {
 UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 
 
-def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242") -> bytes:
-    """Return the STEP file of a lens, one closed solid of six faces with names and colours, in mm.
+def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP242") -> bytes:
+    """Return the STEP file of a lens or of its body, one closed solid with names and colours, in mm.
 
     product, schema : as `thbcad.write_step`, which also raises.  The same lens gives the same bytes.
     """
-    return part_step(lens_part(lens), product_of(lens, product), schema)
+    if isinstance(solid, Lens):
+        part = lens_part(solid)
+    else:
+        from thbcad.cad.shapes import moulded_part  # plain lenses need none of its roundings
+
+        part = moulded_part(solid)
+    return part_step(part, product_of(solid, product), schema)
 
 
-def product_of(lens: Lens, product: Product | None) -> Product:
+def product_of(solid: Solid, product: Product | None) -> Product:
     """Return the Product of a file of a lens; None is Product().  A material without an index gets that of
     the lens."""
     product = Product() if product is None else product
     require_type("product", product, Product)
-    return replace(product, index=lens.index) if product.material and product.index is None else product
+    return replace(product, index=solid.index) if product.material and product.index is None else product
 
 
 def part_step(

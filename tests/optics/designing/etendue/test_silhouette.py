@@ -116,7 +116,7 @@ def test_pixels_get_no_more_than_their_bound_and_not_much_less(front, rear, free
 
 
 @pytest.mark.parametrize(
-    "name", slow_unless(["extended_two", "flower"].count, ["extended", "extended_two", "street", "flower"])
+    "name", slow_unless("flower".__eq__, ["extended", "extended_two", "street", "flower"])
 )
 def test_bounds_of_the_examples_are_within_three_per_cent(name):
     times = over_sampled(OpticalSystem(load_problem(ROOT / "examples" / f"{name}.toml")))

@@ -29,14 +29,8 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("kind", "start"),  # every kind once in `make test`
-    [
-        pytest.param(kind, start, marks=() if (i + j) % 2 == 0 else pytest.mark.slow)
-        for i, kind in enumerate(KINDS)
-        for j, start in enumerate(("flat", "transport"))
-    ],
-)
+@pytest.mark.parametrize("start", ["flat", "transport"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_problem_gets_better(tmp_path, backend, start, kind):
     """Flat: every level is optimised, each from the surfaces of the one before.  Transport: the last level
     is."""

@@ -3,7 +3,7 @@
 import pytest
 
 from optics.designing.optimisation import earlier_state, stages, transmitted_flux
-from tests.optics.cases import tracer_to
+from tests.optics.cases import target_z, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
 
 GLOWING = {
@@ -63,7 +63,9 @@ def test_without_fresnels_losses_all_refracted_light_passes(tmp_path, backend):
     c = [sag.coefficients for sag in lens.sags]
     passing = {}
     for fresnel in (True, False):
-        tracer = tracer_to(backend, lens, system.source.rays((33, 33)), system.target.z, fresnel=fresnel)
+        tracer = tracer_to(
+            backend, lens, system.source.rays((33, 33)), target_z(system.problem), fresnel=fresnel
+        )
         _, landing = tracer.trace(c)
         passing[fresnel] = tracer.fates(landing, system.target.settings.half_width)
     assert passing[False].transmitted == pytest.approx(system.problem.source.flux, rel=1e-12)

@@ -14,7 +14,9 @@ from optics.designing.optimisation.limit_keeper import PASSES
 from optics.designing.optimisation.loop import shape_lens
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
-from optics.scene.problem import Limits, limit_checks
+from optics.scene.limits import limit_checks
+from optics.scene.problem import Limits
+from tests.cases import slow_unless
 from tests.optics.designing.optimisation.cases import loaded, run
 from thbcad.lens import manufacturability
 
@@ -65,7 +67,13 @@ def beyond(found):
     }
 
 
-@pytest.mark.parametrize("key", [f.name for f in fields(Limits) if f.name != "feature"])
+@pytest.mark.parametrize(
+    "key",
+    slow_unless(
+        ("radius", "thickness", "edge_thickness", "slope", "mass").count,
+        [f.name for f in fields(Limits) if f.name != "feature"],
+    ),
+)
 def test_a_limit_beyond_the_unlimited_design_is_kept_at_a_small_cost(unlimited, tmp_path, backend, key):
     """The limits ask for 3 to 40 percent of a change; the fit, 5 % without them, may get twice as bad."""
     limit = beyond(found_in(unlimited))[key]

@@ -10,7 +10,6 @@ import pytest
 from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.indicators import mark, near_cells
 from optics.designing.optimisation.objective import Objective
-from optics.designing.optimisation.rear_light import as_many_within, inside
 from optics.light.analysis import cell_irradiance
 from optics.light.engines import TracedModel
 from optics.scene.sources import collimated_beam, point_rays
@@ -98,17 +97,6 @@ def test_variables_beside_the_outline_follow_and_their_gradient_is_exact():
     exact = found.gradient([g], found.coefficients(w)[1]) @ d
     assert (at(w + 1e-4 * d) - at(w - 1e-4 * d)) @ g / 2e-4 == pytest.approx(exact, rel=1e-7)
     assert abs(at(100 * w)).max() <= 0.7
-
-
-@pytest.mark.parametrize("cells", [192, 512, 1024])
-@pytest.mark.parametrize("corners", [(0.0, 0.0), (3.0, 2.0), (8.0, 5.0)])
-def test_a_map_has_as_many_cells_within_an_outline_as_within_a_rectangle(cells, corners):
-    """To the multiple of 32 that is next: 1 + 16 / cells each way, and 1 % for those that the rim cuts."""
-    outline = Outline((8.0, 5.0), corners)
-    count = as_many_within(outline, cells)
-    held = inside([outline], outline.half_width, (count, count)).sum()
-    assert held == pytest.approx(cells**2, rel=32 / cells + 0.01)
-    assert count == cells or corners != (0.0, 0.0)
 
 
 def test_a_round_lens_is_designed_with_all_light_of_its_round_beam(tmp_path, backend):

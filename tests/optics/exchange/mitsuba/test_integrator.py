@@ -20,7 +20,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, filter_image
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import ROOT
-from tests.optics.cases import coefficients, rough, store_result, tracer_to
+from tests.optics.cases import coefficients, rough, store_result, target_z, tracer_to
 from thbcad.surfaces import THBSurface
 
 EPS = 2.0**-23  # of float32
@@ -30,12 +30,11 @@ PIXELS = (48, 40)
 KEYS = ("integrator.front_coefficients", "integrator.rear_coefficients")
 
 
-@pytest.fixture(params=["llvm_ad_mono", "llvm_ad_rgb"])
-def mi(request, backend):
-    """Mitsuba in two variants, on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(request.param, threads=1)
-    load_mitsuba(threads=threads)
+@pytest.fixture(scope="module", params=["llvm_ad_mono", "llvm_ad_rgb"])
+def mi(request):
+    """Mitsuba in two variants."""
+    yield load_mitsuba(request.param)
+    load_mitsuba()
 
 
 @pytest.fixture
@@ -67,7 +66,7 @@ def scene_with(mi, integrator):
 def traced(backend, problem, lens):
     """Return the exact tracer with 9 rays per pixel."""
     rays = OpticalSystem(problem).source.rays([3 * n for n in PIXELS])
-    return tracer_to(backend, lens, rays, problem.target_z, absorption=problem.lens.absorption)
+    return tracer_to(backend, lens, rays, target_z(problem), absorption=problem.lens.absorption)
 
 
 def exact_film(backend, problem, lens):

@@ -17,7 +17,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, receiver_at
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space, tracer_to
+from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space, target_z, tracer_to
 
 WINDOW = GaussianWindow(1.0)
 BEAM = collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (65, 63))
@@ -81,7 +81,7 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
     lens, screen = OpticalSystem(problem).lens, OpticalSystem(problem).target.screen()
     image = mesh_irradiance(OpticalSystem(problem), lens, (129, 129), WINDOW, (129, 129))
     _, landing = tracer_to(
-        backend, lens, OpticalSystem(problem).source.rays((129, 129)), problem.target_z
+        backend, lens, OpticalSystem(problem).source.rays((129, 129)), target_z(problem)
     ).trace(coefficients(lens))
     exact = (
         Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
@@ -98,7 +98,7 @@ def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_
     lens = OpticalSystem(problem).lens
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((97, 97)), problem.target_z)
+    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((97, 97)), target_z(problem))
     objective = Objective(TracedModel(backend, tracer, screen, WINDOW), target, 0.0)
     at = [rough(sag.space, 0.02, k) for k, sag in enumerate(lens.sags)]
     exact = objective(at)

@@ -18,7 +18,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, picture, rough, tracer_to
+from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
 from thbcad.surfaces import THBSurface
 
 SAMPLES = 1 << 17
@@ -112,7 +112,7 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
     )
     screen = OpticalSystem(problem).target.screen()
     _, landing = tracer_to(
-        backend, lens, OpticalSystem(problem).source.rays((301, 301)), problem.target_z
+        backend, lens, OpticalSystem(problem).source.rays((301, 301)), target_z(problem)
     ).trace(coefficients(lens))
     exact = (
         Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
@@ -156,7 +156,7 @@ def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
     problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
     scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (9, 9)))
     place = np.array(scene.sensors()[0].world_transform().matrix).reshape(4, 4)[:3, 3]
-    assert lens.thickness + lens.rear(10, 10) < place[2] < problem.target_z
+    assert lens.thickness + lens.rear(10, 10) < place[2] < target_z(problem)
     assert camera_irradiance(scene, spp=4).shape == (32, 48)
 
 

@@ -38,7 +38,11 @@ def designed(problem, threads, folder):
     return (folder / "lens.json").read_bytes()
 
 
-@pytest.mark.parametrize("changes", [{}, GLOWING, POINT], ids=["parallel", "extended", "point"])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, GLOWING, pytest.param(POINT, marks=pytest.mark.slow)],
+    ids=["parallel", "extended", "point"],
+)
 def test_a_small_design_has_the_same_bytes_on_one_and_two_threads(tmp_path, changes):
     """Of 32^2 pixels, with enough rays for several threads."""
     few = {"target.pixels": [32, 32], "lens.rear.freeform.max_level": 1, "optimizer.iterations": [3]}

@@ -289,4 +289,84 @@ TEXTS = [
     ),
     ("cut after a table", lambda text: text[: text.index("[lens.front]")], "lens.front", "add it"),
 ]
-BAD_PROBLEMS = [*TYPES, *RANGES, *WORDS, *KEYS, *PARTNERS, *FORMULAS, *TEXTS]
+AWAY = {"target.distance": False}
+SCREENS = [
+    ("a place said twice", {"target.position": [0.0, 0.0, 60.0]}, "target.distance", "leave one of them out"),
+    ("a target nowhere", AWAY, "target.distance", "or target.position"),
+    ("a place as a number", AWAY | {"target.position": 60.0}, "target.position", "a list of 3 numbers"),
+    ("a place that is none", AWAY | {"target.position": [0.0, NAN, 9.0]}, "target.position[1]", "finite"),
+    ("two tilts", {"target.tilt": [10.0, 20.0]}, "target.tilt", "a list of 3 numbers"),
+    ("a tilt of two turns", {"target.tilt": [720.0, 0.0, 0.0]}, "target.tilt[0]", "at most 360"),
+    (
+        "a far field with a place",
+        AWAY | {"target.surface": "far_field", "target.position": [0.0, 0.0, 9.0]},
+        "target.position",
+        "target.tilt",
+    ),
+    ("a far field that is near", {"target.surface": "far_field"}, "target.distance = 60", "leave that out"),
+    (
+        "a cylinder far away",
+        {"target.surface": "cylinder", "target.radius": 50.0, "target.distance": INF},
+        "target.surface",
+        "give the distance",
+    ),
+    ("a surface of no kind", {"target.surface": "dome"}, "target.surface", "'sphere'"),
+    ("a cylinder without radius", {"target.surface": "cylinder"}, "target.radius", "add it"),
+    ("a sphere of radius 0", {"target.surface": "sphere", "target.radius": 0.0}, "target.radius", "not be 0"),
+    ("a plane with a radius", {"target.radius": 50.0}, "target.radius", "leave it out"),
+    (
+        "a target round the cylinder",
+        {"target.surface": "cylinder", "target.radius": -12.0},
+        "target.half_width[0]",
+        "less than a quarter turn of the cylinder, 18.8496 mm",
+    ),
+    (
+        "a target over the pole",
+        {"target.surface": "sphere", "target.radius": 18.0, "target.half_width": [9.0, 29.0]},
+        "target.half_width[1]",
+        "quarter turn of the sphere",
+    ),
+    ("a target turned away", {"target.tilt": [180.0, 0.0, 0.0]}, "100% of the light", "target.tilt"),
+    (
+        "a ball that hides its sides",
+        TOP_HAT | {"target.surface": "sphere", "target.radius": 13.0, "target.lit": [1.0, 1.0]},
+        "shows the lens its back",
+        "make it smaller",
+    ),
+    (
+        "a target through the lens",
+        AWAY | {"target.position": [0.0, 0.0, 3.0], "target.tilt": [0.0, 30.0, 0.0]},
+        "target cuts the lens",
+        "move target.position away",
+    ),
+    (
+        "a wall along the lens",
+        AWAY
+        | {
+            "target.position": [0.0, -5.0, 40.0],
+            "target.tilt": [90.0, 0.0, 0.0],
+            "target.half_width": [20.0, 60.0],
+        },
+        "target cuts the lens",
+        "target.tilt",
+    ),
+    (
+        "a target before the lens",
+        AWAY | {"target.position": [0.0, 0.0, -60.0]},
+        "100% of the light",
+        "move target.position or turn target.tilt there",
+    ),
+    (
+        "a far field behind",
+        {"target.distance": INF, "target.tilt": [120.0, 0.0, 0.0]},
+        "100% of the light",
+        "turn target.tilt there",
+    ),
+    (
+        "a target far aside",
+        AWAY | {"target.position": [150.0, 0.0, 60.0], "target.tilt": [0.0, 45.0, 0.0]},
+        "bends rays by less than 48.2 degrees",
+        "move target.position nearer the axis",
+    ),
+]
+BAD_PROBLEMS = [*TYPES, *RANGES, *WORDS, *KEYS, *PARTNERS, *SCREENS, *FORMULAS, *TEXTS]

@@ -270,10 +270,10 @@ def test_bash_completes_commands_options_choices_and_paths(words, wanted, tmp_pa
 
 
 def test_a_choice_that_the_program_cannot_make_says_why(capsys):
-    told = refused(capsys, "new", "--kind", "mirror")
-    assert "invalid choice: 'mirror'" in told
+    told = refused(capsys, "new", "--kind", "prism")
+    assert "invalid choice: 'prism'" in told
     assert told.endswith(
-        "; thbcad cannot do that: there is one lens and nothing else that bends light "
+        "; thbcad cannot do that: there is one element, a lens or a mirror: [[element]] says where it lies "
         "(its README lists what it cannot do)"
     )
     assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

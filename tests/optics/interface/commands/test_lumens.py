@@ -78,7 +78,7 @@ def test_etendue_bounds_lumens_and_lux(capsys, problem_file):
     assert {"on_target_lm", "on_lit_lm"} < set(data["universal"])
 
 
-def test_a_lens_that_passes_nothing_is_refused_in_lumens(capsys, problem_file):
+def test_a_lens_that_passes_nothing_is_refused_in_lumens(capsys, problem_file, no_helpers):
     closed = problem_file({"source.unit": "lm", "lens.rear.radius": 0.3, "target.distance": 1000.0})
     assert "lm of 1 lm pass the unoptimised lens" in refused(capsys, "design", closed)
 

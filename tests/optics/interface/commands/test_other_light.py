@@ -15,7 +15,7 @@ from optics.scene.luminaires import read_luminaire
 from optics.scene.problem import load_problem
 from optics.scene.ray_files import read_rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import store_result, write_problem
+from tests.optics.cases import store_result, target_z, write_problem
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_light_of_a_lens_is_written_as_rays(capsys, result, tmp_path, suffix):
     rays = read_rays(out)
     assert len(rays) == 900
     assert f"900 rays with {rays.total:.6g} W" in done.out
-    np.testing.assert_allclose(rays.position[:, 2], load_problem(tmp_path / "problem.toml").target_z)
+    np.testing.assert_allclose(rays.position[:, 2], target_z(load_problem(tmp_path / "problem.toml")))
     assert json.loads((tmp_path / f"light{suffix}.json").read_text())["ok"]
     again = run(capsys, "export", result, "--light", "rear", "--rays", 900, "--out", out)
     assert again.code == 0  # its own file

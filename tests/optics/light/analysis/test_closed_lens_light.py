@@ -151,3 +151,18 @@ def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, 
     assert metrics["paths"] == paths
     assert (metrics["fates_w"]["missed_rear"] > 0.05) is (paths == "all")
     assert ("nonsequential" in metrics) is (paths == "all")
+
+
+def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_it(tmp_path, backend):
+    """Parallel light up to the rear leaves by it within the foot of the walls alone, but for what inner
+    reflections bring: a hundredth of the light."""
+    keys = {"lens.body.draft": 30.0, "lens.body.parting": 0.5, "target.half_width": [12.0, 12.0]}
+    system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+    metrics = measure(system, system.lens, backend).metrics
+    assert metrics["paths"] == "all"
+    assert metrics["nonsequential"]["by_other_ways"] < -NEGLIGIBLE
+    through, closed = metrics["fates_w"], metrics["nonsequential"]["fates_w"]
+    share = system.solid(system.lens).feet[1].area / np.prod(2 * np.array(system.problem.source.half_width))
+    rear = closed["on_target"] + closed["off_target"]
+    assert rear / (through["on_target"] + through["off_target"]) == pytest.approx(share, abs=0.01)
+    assert metrics["efficiency"] == pytest.approx(closed["on_target"], abs=0.01)

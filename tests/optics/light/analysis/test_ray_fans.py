@@ -12,7 +12,7 @@ from optics.light.tracing import FATES
 from optics.scene.problem import load_problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import DOME, rough, tracer_to, write_problem
+from tests.optics.cases import DOME, rough, target_z, tracer_to, write_problem
 from thbcad.surfaces import THBSurface
 
 POINT = {"source.kind": "point", "source.half_angle": 60.0, "source.exponent": 2.0}
@@ -72,7 +72,7 @@ def test_a_rays_landing_point_is_that_of_the_sequential_trace(tmp_path, backend)
         first = np.array([p.points[1] - p.points[0] for p in paths])
         direction = first / np.linalg.norm(first, axis=1, keepdims=True)
         rays = Rays(np.array([p.points[0] for p in paths]).T, direction.T, np.ones(len(paths)))
-        _, landing = tracer_to(backend, made.lens, rays, made.problem.target_z).trace(
+        _, landing = tracer_to(backend, made.lens, rays, target_z(made.problem)).trace(
             [made.lens.rear.sag.coefficients]
         )
         assert [len(p.points) for p in paths] == [4] * FAN

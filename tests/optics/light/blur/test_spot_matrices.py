@@ -6,7 +6,7 @@ import pytest
 from optics.light.blur.spot_matrices import landing_shifts
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import rough, target_z, write_problem
 from thbcad.surfaces import THBSurface
 
 PLATE = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "target.distance": 200.0}
@@ -50,7 +50,7 @@ def test_light_of_one_point_of_the_rear_lands_in_one_spot(tmp_path, backend, fro
         for step in (1e-4, -1e-4):
             beam = np.zeros(3)
             beam[k], beam[2] = step, np.sqrt(1 - step**2)
-            out.append(landing(lens, system.target.z, x, y, inside(lens, x, y, beam)))
+            out.append(landing(lens, target_z(system.problem), x, y, inside(lens, x, y, beam)))
     mean = [((a - b) / 2e-4).mean(axis=1) for a, b in (out[:2], out[2:])]
     np.testing.assert_allclose(shifts.beam, np.stack(mean, axis=1), rtol=5e-3, atol=0.5)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from optics.light.measuring import MappedCells
 from optics.light.measuring.cut_cells import LEAST_AREA
-from optics.scene.receivers import Screen
+from optics.scene.receivers import FarField, Plane, Screen
 from optics.scene.sources import corner_flux
 from oracles.exact_cells import exact_image, signed_area, triangles
 
@@ -18,7 +18,7 @@ UNIT = 2.0**-53  # the relative rounding of one operation
 
 def whole(columns, rows, margin=0, angular=False):
     """Return a screen of pixels of 1 x 1: a corner's position in pixels is exact."""
-    return Screen((columns / 2, rows / 2), (columns, rows), margin, angular)
+    return Screen((columns / 2, rows / 2), (columns, rows), margin, FarField() if angular else Plane())
 
 
 @dataclass(frozen=True, eq=False)

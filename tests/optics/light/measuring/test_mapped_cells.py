@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from optics.base.runtime import OrderFreeSums, load_backend
 from optics.light.measuring import pixel_lines
 from optics.light.measuring.cut_cells import LEAST_AREA
-from optics.scene.receivers import Screen
+from optics.scene.receivers import FarField, Plane, Screen
 from tests.cases import examples, slow_unless
 from tests.optics.cases import THREADS, on_threads
 from tests.optics.light.measuring.cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
@@ -193,7 +193,7 @@ def test_no_flux_is_no_light(backend, counts):
 
 
 @pytest.mark.parametrize(
-    "screen", [Screen((45.0, 30.0), (7, 5), 2, True), Screen((0.3, 7.0), (6, 9))], ids=repr
+    "screen", [Screen((45.0, 30.0), (7, 5), 2, FarField()), Screen((0.3, 7.0), (6, 9))], ids=repr
 )
 def test_pixels_of_any_size_hold_the_exact_light(backend, screen):
     """Degrees or mm; positions in pixels are rounded, as everything else is."""
@@ -212,7 +212,14 @@ def test_the_margin_sees_what_lies_beside_the_target(backend):
 def test_irradiance_is_flux_by_area(backend):
     """One cell over a screen of 2 x 3 mm (or degrees): 5 W on 6 mm^2."""
     for angular in (False, True):
-        made = square(Screen((1.0, 1.5), (4, 3), 0, angular), -1.0, -1.5, 2.0, 3.0, emitted=[[5.0]])
+        made = square(
+            Screen((1.0, 1.5), (4, 3), 0, FarField() if angular else Plane()),
+            -1.0,
+            -1.5,
+            2.0,
+            3.0,
+            emitted=[[5.0]],
+        )
         found = made.laid(backend) / made.screen.pixel_area
         np.testing.assert_allclose(found, 5 / 6, rtol=1e-14)
 

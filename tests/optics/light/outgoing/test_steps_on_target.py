@@ -8,7 +8,7 @@ from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.photometry import uniformity
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import target_z, write_problem
 
 WIDE = {
     "target.kind": "tophat",
@@ -31,7 +31,7 @@ def directions(system):
     x, y = np.meshgrid(*screen.centres)
     if screen.angular:
         return np.stack([np.tan(np.radians(x)), np.tan(np.radians(y)), np.ones_like(x)])
-    return np.stack([x, y, np.full_like(x, system.target.z - system.lens.thickness)])
+    return np.stack([x, y, np.full_like(x, target_z(system.problem) - system.lens.thickness)])
 
 
 def even_light(system):

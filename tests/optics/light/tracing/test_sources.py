@@ -144,15 +144,9 @@ RAYS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("lens", "rays", "target_z"),  # every pair in `make test`
-    [
-        pytest.param(lens, rays, target_z, marks=() if (i + j + k) % 2 == 0 else pytest.mark.slow)
-        for i, lens in enumerate(LENSES)
-        for j, rays in enumerate(RAYS)
-        for k, target_z in enumerate((TARGET_Z, FAR))
-    ],
-)
+@pytest.mark.parametrize("target_z", [TARGET_Z, FAR])
+@pytest.mark.parametrize("rays", RAYS)
+@pytest.mark.parametrize("lens", LENSES)
 def test_the_independent_trace_of_the_step_file_agrees_ray_by_ray(backend, tmp_path, lens, rays, target_z):
     """Its meeting points are within 1e-12 of 16 mm; curvatures and grazing exits enlarge that to angles of
     1e-11 at the most.

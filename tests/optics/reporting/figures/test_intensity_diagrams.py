@@ -10,9 +10,9 @@ from PIL import Image
 from optics.reporting.figures import intensity_diagrams
 from optics.reporting.figures.intensity_diagrams import FINEST, SHARES, intensity_figures
 from optics.scene.photometry import units_of
-from optics.scene.receivers import Screen
+from optics.scene.receivers import FarField, Screen
 
-SCREEN = Screen((24.0, 12.0), (48, 30), angular=True)
+SCREEN = Screen((24.0, 12.0), (48, 30), receiver=FarField())
 CANDELA = units_of("lm").in_far_field
 
 
@@ -77,7 +77,7 @@ def test_lines_of_equal_intensity_are_at_shares_of_the_peak(drawn):
 
 def test_fine_pixels_are_merged_where_they_are(drawn):
     """Three pixels become one; the lines stay at their angles."""
-    screen = Screen((24.0, 24.0), (2 * FINEST + 1, 2 * FINEST + 1), angular=True)
+    screen = Screen((24.0, 24.0), (2 * FINEST + 1, 2 * FINEST + 1), receiver=FarField())
     (_, figure), _ = drawn(screen)
     vertices = figure.axes[0].collections[1].get_paths()[2].vertices
     np.testing.assert_allclose((vertices.max(axis=0) + vertices.min(axis=0)) / 2, [6, 3], atol=0.02)
@@ -85,7 +85,7 @@ def test_fine_pixels_are_merged_where_they_are(drawn):
 
 @pytest.mark.parametrize("half_width", [(1.5, 1.0), (15.0, 15.0), (40.0, 80.0), (89.0, 89.0)])
 def test_nothing_is_cut_off(half_width):
-    screen = Screen(half_width, (40, 40), angular=True)
+    screen = Screen(half_width, (40, 40), receiver=FarField())
     light = 1e3 * np.ones((40, 40)) - np.indices((40, 40)).sum(axis=0)
     for _, png in intensity_figures(light, light, screen, CANDELA).values():
         seen = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))

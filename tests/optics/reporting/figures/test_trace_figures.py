@@ -5,7 +5,7 @@ import pytest
 
 from optics.reporting.figures import trace_figures
 from optics.scene.photometry import units_of
-from optics.scene.receivers import Screen
+from optics.scene.receivers import FarField, Plane, Screen
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def test_a_picture_of_light_has_its_unit_and_its_numbers(monkeypatch, flux, angu
         return b""
 
     monkeypatch.setattr(trace_figures, "plane_figure", kept)
-    screen = Screen((20.0, 10.0), (4, 3), angular=angular)
+    screen = Screen((20.0, 10.0), (4, 3), receiver=FarField() if angular else Plane())
     image = np.arange(12.0).reshape(3, 4)
     trace_figures.irradiance_figure(image, screen, units_of(flux).density(angular))
     np.testing.assert_allclose(drawn["data"], factor * image, rtol=1e-15)

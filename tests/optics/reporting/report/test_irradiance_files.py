@@ -10,11 +10,11 @@ from PIL import Image
 
 from optics.reporting.report.irradiance_files import light_files
 from optics.scene.photometry import units_of
-from optics.scene.receivers import Screen
+from optics.scene.receivers import FarField, Screen
 
 PLANE = Screen((20.0, 10.0), (40, 20))
 WATTS = units_of("W").in_plane
-FAR = Screen((3.0, 3.0), (4, 6), angular=True)
+FAR = Screen((3.0, 3.0), (4, 6), receiver=FarField())
 
 
 def light(screen, brightest=3e-4):

@@ -9,7 +9,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import FarField, Plane, receiver_at
 from optics.scene.sources import point_rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import TARGET_Z, small_lens, write_problem
+from tests.optics.cases import TARGET_Z, small_lens, target_z, write_problem
 from thbcad import Conic, Pose
 
 LENS = small_lens(Conic(60.0))
@@ -129,7 +129,7 @@ def test_the_path_of_a_system_absorbs_what_its_lens_does(tmp_path):
     assert [medium.absorption for medium in path.media] == [0.0, 0.02, 0.0]
     assert [medium.index for medium in path.media] == [1.0, system.lens.index, 1.0]
     assert [surface.shape for surface in path.surfaces] == [system.lens.front, system.lens.rear]
-    assert path.receiver.pose.shift[2] == system.target.z
+    assert path.receiver.pose.shift[2] == target_z(system.problem)
 
 
 def test_a_path_and_all_light_seen_from_elsewhere_lands_the_same(backend, path):

@@ -208,7 +208,7 @@ def test_every_problem_has_a_small_table_for_notebooks_with_its_text_escaped():
     page = built(title="<b>&")._repr_html_()
     assert "<caption>&lt;b&gt;&amp;</caption>" in page
     assert "<b>" not in page
-    assert "at 60 mm, half-width 20 x 20 mm, 256 x 256 pixels" in page
+    assert "60 mm behind the lens, half-width 20 x 20 mm, 256 x 256 pixels" in page
     far = built().with_(**{"target.distance": math.inf, "lens.front.freeform": {}})
     assert "far field, half-width 20 x 20 degrees" in far._repr_html_()
     assert far._repr_html_().count("sag within") == 2
@@ -300,7 +300,7 @@ def test_every_example_is_its_own_variation():
                 value = getattr(record, f.name)
                 if is_dataclass(value):
                     collect(value, f"{prefix}{f.name}.")
-                elif value is not None:
+                else:
                     changes[prefix + f.name] = value
 
         collect(problem)

@@ -12,7 +12,7 @@ from optics.base.runtime import UserError
 from optics.scene.problem import Problem, assignment, cannot_do, keys_of
 from optics.scene.problem.toml_records import problem_to_toml
 from tests.cases import ROOT
-from tests.optics.cases import SMALL, toml_text, toml_value
+from tests.optics.cases import SMALL, target_z, toml_text, toml_value
 from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, one_sentence
 
 
@@ -270,7 +270,7 @@ def test_a_point_needs_no_size(tmp_path):
 
 def test_the_far_field_is_at_infinity(tmp_path):
     problem = load_values(tmp_path, EXTENDED)
-    assert problem.target_z == math.inf
+    assert target_z(problem) == math.inf
     assert "distance = inf" in problem_to_toml(problem)
 
 
@@ -373,11 +373,11 @@ def test_the_readme_lists_what_the_program_cannot_do():
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("target.tilt", [0.0, 10.0, 0.0], "target is a plane across the axis"),
-        ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
+        ("target.zone", [{"name": "road"}], "a target has no zones"),
+        ("prism", [{"kind": "mirror"}], "there is one element"),
         ("source.array", {"columns": 3}, "there is one lens before one source"),
-        ("lens.kind", "mirror", "there is one lens and nothing else"),
-        ("source.kind", "mirror", "there is one lens and nothing else"),
+        ("lens.kind", "prism", "there is one element"),
+        ("source.kind", "prism", "there is one element"),
     ],
 )
 def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
@@ -387,10 +387,12 @@ def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tm
 
 
 def test_a_dead_end_of_the_command_line_says_so_too():
-    with pytest.raises(UserError, match=r"unknown key target\.tilt; thbcad cannot do that: the target is"):
-        assignment("target.tilt=[1, 2, 3]", Problem)
-    with pytest.raises(UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one lens"):
-        assignment("lens.kind=mirror", Problem)
+    with pytest.raises(UserError, match=r"unknown key target\.zone; thbcad cannot do that: a target has"):
+        assignment("target.zone=[1, 2, 3]", Problem)
+    with pytest.raises(
+        UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one element"
+    ):
+        assignment("lens.kind=prism", Problem)
 
 
 @pytest.mark.parametrize("table", ["source", "target", "lens.rear"])

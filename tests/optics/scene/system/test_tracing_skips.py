@@ -15,7 +15,7 @@ from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from optics.scene.system.tracing_skips import gaussian_tail, skip_lines
 from oracles.light_formulas import window_value
-from tests.optics.cases import rough, tracer_to
+from tests.optics.cases import rough, target_z, tracer_to
 
 LAMBERTIAN = {
     "source.kind": "lambertian",
@@ -63,7 +63,7 @@ def test_skips_are_decided_by_the_problem(case):
 def test_the_tracer_leaves_out_what_is_listed(backend, case):
     problem, applying = case
     lens, rays = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((16, 16))
-    tracer = tracer_to(backend, lens, rays, problem.target_z)
+    tracer = tracer_to(backend, lens, rays, target_z(problem))
     hits, _ = tracer.trace([sag.coefficients for sag in lens.sags])
     assert isinstance(tracer._surfaces[1].hits, KnownHits) == ("meeting points" in applying)
     assert (len(hits) == 1) == ("gradients" in applying)
@@ -84,7 +84,7 @@ def test_known_meeting_points_change_nothing(backend, problem_file):
     c = [rough(lens.rear.sag.space)]
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, 0.9)
-    tracers = (tracer_to(backend, lens, rays, problem.target_z) for rays in (beam, single_rays(beam, lens)))
+    tracers = (tracer_to(backend, lens, rays, target_z(problem)) for rays in (beam, single_rays(beam, lens)))
     found, by_search = (
         Objective(TracedModel(backend, t, screen, BSplineWindow(3)), target, 1.0)(c) for t in tracers
     )

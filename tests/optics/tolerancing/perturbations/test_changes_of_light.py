@@ -124,7 +124,7 @@ def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend
     ("name", "amount", "words"),
     [
         ("thickness", 100.0, "thickness = 100 mm: no lens has such an error: thickness must be a positive"),
-        ("index", 1.0, "index = 1: no lens has such an error: index must be"),
+        ("index", 2.0, "index = 2: no lens has such an error: index must be"),
         ("source.size", 100.0, "source.size = 100 %: a source whose size changes by -100% has none left"),
     ],
 )

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log2, nextafter
 
 from optics.base.runtime import Check, UserError
-from optics.scene.problem.manufacture_text import position, positions
-from optics.scene.problem.problem_record import Problem
-from optics.scene.problem.run_schema import Limits
-from optics.scene.problem.schema import Freeform
+from optics.scene.limits.manufacture_text import position, positions
+from optics.scene.problem import Freeform, Limits, Problem
 from thbcad.certified import Enclosure
 from thbcad.lens import (
     NM_PER_MM,
@@ -74,10 +72,10 @@ def require_limits(problem: Problem) -> None:
             f"limits.envelope from z = {low:g} to {high:g} mm must be higher than the least thickness, "
             f"which is {least:g} mm; list the lower end first, and widen it"
         )
-    if isfinite(problem.limits.mass) and not problem.lens.density:
+    if isfinite(problem.limits.mass) and not problem.optic.density:
         raise UserError(
-            f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, "
-            "which is 0 (unknown)"
+            f"limits.mass of {problem.limits.mass:g} g needs {problem.optic.key('density')}, the "
+            "density in g/cm^3, which is 0 (unknown)"
         )
 
 
@@ -124,12 +122,12 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
         miss = _short("least z of the front", "envelope", low, bottom)
         yield replace(miss, surface="front")
     if isfinite(high):
-        z = problem.lens.thickness
+        z = problem.optic.thickness
         top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
         miss = _beyond("greatest z of the rear", "envelope", high, top, "mm", position(top))
         yield replace(miss, surface="rear")
     for name, surface in metrics.surfaces.items():
-        if name in problem.lens.free:
+        if name in problem.optic.free:
             yield from _free_misses(name, surface, limits, problem.source.wavelength)
         if limits.slope < 90:
             quantity, where = f"slope of the {name}", position(surface.slope)
@@ -140,7 +138,7 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
             miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
             yield replace(miss, surface=name)
     if isfinite(limits.mass):
-        amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
+        amount = max(0.0, mass(metrics.volume, problem.optic.density) - limits.mass)
         yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
 
 
@@ -196,7 +194,7 @@ def feature_levels(problem: Problem) -> list[int]:
 
 def _features(problem: Problem) -> Iterator[tuple[str, Freeform, float]]:
     """Yield name, settings and the smallest feature of level 0 in wavelengths of every free surface."""
-    lens = problem.lens
+    lens = problem.optic
     for name, free in lens.free.items():
         half_width = getattr(lens, name).half_width
         smallest = min(free.degree * 2 * h / n for h, n in zip(half_width, free.spans))
@@ -209,11 +207,12 @@ def _feature_advice(problem: Problem) -> Iterator[str]:
     for (name, free, coarsest), level in zip(_features(problem), levels):
         if coarsest < limit:
             yield (
-                f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "
-                f"{coarsest:.4g}: take fewer spans"
+                f"limits.feature is {limit:g} wavelengths, but level 0 of "
+                f"{problem.optic.key(name)}.freeform has {coarsest:.4g}: take fewer spans"
             )
         elif level < free.finest:
             yield (
-                f"limits.feature holds up to level {level}, but lens.{name}.freeform.max_level is "
-                f"{free.max_level}: the mesh stays at level {level}"
+                f"limits.feature holds up to level {level}, but "
+                f"{problem.optic.key(name)}.freeform.max_level is {free.max_level}: the mesh "
+                f"stays at level {level}"
             )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.designing.optimisation.transport_start import TransportStart
+from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
@@ -16,6 +16,7 @@ from tests.optics.cases import (
     picture,
     rough,
     small_space,
+    target_z,
     traced,
     tracer_to,
     write_problem,
@@ -37,7 +38,7 @@ def started(folder, backend, changes=None, image=None, spans=16):
     sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
     lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic, sag))
     return sag, traced(
-        backend, lens, problem.source.half_width, (61, 59), problem.target_z, problem.target.half_width
+        backend, lens, problem.source.half_width, (61, 59), target_z(problem), problem.target.half_width
     )
 
 
@@ -96,7 +97,7 @@ def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels
     lens = OpticalSystem(problem).lens
     space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
     lens = lens.with_sags([TransportStart(OpticalSystem(problem), backend).fit(space).sag])
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((121, 119)), problem.target_z)
+    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((121, 119)), target_z(problem))
     _, landing = tracer.trace(coefficients(lens))
     flux = landing.flux.numpy()
     for a in (landing.x.numpy(), landing.y.numpy()):
@@ -162,7 +163,7 @@ def test_light_sent_far_aside_lands_in_its_place(tmp_path, backend, monkeypatch)
         return measure(system, lens, backend).metrics["rel_l2"]
 
     allowed_for = error()
-    monkeypatch.setattr("optics.designing.optimisation.transport_start.CHANGE", np.inf)
+    monkeypatch.setattr("optics.designing.starts.transport_start.CHANGE", np.inf)
     assert allowed_for < 0.8 * error()
 
 
@@ -194,7 +195,7 @@ def test_a_beam_wider_than_the_rear_starts_from_the_light_that_meets_it(tmp_path
     space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
     sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
     lens = lens.with_rear(lens.rear.with_sag(sag))
-    _, landing, _, beam = traced(backend, lens, (8.0, 8.0), (61, 59), problem.target_z, (20.0, 20.0))
+    _, landing, _, beam = traced(backend, lens, (8.0, 8.0), (61, 59), target_z(problem), (20.0, 20.0))
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 20 / 8.0 * x).max() < 0.42
     assert np.abs(landing.y.numpy() - 20 / 8.0 * y).max() < 0.42

@@ -16,14 +16,8 @@ import pytest
 from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.scene.problem import (
-    Limits,
-    limit_advice,
-    limit_checks,
-    limit_sentences,
-    load_problem,
-    require_limits,
-)
+from optics.scene.limits import limit_advice, limit_checks, limit_sentences, require_limits
+from optics.scene.problem import Limits, load_problem
 from tests.cases import ROOT, examples
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
@@ -360,7 +354,8 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
 def test_advice_does_not_load_the_cad_kernel(tmp_path):
     write_problem(tmp_path, {"limits.radius": 50.0})
     program = (
-        "import sys; from optics.scene.problem import limit_advice, load_problem; "
+        "import sys; from optics.scene.limits import limit_advice; "
+        "from optics.scene.problem import load_problem; "
         "from optics.scene.system import OpticalSystem; p = load_problem(sys.argv[1]); "
         "print(len(limit_advice(p, OpticalSystem(p).lens)), 'OCP' in sys.modules)"
     )

@@ -6,8 +6,7 @@ from math import inf, isfinite
 import numpy as np
 import pytest
 
-from optics.scene.problem import as_data, manufacture_rows
-from optics.scene.problem.manufacture_text import position
+from optics.scene.limits import as_data, manufacture_rows, position
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
 from thbcad.lens import manufacturability

@@ -1,34 +1,33 @@
-"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
+"""The surface to start from: optimal transport, the law of refraction or reflection, and a fit of slopes.
 
-The light of a source without extent has one direction at every point of the rear surface.  Optimal
-transport from its density there to the target gives the target point of each point, Snell's law the
-slope that sends the light there.  Where the rays spread inside the lens, density and directions depend on the
-shape that is looked for.  They are traced again on each new shape, a few times.
+The light of a source without extent has one direction at every point of the surface that is shaped.  Optimal
+transport from its density there to the target gives the target point of each point, and Snell's law the
+slope that sends the light there.  Where parallel light meets the rear of a lens on the axis, it does not
+change with the shape that is looked for; anywhere else it is traced again on each new shape (`shaped_along`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.designing.optimisation.indicators import summed_over_cells
-from optics.designing.optimisation.rear_light import (
+from optics.designing.starts.cell_sums import summed_over_cells
+from optics.designing.starts.path_start import Picture, shaped_along
+from optics.designing.starts.rear_light import (
     DARK,
-    LEAST_WEIGHT,
     Floats,
     RearLight,
     as_many_within,
     centres,
     inside,
-    refraction_of,
-    traced_light,
 )
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
+from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.receivers import Screen, lit_part
 from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
@@ -37,7 +36,7 @@ from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.surfaces import THBSurface
 
 SNELL_STEPS = 4
-TRACED_STEPS = 3  # of tracing to a shape and computing the next
+TRACED = 2  # level of the fit that tells whether a sag is within its bounds
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
@@ -76,7 +75,7 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
+    traced : a fit of light that depends on the shape, None where parallel light meets the rear of a lens
     bent : share of the light that a slope can send to where the map wants it
 
     most : cells of the map in each direction, at most.
@@ -85,21 +84,31 @@ class TransportStart:
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
         system = aimed(system, backend)
         self._system, self._lens, self._backend = system, system.lens, backend
-        screen = system.goal.screen()
+        screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)
         counts = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         nx, ny = (as_many_within(self._surface.outline, n) for n in counts)
         self._cells = nx, ny
-        self._vertex = system.lens.thickness if system.shaped == "rear" else 0.0
-        self._refraction = refraction_of(system)
         self._bound = INSIDE * system.freeforms[-1].freedom
         self.traced: TransportFit | None = None
         self.bent = 1.0
-        if system.shapes_parallel:
+        if system.parallel and system.shaped == "rear" and receiver.across_axis and not self._crosses:
+            self._vertex = system.lens.thickness
+            air = RestOfPath((), (1.0,), receiver)
+            self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
             self._light, self._slopes = self._shape_parallel()
-        else:
-            self._light, self._slopes, self.traced = self._shape_traced()
+            return
+        path, finest = system.path(system.lens), system.freeforms[-1].finest
+        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+        picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
+        shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
+        self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
+        self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+
+    @property
+    def _crosses(self) -> bool:
+        return self._system.target.settings.crossing
 
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
@@ -107,7 +116,19 @@ class TransportStart:
         Coefficients beyond z_freedom are cut off there; the others still send their light where it belongs.
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
-        return self._fit(space, self._light, self._slopes)
+        light, (zx, zy) = self._light, self._slopes
+        sag = fit_slopes(space, light.x, light.y, zx, zy, np.ones(self._cells))
+        seen = seen_functions(space, light.x, light.y)
+        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
+        kept = np.clip(sag.coefficients, -self._bound, self._bound)
+        for _ in range(HALVINGS):
+            try:
+                require_sound(_with_last(self._lens, THBSurface(space, kept)))
+                break
+            except ValueError:
+                kept, crosses = kept / 2, True
+        cut = float(np.mean(size > self._bound))
+        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
 
     def misfit(self, sag: THBSurface) -> Floats:
         """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
@@ -135,8 +156,7 @@ class TransportStart:
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        throw = np.degrees(1.0) if target.far_field else target.settings.distance
-        moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
+        moved = (self._lens.index - 1) * self._system.lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
@@ -164,21 +184,6 @@ class TransportStart:
             f"{asked}, more than z_freedom allows: for better light "
             f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
-
-    def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:
-        zx, zy = slopes
-        sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
-        seen = seen_functions(space, light.x, light.y)
-        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
-        kept = np.clip(sag.coefficients, -self._bound, self._bound)
-        for _ in range(HALVINGS):
-            try:
-                require_sound(_with_last(self._lens, THBSurface(space, kept)))
-                break
-            except ValueError:
-                kept, crosses = kept / 2, True
-        cut = float(np.mean(size > self._bound))
-        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
 
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
         """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
@@ -214,7 +219,7 @@ class TransportStart:
         base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
         for _ in range(steps):
             points = light.x[:, None], light.y[None, :], base + sag
-            slopes, _, refracts = self._refraction.slopes(points, light.direction, arrival)
+            slopes, refracts = self._refraction.slopes(points, light.direction, arrival)
             above = _above_conic(light, self._surface, slopes)
             sag = _height(light, above)
         return above, float(np.average(refracts, weights=light.emitted(self._cells)))
@@ -241,32 +246,6 @@ class TransportStart:
         enough = CHANGE if self._surface.outline.is_rectangle else CHANGE_WITHIN
         much = change > enough * np.linalg.norm(wanted / wanted.mean())
         return asked.T[::-1] if much else None
-
-    def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
-        """Return light, slopes and fit for rays that spread inside the lens.
-
-        The fit is on the mesh of the sag, refined once or twice.
-        """
-        lens = self._lens
-        space = lens.sags[-1].space.uniform(min(2, self._system.freeforms[-1].finest))
-        sag = THBSurface(space, np.zeros(space.dim))
-        for _ in range(TRACED_STEPS):
-            lens = _with_last(lens, sag)
-            surface = getattr(lens, self._system.shaped)
-            light = traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, surface.half_width, self.lit)
-            height = self._vertex + surface.grid(light.x, light.y)
-            points = light.x[:, None], light.y[None, :], height
-            slopes, gentle, refracts = self._refraction.slopes(points, light.direction, arrival)
-            self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
-            gentle &= light.weight > LEAST_WEIGHT
-            # where no light is, the slopes go on: fits of all levels then agree along the border of the light
-            own = [sag.grid(light.x, light.y, d) for d in ((1, 0), (0, 1))]
-            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, surface, slopes), own)]
-            light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
-            fit = self._fit(space, light, wanted)
-            sag = fit.sag
-        return light, wanted, fit
 
     def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
         """Return a picture of the lit rectangle as cell means, (nx, ny)."""

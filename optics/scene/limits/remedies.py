@@ -15,13 +15,12 @@ import shlex
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, isinf, log10
 
-from optics.scene.problem.manufacturing_limits import Miss, limit_misses
-from optics.scene.problem.problem_record import Problem
+from optics.scene.limits.misses import Miss, limit_misses
+from optics.scene.problem import Problem
 from thbcad.lens import Manufacturability, mass
 from thbcad.outlines import Outline
 
 DIGITS = 4  # of the numbers in a remedy
-THICKNESS = "lens.thickness"
 LEAST_HEIGHT = 0.1  # of the height of the surfaces: flatter ones could not send the light there
 
 
@@ -53,9 +52,9 @@ def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: floa
             kept = f"limits.{miss.key}={_allowed(problem, miss)}"
             wishes.append(Wish(cause, *_setting(problem, metrics, miss), kept))
     if crossing:
-        thicker = _rounded(problem.lens.thickness + crossing, True)
+        thicker = _rounded(problem.optic.thickness + crossing, True)
         cause = f"the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
-        wishes.append(Wish(cause, THICKNESS, [thicker], True))
+        wishes.append(Wish(cause, problem.optic.key("thickness"), [thicker], True))
     wishes, given_up = _without_conflict(problem, metrics, wishes)
     sentences = []
     for key in dict.fromkeys(w.key for w in wishes):
@@ -69,16 +68,17 @@ def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: floa
 def flatter(problem: Problem, factor: float) -> tuple[str, list[float], bool]:
     """Return (key, value, whether it is raised) of a target that slopes less steep by a factor reach.
 
-    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count.
+    Slopes are about (X - x) / ((n - 1) D), with the distance D of the target; far away its angles count, and
+    where its place is given its size.
     """
-    if isinf(problem.target.distance):
+    if problem.target.distance is None or problem.target.far_field:
         return "target.half_width", [_rounded(h / factor, False) for h in problem.target.half_width], False
     return "target.distance", [_rounded(problem.target.distance * factor, True)], True
 
 
 def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:
     """Return key, value, and whether greater values serve as well."""
-    lens, free = problem.lens, miss.surface in problem.lens.free
+    lens, free = problem.optic, miss.surface in problem.optic.free
     if miss.key in ("radius", "concave_radius", "feature"):
         return _smoother(problem, metrics, miss)
     if miss.key in ("slope", "sag_range") or miss.surface == "front":
@@ -86,20 +86,24 @@ def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[
         if free:
             return flatter(problem, times if 0 < times < inf else 2.0)
         radius = getattr(lens, miss.surface).radius * times
-        return f"lens.{miss.surface}.radius", [_rounded(radius, radius > 0) if times > 0 else inf], radius > 0
+        return (
+            lens.key(f"{miss.surface}.radius"),
+            [_rounded(radius, radius > 0) if times > 0 else inf],
+            radius > 0,
+        )
     amount = miss.most
     if miss.key == "mass":
         half = lens.rear.half_width
         amount /= mass(Outline(half, lens.corners(half)).area, lens.density)
     thickness = lens.thickness - amount if miss.beyond else lens.thickness + amount
-    return THICKNESS, [_rounded(thickness, not miss.beyond)], not miss.beyond
+    return lens.key("thickness"), [_rounded(thickness, not miss.beyond)], not miss.beyond
 
 
 def _smoother(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:
     """Return the setting of a conic that is itself too curved, or of a mesh coarser by a level, or
     by spans."""
-    surface = f"lens.{miss.surface}"
-    radius = getattr(problem.lens, miss.surface).radius
+    surface = problem.optic.key(miss.surface)
+    radius = getattr(problem.optic, miss.surface).radius
     hollow = radius > 0 if miss.surface == "rear" else radius < 0
     if miss.key != "feature" and abs(radius) < miss.wanted and (hollow or miss.key == "radius"):
         return f"{surface}.radius", [-miss.wanted if radius < 0 else miss.wanted], radius > 0
@@ -108,7 +112,7 @@ def _smoother(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple
     if feature.level:
         return f"{surface}.freeform.max_level", [feature.level - 1], False
     share = miss.got / miss.wanted if miss.key == "feature" else 0.5
-    spans = problem.lens.free[miss.surface].spans
+    spans = problem.optic.free[miss.surface].spans
     return f"{surface}.freeform.spans", [max(1, floor(n * share)) for n in spans], False
 
 
@@ -118,8 +122,9 @@ def _without_conflict(
     """Return the wishes with flatter surfaces where a thicker and a thinner lens are asked for, and those
     that no lens can fulfil beside the others: their limits must give way.
     """
-    thicker, thinner = ([w for w in wishes if w.key == THICKNESS and w.more is up] for up in (True, False))
-    if thinner and problem.lens.thickness - _best(thinner)[0] >= metrics.thickness.lower:
+    thickness = problem.optic.key("thickness")
+    thicker, thinner = ([w for w in wishes if w.key == thickness and w.more is up] for up in (True, False))
+    if thinner and problem.optic.thickness - _best(thinner)[0] >= metrics.thickness.lower:
         return [w for w in wishes if w not in thinner], thinner
     if not (thicker and thinner):
         return wishes, []
@@ -128,7 +133,7 @@ def _without_conflict(
     if left <= LEAST_HEIGHT * height:
         return [w for w in wishes if w not in thinner], thinner
     key, value, more = flatter(problem, height / left)
-    return [replace(w, key=key, value=value, more=more) if w.key == THICKNESS else w for w in wishes], []
+    return [replace(w, key=key, value=value, more=more) if w.key == thickness else w for w in wishes], []
 
 
 def _best(wishes: list[Wish]) -> list[float]:

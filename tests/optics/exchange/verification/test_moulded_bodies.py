@@ -1,0 +1,79 @@
+"""The STEP file of a lens with the table [lens.body] holds the body, and its checks know it from others."""
+
+from __future__ import annotations
+
+import pytest
+
+from optics.exchange.verification import StepFile, export_step, read_back_step, text_and_occt_checks, verify
+from optics.exchange.verification.independent_checks import text_checks
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import rough, write_problem
+from thbcad.surfaces import THBSurface
+
+DRAFT = {"lens.body.draft": 2.0}
+ROUNDED = {"lens.outline": "rounded", "lens.corner_radius": 3.0}
+POINT = {"source.kind": "point", "source.half_angle": 60.0, "source.distance": 6.0}
+DOME = DRAFT | {
+    "lens.outline": "round",
+    "lens.thickness": 14.0,
+    "lens.front.half_width": [10.0, 10.0],
+    "lens.front.radius": -15.0,
+    "lens.rear.half_width": [24.0, 24.0],
+    "lens.rear.radius": -36.0,
+    "lens.rear.conic": -1.0,
+    "lens.body.annulus": True,
+}
+BODIES = {
+    "dome": DOME,  # without a clear aperture light may pass where the draft leaves no glass
+    "dome with a recess": DOME | POINT | {"lens.body.land": -9.0, "lens.clear_aperture": [20.0, 20.0]},
+    "rectangle": DRAFT,
+    "rounded": DRAFT | ROUNDED | POINT,
+    "ellipse": {"lens.body.annulus": True, "lens.outline": "ellipse", "lens.front.half_width": [6.0, 5.0]},
+}
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Return system, lens and STEP file of a problem, its rear rough."""
+
+    def exported(keys):
+        system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+        space = system.lens.rear.sag.space
+        lens = system.lens.with_sags([THBSurface(space, rough(space, 0.02))])
+        assert all(check.ok for check in export_step(system, lens, tmp_path / "lens.step"))
+        return system, lens, tmp_path / "lens.step"
+
+    return exported
+
+
+@pytest.mark.parametrize(
+    "name", [name if name == "dome" else pytest.param(name, marks=pytest.mark.slow) for name in BODIES]
+)
+def test_the_file_holds_the_body_by_all_checks(made, backend, name):
+    system, lens, path = made(BODIES[name])
+    file = StepFile(path)
+    checks = [*text_and_occt_checks(system, lens, file, backend), *verify(system, lens, file, backend)]
+    assert [check.name for check in checks if not check.ok] == []
+    assert file.solid.volume == pytest.approx(system.solid(lens).volume(), rel=1e-6)  # asked of OCCT
+    assert abs(file.solid.volume / lens.volume() - 1) > 0.01
+
+
+def test_rounded_edges_take_volume_away(made):
+    """Their file is read by OCCT alone."""
+    system, lens, path = made(DRAFT | ROUNDED | {"lens.body.edge_radius": 0.3})
+    step = read_back_step(system, lens, path)
+    assert [check.name for check in step.checks if not check.ok] == []
+    assert any("beyond that with sharp edges" in check.name for check in step.checks)
+    sharp = OpticalSystem(system.problem.with_(**{"lens.body.edge_radius": 0.0})).solid(lens)
+    assert 0 < sharp.volume() - StepFile(path).solid.volume < 0.01 * sharp.volume()
+
+
+def test_a_body_of_another_draft_is_told_by_walls_and_volume(made):
+    system, lens, path = made(DOME)
+    other = OpticalSystem(system.problem.with_(**{"lens.body.draft": 2.001}))
+    failed = [check.name for check in text_checks(StepFile(path).text, other.solid(lens)) if not check.ok]
+    assert [name.split(":")[-1].split(",")[0].split(" that")[0] for name in failed] == [
+        " walls",
+        "volume by quadrature over the text of the file against the closed form",
+    ]

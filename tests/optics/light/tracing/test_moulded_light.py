@@ -1,0 +1,97 @@
+"""The light of bodies for a mould, against all branches through the faces of their STEP files by OCCT."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.light.tracing import FATES, TargetArea, trace_nonsequential
+from optics.scene.receivers import receiver_at
+from optics.scene.sources import Rays
+from oracles.step_branches import file_branches
+from tests.optics.cases import rough, small_space
+from thbcad.cad.exchange import step_bytes
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.moulds import BodyOptions, MouldedBody
+from thbcad.sags import Conic
+from thbcad.surfaces import THBSurface
+
+TARGET = TargetArea(receiver_at(60.0), (30.0, 20.0))
+LEAST = 1e-3  # of a ray's flux: weaker branches end
+RAYS = 400
+
+
+def body_of(front, rear, corner, height=0.02, **options):
+    """Return a body of a rough rear.  front, rear : half-widths, of which corners are the share `corner`."""
+
+    def outlined(half, conic, sag=None):
+        return FreeformSurface((half, half), conic, sag, corners=(corner * half, corner * half))
+
+    space = small_space()
+    sag = THBSurface(space, rough(space, height))
+    front, rear = outlined(front, Conic(-40.0, -1.0)), outlined(rear, Conic(-60.0, -1.0), sag)
+    return MouldedBody.of(Lens(front, rear, 6.0, 1.5), BodyOptions(**options))
+
+
+BODIES = {
+    "dome, land at the rim": (5.0, 10.0, 1.0, {"draft": 3.0, "annulus": True}),
+    "dome, cavity deeper than the land": (5.0, 10.0, 1.0, {"draft": 5.0, "annulus": True, "land": -1.5}),
+    "dome, cavity above the land": (5.0, 10.0, 1.0, {"draft": 5.0, "annulus": True, "land": 1.0}),
+    "larger front": (10.0, 6.0, 0.4, {"draft": 3.0, "annulus": True, "parting": 1.0}),
+    "rectangle": (10.0, 10.0, 0.0, {"draft": 10.0}),
+    "rounded": (10.0, 10.0, 0.3, {"draft": 10.0, "parting": 3.0}),
+    "upright": (5.0, 10.0, 0.3, {"annulus": True}),
+}
+QUICK = "dome, cavity above the land", "rounded"
+
+
+def rays_around(count, size=10.0):
+    """Return rays from below to points of the body and beside it, some along z."""
+    rng = np.random.default_rng(5)
+    origin = np.vstack([rng.uniform(-size, size, (2, count)), np.full(count, -8.0)])
+    towards = np.vstack([rng.uniform(-size, size, (2, count)), rng.uniform(-2.0, 6.0, count)])
+    towards[:2, : count // 5] = origin[:2, : count // 5]
+    direction = towards - origin
+    return Rays(origin, direction / np.linalg.norm(direction, axis=0), np.ones(count))
+
+
+def irradiance(x, y, flux):
+    edges = [np.linspace(-h, h, 13) for h in TARGET.half_width]
+    return np.histogram2d(x, y, edges, weights=flux)[0]
+
+
+def compared(backend, body, rays, path, absorbing=()):
+    """Return the trace of a body; its fates and its irradiance are those of its STEP file."""
+    path.write_bytes(step_bytes(body))
+    result = trace_nonsequential(backend, body, rays, TARGET, threshold=LEAST)
+    by_ray, landings = file_branches(path, rays, body.index, TARGET, LEAST, absorbing)
+    # OCCT meets splines within 1e-9 mm, and flat angles of incidence enlarge that
+    assert result.by_ray == pytest.approx(by_ray, abs=1e-6)
+    through = np.char.endswith(np.array(FATES)[result.fate], "_target")
+    own = irradiance(*result.landings.points[through].T, result.landings.flux[through])
+    assert np.linalg.norm(own - irradiance(*landings)) <= 1e-6 * np.linalg.norm(own)
+    assert result.by_ray.sum(axis=0) == pytest.approx(rays.flux, rel=1e-12)
+    assert result.fates.failed == 0
+    return result
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in BODIES]
+)
+def test_every_branch_is_that_of_the_file(backend, tmp_path, name):
+    front, rear, corner, options = BODIES[name]
+    fates = compared(
+        backend, body_of(front, rear, corner, **options), rays_around(RAYS), tmp_path / "s.step"
+    ).fates
+    assert min(fates.edges_on_target + fates.edges_off_target, fates.back) > 1
+
+
+def test_rounded_edges_absorb_what_meets_them_from_within(backend, tmp_path):
+    """A point source before the middle: no ray passes between the rounded and the sharp edge."""
+    body = body_of(10.0, 10.0, 0.3, 0.002, draft=5.0, edge_radius=0.4)
+    rng = np.random.default_rng(7)
+    towards = np.vstack([rng.uniform(-7, 7, (2, RAYS)), np.full(RAYS, 4.0)])
+    rays = Rays(
+        np.zeros((3, RAYS)) - [[0], [0], [4]], towards / np.linalg.norm(towards, axis=0), np.ones(RAYS)
+    )
+    assert compared(backend, body, rays, tmp_path / "s.step", ("radius",)).fates.blocked > 1
