@@ -19,6 +19,7 @@ from optics.designing.starts.cell_sums import summed_over_cells
 from optics.designing.starts.path_start import Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
+    LEAST_WEIGHT,
     Floats,
     RearLight,
     as_many_within,
