@@ -211,6 +211,8 @@ def _estimates(
     face = density.face
     lines = _lines(face, loops)
     pieces = [passage.pieces(lines) for passage in loops]
+    # along v such a face is straight and equally wide: integrals in v are the density's multiples
+    straight = face.cylinder is not None or face.extrusion is not None
 
     @cache
     def primitive(nodes: tuple[int, int]) -> Primitive:
@@ -221,9 +223,11 @@ def _estimates(
         total = 0.0
         for passage, breaks in zip(loops, pieces):
             t, weights = gauss_rule(breaks, SMOOTH_NODES // 4 + more)
-            rate = weights * passage.rates(t)[:, 1]
+            rate = weights * (-passage.rates(t)[:, 0] if straight else passage.rates(t)[:, 1])
             if rate.any():
-                part = float(rate @ primitive(nodes)(*_inside(face, passage.points(t)).T))
+                u, v = _inside(face, passage.points(t)).T
+                inner = (v - lines[1][0]) * density(u, v) if straight else primitive(nodes)(u, v)
+                part = float(rate @ inner)
                 total += part if passage.along else -part
         return total
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -153,7 +153,8 @@ class MirrorElement(Placed, Optic):
     def with_keys(self, **changes: Any) -> MirrorElement:
         """See `Placed`; the front is the face, and the back stays a plane."""
         if "front" in changes:
-            changes["face"] = Face(**vars(changes.pop("front")))
+            front = changes.pop("front")
+            changes["face"] = Face(**{f.name: getattr(front, f.name) for f in fields(Face)})
         changes.pop("rear", None)
         return replace(self, **changes)
 

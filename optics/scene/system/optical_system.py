@@ -14,7 +14,7 @@ from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
-from optics.scene.sources import LightSource
+from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
@@ -87,6 +87,20 @@ class OpticalSystem:
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
+
+    @property
+    def axial(self) -> bool:
+        """Whether it is a lens on the axis before a target across it, or before the far field around it."""
+        return not self.problem.element and self.target.receiver.across_axis
+
+    def own_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens in the lens's own frame."""
+        return self.path(lens).seen_from(self.pose)
+
+    def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
+        """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
+        single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
+        return single.posed(self.pose.inverse())
 
     @property
     def reflects(self) -> bool:
@@ -266,7 +280,9 @@ class OpticalSystem:
             )
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black, pose)
+            LightPath.through(
+                lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
+            )
             for target in self.targets
         )
 
@@ -275,11 +291,15 @@ class OpticalSystem:
         (path,) = self.paths(lens)
         return path
 
+    @property
+    def lens_on_axis(self) -> bool:
+        """Whether light goes through a lens on the axis, with its front vertex at 0."""
+        return self.pose.is_identity and not self.reflects
+
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        straight = self.pose.is_identity and not self.reflects
-        return straight and self.source.collimated and self.lens.front.is_plane
+        return self.lens_on_axis and self.source.collimated and self.lens.front.is_plane
 
     @property
     def by_edges(self) -> bool:
@@ -288,7 +308,7 @@ class OpticalSystem:
         The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
         a lens, but may meet the walls of a body.
         """
-        return not (self.target.far_field or (self.parallel and self.body is None))
+        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

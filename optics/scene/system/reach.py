@@ -66,6 +66,20 @@ def require_met(system: OpticalSystem) -> None:
         )
 
 
+def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
+    """Refuse an element elsewhere where only the lens of [lens] is known.  what : is not known of it.
+
+    Raises
+    ------
+    UserError : names the element.
+    """
+    if system.problem.element:
+        raise UserError(
+            f"{what} are computed of [lens] on the axis only, and this is {system.problem.optic.table}; "
+            "change its numbers by --set and trace the light of each"
+        )
+
+
 def _named(system: OpticalSystem) -> str:
     """Return what a sentence calls the lens or the mirror."""
     return "the lens" if system.problem.lens else system.problem.optic.table

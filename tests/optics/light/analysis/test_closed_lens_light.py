@@ -51,7 +51,7 @@ def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     """Every branch followed to 1e-4 of its ray's flux; both are samples, so that their errors add up."""
     system, lens, other = found
     screen = system.target.screen()
-    rays = single_rays(system.source.rays((140, 140), np.random.default_rng(11)), lens)
+    rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), lens)
     every = trace_nonsequential(backend, lens, rays, TargetArea(system.target.receiver, screen.half_width))
     points, flux = every.landings.points[~every.direct], every.landings.flux[~every.direct]
     through = np.isin(every.fate[~every.direct], THROUGH)

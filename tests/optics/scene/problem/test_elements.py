@@ -7,40 +7,7 @@ import pytest
 from optics.base.runtime import UserError
 from optics.scene.limits import require_limits
 from optics.scene.problem import LensElement, MirrorElement, Problem, assignment, load_problem
-from tests.optics.scene.problem.cases import load_text, one_sentence
-
-MIRROR = """
-title = "mirror"
-
-[source]
-kind = "collimated"
-half_width = [9.5, 6.5]
-distance = 30.0
-
-[[element]]
-kind = "mirror"
-name = "M1"
-tilt = [45, 0, 0]
-thickness = 4.0
-face = { half_width = [10.0, 10.0], freeform = { spans = [4, 4], max_level = 1, z_freedom = 1.0 } }
-
-[target]
-kind = "tophat"
-position = [0, 60, 0]
-tilt = [-90, 0, 0]
-half_width = [20.0, 20.0]
-pixels = [32, 32]
-"""
-LENS = """
-[[element]]
-kind = "lens"
-name = "L1"
-index = 1.5
-thickness = 6.0
-position = [0, 0, 2]
-front = { half_width = [10.0, 10.0] }
-rear = { half_width = [10.0, 10.0] }
-"""
+from tests.optics.scene.problem.cases import LENS, MIRROR, load_text, one_sentence
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ import pytest
 import optics
 from optics.base.runtime import UserError
 from optics.scene.system import solvable_system
-from tests.optics.scene.problem.cases import load_text, one_sentence
-from tests.optics.scene.problem.test_elements import LENS, MIRROR
+from tests.optics.scene.problem.cases import LENS, MIRROR, load_text, one_sentence
 
 POINT = {"source.kind": "point", "source.half_width": (0, 0), "source.half_angle": 10.0}
 FAR = {"target.surface": "far_field", "target.position": False, "target.half_width": (20.0, 20.0)}
