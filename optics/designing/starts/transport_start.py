@@ -76,7 +76,7 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : a fit of light that depends on the shape, None where parallel light meets the rear of a lens
+    traced : a fit of the light, None where it is parallel before the surface
     bent : share of the light that a slope can send to where the map wants it
 
     most : cells of the map in each direction, at most.
@@ -105,7 +105,8 @@ class TransportStart:
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
         shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
-        self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+        if not shaped.light.parallel:
+            self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
 
     @property
     def _crosses(self) -> bool:
