@@ -1,7 +1,7 @@
 """Numbers that a problem leaves to the program: the base lens, the bounds of its sags, the levels.
 
-All come from the slopes (zx, zy) that the transport map asks of the rear, or of a mirror's face.  The base is the conic of curvature
-c = 1 / R whose own slopes are nearest to them,
+All come from the slopes (zx, zy) that the transport map asks of the rear, or of a mirror's face.  The base is
+the conic of curvature c = 1 / R whose own slopes are nearest to them,
 
     sum w |(zx, zy) - grad conic(x, y; c, K)|^2  ->  min,      K = -1 where it is left to the program:
 
@@ -115,9 +115,8 @@ def _nearest_base(
 
     bounds = _curvatures(asked, constant, throw)
     found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6 * np.ptp(bounds)})
-    flattest = LEAST_FREEDOM * max(
-        surface.half_width
-    )  # a plane does where the least sag makes up for the conic
+    # a plane does where the least sag makes up for the conic
+    flattest = LEAST_FREEDOM * max(surface.half_width)
     if abs(found.x) * hypot(*surface.half_width) ** 2 / 2 < flattest:
         return inf, constant
     return float(f"{1 / found.x:.3g}"), constant
