@@ -21,13 +21,13 @@ class DesignFigures:
     """
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
-        self.process = process
+        self.process, self._system = process, system
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens)
 
     def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
         """Draw what needs no measurement."""
         self._lens = self.process.ask("optics.reporting.figures", "lens_figures", lens, history, plan)
-        self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens)
+        self._solid = self.process.ask("optics.reporting.figures", "solid_views", self._system.solid(lens))
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend

@@ -22,6 +22,7 @@ from optics.reporting.view import (
     block_means,
     caption,
     corners,
+    outermost,
     placed,
     solid_faces,
     stop_rims,
@@ -48,7 +49,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
     problem = system.problem
-    faces, _ = solid_faces(lens)
+    faces, _ = solid_faces(system.solid(lens))
     scene = placed(system, faces)
     body = corners(scene.lens)
     target = scene.target if scene.target.size else corners(with_far_rays(scene.lens))
@@ -85,7 +86,7 @@ def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], paths: Sequence[RayPa
     axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=1.5)
     if not np.ptp(scene.source[:2]):
         axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=1.5)
-    low, high = scene.box(*(face.points.reshape(3, -1) for face in faces[:2]))
+    low, high = scene.box(outermost(faces))
     draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
 
 

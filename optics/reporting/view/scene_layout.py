@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing import RayPath, TargetArea, trace_paths
-from optics.reporting.view.solid_renderer import Face, oblique
+from optics.reporting.view.solid_renderer import Face, oblique, outermost
 from optics.scene.problem import Problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays, single_rays
@@ -80,7 +80,7 @@ class Scene:
 def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
     """Return the scene of a system, turned so that the target leaves the lens free."""
     problem, receiver = system.problem, system.target.receiver
-    points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
+    points = outermost(faces)
     box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
     source, far = problem.source, system.source.from_afar
     before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if far else -source.distance

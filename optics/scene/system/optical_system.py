@@ -24,7 +24,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, solid_of
+from optics.scene.system.moulded import body_options, moulded
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
@@ -230,11 +230,12 @@ class OpticalSystem:
         return body_options(self.problem.optic)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as, as `solid_of`, which also raises."""
-        return solid_of(lens, self.body, self.clear_aperture(lens))
+        """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
+        options = self.body
+        return lens if options is None else moulded(lens, options, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is that of its body with sharp edges."""
+        """Return the metrics of a lens for its manufacture, the volume that of its body with sharp edges."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
         return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
