@@ -68,6 +68,7 @@ QUICK = \
 	tests/optics/scene/materials \
 	tests/optics/exchange/mitsuba/test_mesh.py \
 	tests/optics/designing/optimisation/test_bounded_variables.py \
+	tests/optics/designing/starts/test_rear_light.py \
 	tests/optics/designing/optimisation/test_loop_failures.py \
 	tests/optics/designing/optimisation/test_refinement.py \
 	tests/optics/base/optimisers \

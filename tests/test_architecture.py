@@ -34,7 +34,7 @@ WINGS = {
         "system",
     ],
     "light": ["intersections measuring refraction", "tracing", "blur", "analysis engines", "outgoing"],
-    "designing": ["etendue penalties transport", "optimisation", "prediction progress"],
+    "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
     "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],
     "reporting": ["report view", "figures"],

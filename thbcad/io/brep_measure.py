@@ -20,7 +20,7 @@ from functools import cache
 
 import numpy as np
 
-from thbcad.checks import Floats
+from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.io.brep_records import MATCH, TURN, Brep, BrepEdge, BrepFace, edge_span
 from thbcad.io.parameter_curves import Passage, boundary, knots
 from thbcad.sags import graph_of_poles
@@ -46,9 +46,9 @@ def volume(brep: Brep) -> float:
 
     Raises
     ------
-    NotMeasured : a face that is neither a plane, a spline, a sphere, a cylinder, a cone nor an extrusion; one
-        that is no plane and whose edges have no closed images in its parameters; an edge that is neither a
-        line, a spline nor a conic.
+    NotMeasured : a face that is neither a plane, a spline up to degree 10, a sphere, a cylinder, a cone nor
+        an extrusion; one that is no plane and whose edges have no closed images in its parameters; an edge
+        that is neither a line, a spline nor a conic.
     ValueError : edges that do not border two faces, or a solid inside out.
     """
     edges = _edges(brep)
@@ -85,8 +85,8 @@ def _edges(brep: Brep) -> dict[int, BrepEdge]:
     for face in brep.faces:
         if not face.known:
             raise NotMeasured(
-                f"face #{face.number} must be a plane, a spline, a sphere, a cylinder, a cone or an "
-                f"extrusion, got {face.surface_type}"
+                f"face #{face.number} must be a plane, a spline up to degree {MAX_DEGREE}, a sphere, a "
+                f"cylinder, a cone or an extrusion, got {face.surface_type}"
             )
     return {edge.number: edge for edge in brep.edges}
 
@@ -211,6 +211,8 @@ def _estimates(
     face = density.face
     lines = _lines(face, loops)
     pieces = [passage.pieces(lines) for passage in loops]
+    # along v such a face is straight and equally wide: integrals in v are the density's multiples
+    straight = face.cylinder is not None or face.extrusion is not None
 
     @cache
     def primitive(nodes: tuple[int, int]) -> Primitive:
@@ -221,9 +223,11 @@ def _estimates(
         total = 0.0
         for passage, breaks in zip(loops, pieces):
             t, weights = gauss_rule(breaks, SMOOTH_NODES // 4 + more)
-            rate = weights * passage.rates(t)[:, 1]
+            rate = weights * (-passage.rates(t)[:, 0] if straight else passage.rates(t)[:, 1])
             if rate.any():
-                part = float(rate @ primitive(nodes)(*_inside(face, passage.points(t)).T))
+                u, v = _inside(face, passage.points(t)).T
+                inner = (v - lines[1][0]) * density(u, v) if straight else primitive(nodes)(u, v)
+                part = float(rate @ inner)
                 total += part if passage.along else -part
         return total
 

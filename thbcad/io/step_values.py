@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thbcad.checks import Floats
+from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.io.brep_records import BrepCurve, Extrusion
 from thbcad.io.step_text import REAL, STRING, Entity, Reference, Typed, Value
 from thbcad.sags import ConicCurve
@@ -34,6 +34,7 @@ ANGLES = {  # which parameters are angles
 FARTHEST = 1e9  # of coordinates in the file's unit: programs work for hours on shapes without end
 LARGEST = 1e15  # of radii, great where a curve is nearly flat: float64 has steps of a tenth there
 UPWARD = (0.0, 0.0, 1.0)  # the axis of a placement that names none
+OTHERS_DEGREE = 25  # the greatest of OCCT
 UNIT_LENGTH = 1e-15  # within which a direction has the length 1: some rounding errors
 WORDS = {2: "two", 3: "three"}
 
@@ -147,10 +148,12 @@ def text_of(value: Value, user: Entity) -> str:
 
 
 def spline_surface(entities: Entities, surface: Entity) -> BSplineSurface | NURBSSurface | None:
-    """Return a spline surface, None for another one."""
+    """Return a spline surface, None for another one and for a degree above 10, as roundings of edges have."""
     if "B_SPLINE_SURFACE_WITH_KNOTS" not in surface.parts:
         return None
     row = spline_row(surface, "SURFACE", 13)
+    if any(map(_high, row[1:3])):
+        return None
     knots = knots_of(surface, row[1], row[8], row[10]), knots_of(surface, row[2], row[9], row[11])
     net = net_of(row[3], knots, surface)
     flat = points_of(entities, [k for line in net for k in line], surface)
@@ -196,7 +199,8 @@ def curve_of(entities: Entities, curve: Entity, dimensions: int = 3) -> BrepCurv
         point = points_of(entities, [start], curve, dimensions)[0]
         return BrepCurve(poles=np.stack([point, point + step]))
     if "B_SPLINE_CURVE_WITH_KNOTS" in curve.parts:
-        return BrepCurve() if _periodic(curve) else _spline(entities, curve, dimensions)
+        row = spline_row(curve, "CURVE", 9)
+        return BrepCurve() if _high(row[1]) or _periodic(row) else _spline(entities, curve, dimensions)
     for kind, count in CONICS.items():
         if kind in curve.parts:
             _, where, *values = curve.parameters(kind, 2 + count)
@@ -234,13 +238,17 @@ def radians_of(entities: Entities, units: Sequence[Entity]) -> float:
     return 1.0
 
 
-def _periodic(curve: Entity) -> bool:
+def _high(degree: Value) -> bool:
+    """Return whether a degree is above that of the splines here, but one that CAD kernels have."""
+    return type(degree) is int and MAX_DEGREE < degree <= OTHERS_DEGREE
+
+
+def _periodic(row: Sequence[Value]) -> bool:
     """Return whether a closed spline has the knots of a period, whose ends are not clamped.
 
     OCCT writes circles so in the parameters of a plane whose axes turn the other way round.
     """
-    row = spline_row(curve, "CURVE", 9)
-    counts = list_of(row[6], curve)
+    counts = row[6] if isinstance(row[6], list) else []
     return (
         row[4] == "T" and counts[:1] != [] and isinstance(row[1], int) and counts[0] in range(1, row[1] + 1)
     )

@@ -38,13 +38,15 @@ def _prove(lens: Lens) -> None:
     _require(lens.graphs(), lens.thickness, lens.least_thickness(), lens.rear.outline)
 
 
-def require_sound_graphs(front: BSplineSurface, rear: BSplineSurface) -> None:
+def require_sound_graphs(front: BSplineSurface, rear: BSplineSurface, outline: Outline | None = None) -> None:
     """Raise ValueError as `require_sound` of the body between two graphs z(x, y).
 
     front, rear : scalar, of the same degrees, over rectangles around x = y = 0, mm.
+    outline : of the rear, None for its rectangle; the front's is in proportion.
     """
-    outline = Outline((rear.kv_u.stop, rear.kv_v.stop))
-    _require((front, rear), 0.0, minimum(gap_graph(front, rear, 0.0), tolerance=1e-12), outline)
+    outline = outline or Outline((rear.kv_u.stop, rear.kv_v.stop))
+    least = minimum(gap_graph(front, rear, 0.0), tolerance=1e-12, outline=outline)
+    _require((front, rear), 0.0, least, outline)
 
 
 def _require(

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 import optics
 from benchmarks.thesis.lens_runs import Misfit, Training, trained, unfiltered_target
 from optics.base.runtime import load_backend
-from optics.designing.optimisation import mark, summed_over_cells, vertex_knots
+from optics.designing.optimisation import mark, vertex_knots
+from optics.designing.starts import summed_over_cells
 from optics.interface.api import System
 from optics.light.engines import Engine, ExactEngine
 from thbcad import Lens, THBSurface

@@ -71,7 +71,7 @@ def throughput(system: OpticalSystem) -> Throughput:
     return Throughput(
         source=etendue,
         front=fraction * etendue,
-        target=aperture_etendue(system) if system.target.receiver.across_axis else None,
+        target=aperture_etendue(system) if system.axial else None,
         radiance=radiance(system),
         meets_front=fraction * problem.source.flux,
     )
@@ -80,7 +80,7 @@ def throughput(system: OpticalSystem) -> Throughput:
 def bounds_hold(system: OpticalSystem) -> bool:
     """Return whether etendue bounds the light of a system: its source has extent, its target lies across the
     axis."""
-    return bool(system.source.etendue) and system.target.receiver.across_axis
+    return bool(system.source.etendue) and system.axial
 
 
 def radiance(system: OpticalSystem) -> float:

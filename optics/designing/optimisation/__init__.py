@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.bounded_variables import BoundedVariables as BoundedVariables
     from optics.designing.optimisation.indicators import (
         mark as mark,
-        summed_over_cells as summed_over_cells,
         vertex_knots as vertex_knots,
     )
     from optics.designing.optimisation.level_objective import (
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
         transmitted_flux as transmitted_flux,
     )
     from optics.designing.optimisation.objective import Objective as Objective
-    from optics.designing.optimisation.rear_light import RearLight as RearLight
     from optics.designing.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
@@ -46,6 +44,5 @@ if TYPE_CHECKING:
         mirror_axes as mirror_axes,
         symmetry_axes as symmetry_axes,
     )
-    from optics.designing.optimisation.transport_start import TransportStart as TransportStart
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

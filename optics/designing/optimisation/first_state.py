@@ -9,7 +9,7 @@ from optics.base.runtime import Backend, NumericalError
 from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State, first_sags
-from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from optics.designing.starts import TransportFit, TransportStart
 from optics.light.engines import Engine
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, require_sound

@@ -27,19 +27,6 @@ def vertex_knots(half_width: Sequence[float], counts: Sequence[int]) -> tuple[Kn
     return tuple(KnotVector.uniform(1, n - 1, -h, h) for n, h in zip(counts, half_width))
 
 
-def summed_over_cells(
-    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the sum of values on a grid x x y over every leaf cell, (n_cells,).
-
-    Of |dL/dz| it is Z of (6.2).
-
-    values : (nx, ny)
-    """
-    cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
-    return np.asarray(np.bincount(cell, values.ravel(), len(space.cells)), dtype=np.float64)
-
-
 def refined_once(space: THBSpace, max_level: int) -> THBSpace:
     """Return the space with every leaf cell below a level refined."""
     return space.refine(space.cells[:, 0] < max_level)

@@ -15,14 +15,13 @@ from optics.designing.optimisation.indicators import (
     near_cells,
     promised_decrease,
     refined_once,
-    summed_over_cells,
     vertex_knots,
 )
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
-from optics.designing.optimisation.transport_start import TransportStart
 from optics.designing.penalties import shape_penalty
+from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, LightModel, sharp_engine
 from optics.scene.limits import feature_levels

@@ -34,7 +34,7 @@ from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
-from optics.designing.optimisation.transport_start import TransportFit, TransportStart
+from optics.designing.starts import TransportFit, TransportStart
 from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation import RearLight, TransportStart, transmitted_flux
+from optics.designing.optimisation import transmitted_flux
 from optics.designing.prediction.start_light import seen_level
+from optics.designing.starts import RearLight, TransportStart
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.fitting import fit_slopes, seen_functions

@@ -11,18 +11,11 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
-from optics.designing.optimisation import (
-    RearLight,
-    Stage,
-    TransportStart,
-    first_sags,
-    last_level,
-    stages,
-    transmitted_flux,
-)
+from optics.designing.optimisation import Stage, first_sags, last_level, stages, transmitted_flux
 from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import light_before
+from optics.designing.starts import RearLight, TransportStart
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem
@@ -46,7 +39,8 @@ class Expectation:
     size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
     sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
     efficiency, stray, blocked : of the transport start, share of the source's flux on the target, beside it,
-        and taken by stops and the clear aperture.
+        and taken by stops and the clear aperture.  reflected, totally : the same at the rear, and that of it
+        which no steeper light could leave.
     least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
@@ -66,6 +60,8 @@ class Expectation:
     efficiency: float
     stray: float
     blocked: float
+    reflected: float
+    totally: float
     least: dict[str, tuple[float, float]]
     pixel: float
     net: float
@@ -115,6 +111,8 @@ def expected(
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,
+        reflected=(fates.rear_reflected + fates.total_internal) / flux,
+        totally=fates.total_internal / flux,
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),

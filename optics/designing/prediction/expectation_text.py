@@ -1,4 +1,4 @@
-"""What to expect of a lens, in words."""
+"""What to expect of a lens or a mirror, in words."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     """Return one line for each thing to expect."""
     wide, high, deep = expected.size
     heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
-    rear = system.lens.rear.conic
+    shaped = getattr(system.lens, system.shaped).conic
     return [
-        f"expected lens: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
-        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with "
-        f"radius {rear.radius:.4g} mm, K {rear.constant:.3g}",
+        f"expected {system.problem.optic.noun}: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
+        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; {system.problem.optic.face_name(system.shaped)} "
+        f"with radius {shaped.radius:.4g} mm, K {shaped.constant:.3g}",
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
@@ -39,7 +39,8 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:
     """Return how small front and rear might be in their outline."""
     sides = [
-        f"{name} {_by(half)} mm of {_by(getattr(system.lens, name).half_width)}"
+        f"{system.problem.optic.face_name(name)} {_by(half)} mm of "
+        f"{_by(getattr(system.lens, name).half_width)}"
         for name, half in expected.least.items()
     ]
     return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
@@ -86,11 +87,14 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
 
 def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
     shifts = expected.sensitivity
-    whose = "the lens" if system.source.collimated else "the source"
-    return [
+    whose = f"the {system.problem.optic.noun}" if system.source.collimated else "the source"
+    by_index = [
         f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
         f"by {_length(system, shifts.index_most)} at most",
         *_dispersion_lines(system, expected),
+    ]
+    return [
+        *([] if system.reflects else by_index),
         f"{RIPPLE * 1000:g} um of ripple with a period of {PERIOD:g} mm shifts it by "
         f"{_shift(system, expected, shifts.ripple)}",
         f"{DECENTRE:g} mm of decentre of {whose} shifts it by {_shift(system, expected, shifts.decentre)}",

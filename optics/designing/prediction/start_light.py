@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import sqrt
 
 from optics.base.runtime import Backend
-from optics.designing.optimisation import TransportStart
+from optics.designing.starts import TransportStart
 from optics.light.analysis import cell_irradiance, rel_l2
 from optics.light.blur import blur_of
 from optics.light.tracing import SequentialFates, Tracer

@@ -64,7 +64,7 @@ def scene_dictionary(
     require_open(system)
     if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
-    if not system.target.receiver.across_axis:
+    if not system.axial:
         raise UserError(
             "Mitsuba's screen is a plane across the axis, and this target lies "
             f"{system.problem.target.place}; "

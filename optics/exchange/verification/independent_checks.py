@@ -54,7 +54,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    path = system.path(lens).seen_from(system.pose)
+    path = system.own_path(lens)
     by_occt = tracer_by_occt(file, index_of(path), path.receiver)
     difference = compared(system, lens, backend, RAYS, by_occt)
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +14,21 @@ from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, w
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import StepFile, optical_form, state_checks
 from thbcad.cad.exchange import conic_faces, spline_faces
-from thbcad.io import Brep
+from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.lens import FreeformSurface, require_sound_graphs
+from thbcad.outlines import Outline
 from thbcad.sags import NOT_BOUNDED, PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
 GRID = 1e-10  # of the size of a face: poles farther from their grid than rounding
+ON_RIM = 1e-8  # relative; rims are fitted within 1e-9 mm
+RIM_POINTS = 33  # of every edge that are compared with an outline
 WITHOUT_LENS = (
     "whether the lens is the one that was designed, which `thbcad verify` of its folder says: "
     "a pole moved along z gives another whole lens"
 )
+
+Placed: TypeAlias = "tuple[BSplineSurface, BrepFace]"  # a graph z(x, y) and the face on it
 
 
 class BareChecks(NamedTuple):
@@ -68,37 +75,86 @@ def text_checks_of(solid: Brep) -> BareChecks:
     """Return the part of the BareChecks that reads the text alone."""
     checks, left_out = whole_checks(solid)
     nets, surfaces = _net_checks(solid)
+    outline = _outline(solid, surfaces)
     if not surfaces:
-        left_out.append("folds of front and rear: their poles lie on no grid over x and y")
-    elif not (len(surfaces) == 2 == len(solid.faces) - 4 and all(map(_centred, surfaces))):
-        left_out.append("crossings of front and rear: they are cut, patched or beside the axis")
+        left_out.append("folds and crossings of front and rear: they are no graphs over known rectangles")
+    elif outline is None:
+        left_out.append(
+            "crossings of front and rear: the walls are not known to be those over one outline around the "
+            "axis; they may be drafted, rounded, cut or patched"
+        )
     else:
         with np.errstate(all="ignore"):
-            nets += _crossing_checks(surfaces)
+            nets += _crossing_checks([graph for graph, _ in surfaces], outline)
     return BareChecks([*checks, *nets], left_out)
 
 
-def _net_checks(solid: Brep) -> tuple[list[Check], list[BSplineSurface]]:
-    """Return the Checks of front and rear as graphs z(x, y), and the graphs, the lower one first.
+def _net_checks(solid: Brep) -> tuple[list[Check], list[Placed]]:
+    """Return the Checks of front and rear as graphs z(x, y), and the graphs with their faces, the lower one
+    first.
 
     The poles of a face that is curved in both directions lie on a grid over x and y, equal to the means of
     the knots but for scale (Greville abscissae): the face folds nowhere then.  Faces of which the most poles
-    lie beside that grid come from elsewhere, and are left out.  Conics are graphs by themselves.
+    lie beside that grid come from elsewhere, and are left out.  Conics are graphs by themselves, over the
+    rectangle of the others where the corners of their faces span none.
     """
-    graphs = []
+    found: list[Placed] = []
     beside: list[int] = []
+    conics: list[tuple[PlacedConic, BrepFace]] = []
     for face in solid.faces:
         form = optical_form(solid, face)
         if isinstance(form, BSplineSurface):
             graph, off = _graph(form)
             if 2 * off < form.kv_u.dim * form.kv_v.dim:
-                graphs.append(graph)
+                found.append((graph, face))
                 beside.append(off)
-        elif form is not None and form.half_width != NOT_BOUNDED:
-            graphs.append(_conic_graph(form))
+        elif form is not None:
+            conics.append((form, face))
+    other = _half_width(found[0][0]) if found else NOT_BOUNDED
+    for conic, face in conics:
+        over = conic if conic.half_width != NOT_BOUNDED else replace(conic, half_width=other)
+        if over.half_width != NOT_BOUNDED:
+            found.append((_conic_graph(over), face))
     name = "text of the file: poles of front and rear beside the grid of the others in x and y"
-    graphs.sort(key=lambda graph: float(np.median(graph.coefficients)))
-    return [Check.none_of(name, sum(beside))] if beside else [], graphs
+    found.sort(key=lambda pair: float(np.median(pair[0].coefficients)))
+    return [Check.none_of(name, sum(beside))] if beside else [], found
+
+
+def _outline(solid: Brep, surfaces: Sequence[Placed]) -> Outline | None:
+    """Return the outline of the rear, None unless it bounds front and rear, in proportion, and has a wall for
+    every piece.
+
+    A corner ends where the rim leaves the sides of its rectangle.
+    """
+    if len(surfaces) != 2 or not all(_centred(graph) for graph, _ in surfaces):
+        return None
+    half = _half_width(surfaces[1][0])
+    if len(solid.faces) == 6:
+        return Outline(half)
+    ends = abs(_rim_points(solid, surfaces[1][1], 2)) / half
+    straight = [ends[ends[:, 1 - k] > 1 - ON_RIM, k].max(initial=0.0) for k in (0, 1)]
+    try:
+        a, b = (h if share <= ON_RIM else h * (1 - share) for h, share in zip(half, straight))
+        outline = Outline(half, (a, b))
+        fits = len(solid.faces) == 2 + len(outline.pieces)
+    except ValueError:
+        return None
+    for graph, face in surfaces:
+        points = _rim_points(solid, face, RIM_POINTS).T
+        fits &= bool((abs(outline.scaled(_half_width(graph)).gauge(*points) - 1) <= ON_RIM).all())
+    return outline if fits else None
+
+
+def _rim_points(solid: Brep, face: BrepFace, count: int) -> NDArray[np.float64]:
+    """Return points (x, y) of every edge round a face, from end to end, (n, 2)."""
+    numbers = {number for loop in face.loops for number, _ in loop}
+    spans = ((edge, edge_span(edge)) for edge in solid.edges if edge.number in numbers)
+    rows = [edge.points(np.linspace(*span, count))[:, :2] for edge, span in spans if span is not None]
+    return np.concatenate([np.empty((0, 2)), *rows])
+
+
+def _half_width(graph: BSplineSurface) -> tuple[float, float]:
+    return graph.kv_u.stop, graph.kv_v.stop
 
 
 def _conic_graph(conic: PlacedConic) -> BSplineSurface:
@@ -136,13 +192,13 @@ def _centred(graph: BSplineSurface) -> bool:
     return all(abs(kv.start + kv.stop) <= GRID * (kv.stop - kv.start) for kv in (graph.kv_u, graph.kv_v))
 
 
-def _crossing_checks(graphs: list[BSplineSurface]) -> list[Check]:
-    """Return the Check of the proof that front, rear and edges do not cross each other."""
+def _crossing_checks(graphs: list[BSplineSurface], outline: Outline) -> list[Check]:
+    """Return the Check of the proof that front, rear and edges do not cross each other within an outline."""
     name = "text of the file: no proof that front, rear and edges stay apart"
     degrees = tuple(max(getattr(g, kv).degree for g in graphs) for kv in ("kv_u", "kv_v"))
     front, rear = (graph.elevate(degrees[0], degrees[1]) for graph in graphs)
     try:
-        require_sound_graphs(front, rear)
+        require_sound_graphs(front, rear, outline)
     except ValueError as error:
         return [Check.none_of(f"{name}: {error}", 1)]
     return [Check.none_of(name, 0)]

@@ -62,14 +62,18 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
 def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[str]]:
     """Return the Checks of volume and area by OCCT against quadrature over the text, and what is left out.
 
-    Solids with faces or edges of other kinds (`NotMeasured`) are left out.  Where volume and area of
-    another solid are not found, their checks fail.
+    Solids with faces or edges of other kinds (`NotMeasured`) are left out: OCCT alone measures them.  Where
+    volume and area of another solid are not found, their checks fail.
     """
     with np.errstate(all="ignore"):
         try:
             area, whole = _or_inf(_area, solid), _or_inf(volume, solid)
         except NotMeasured as error:
-            return [], [f"volume and area by quadrature over the text of the file: {error}"]
+            inside_out = Check.none_of("solid without a volume, by OCCT", not state.volume > 0)
+            by_occt = f"OCCT alone finds {state.volume:.9g} mm3 and {state.area:.9g} mm2"
+            return [inside_out], [
+                f"volume and area by quadrature over the text of the file: {error}; {by_occt}"
+            ]
         volume_by_occt = state.volume
         if abs(volume_by_occt / whole - 1) > MEASURE:
             # OCCT's estimate of its own error is too low on rough surfaces: ask for more

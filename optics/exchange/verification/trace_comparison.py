@@ -63,15 +63,14 @@ def compared(
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
     other : of Rays in the frame of the lens, returns where they land and the flux that arrives, zero for rays
         that do not.
-    blocked : whether it knows of stops and of the clear aperture; else both traces leave them out.
+    blocked : whether it knows of stops, clear aperture and coatings; else both traces leave them out.
     """
     rays = system.source.rays(counts)
     clear = system.path(lens).without_absorption()  # which the independent tracers leave out
-    clear = clear if blocked else clear.without_stops()
+    clear = clear if blocked else clear.without_stops().without_coats()
     _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    single = rays if isinstance(rays, Rays) else rays.rays(clear.before)
-    others, screen = other(single.posed(system.pose.inverse())), system.target.screen()
+    others, screen = other(system.own_rays(rays, lens)), system.target.screen()
     made = system.solid(lens)
     if not isinstance(made, Lens):
         _, within = Tracer(backend, clear.held(made.free), rays).trace()
@@ -121,7 +120,7 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, path, made = system.problem.verify, system.path(lens).seen_from(system.pose), system.solid(lens)
+    limits, path, made = system.problem.verify, system.own_path(lens), system.solid(lens)
     rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
         path = path.held(made.free)

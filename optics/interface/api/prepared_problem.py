@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from optics.base.runtime import Backend, UserError, load_backend
-from optics.designing.optimisation import TransportStart
 from optics.designing.prediction import resolved
+from optics.designing.starts import TransportStart
 from optics.light.blur import aimed_through, blur_of
 from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES

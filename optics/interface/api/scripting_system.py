@@ -9,13 +9,8 @@ from math import isqrt
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import (
-    MARGIN,
-    TransportStart,
-    penalised_objective,
-    transmitted_flux,
-    window_named,
-)
+from optics.designing.optimisation import MARGIN, penalised_objective, transmitted_flux, window_named
+from optics.designing.starts import TransportStart
 from optics.interface.api.coefficient_vectors import (
     Coefficients,
     Spaces,

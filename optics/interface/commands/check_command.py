@@ -25,6 +25,8 @@ from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
 from optics.scene.system import OpticalSystem, advice, skip_lines
 
+STEEP = 0.1  # of the light, reflected at the rear: some 0.04 are where it meets a usual index at right angles
+
 
 def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
@@ -107,6 +109,12 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
     if surfaces_can_cross(system):
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+        )
+    if not system.reflects and expectation.reflected > STEEP:
+        notes.append(
+            f"{expectation.reflected:.0%} of the light is reflected at the rear, which bends it far, and "
+            f"{expectation.totally:.1%} totally; {system.problem.target.gentler}, or let both surfaces bend "
+            "it"
         )
     etendue = etendue_notes(system)
     if etendue.background and not etendue.limits:

@@ -106,7 +106,7 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
     if system.source.from_file:
         return UNKNOWN
-    if not system.target.receiver.across_axis:
+    if not system.axial:
         return OBLIQUE
     return "" if passing.source else NO_LIMIT
 

@@ -20,7 +20,7 @@ from optics.light.outgoing import OnTarget, StepsOnTarget, outgoing_intensity, o
 from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, require_lens_on_axis
 from thbcad.io import json_text, write_text
 from thbcad.lens import Lens
 
@@ -161,6 +161,7 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     require_free_files([Path(options.out)], options.out, options.force)
     problem, lens, _ = ResultFolder(options.result).read()
     system = OpticalSystem(problem)
+    require_lens_on_axis(system, "files of light")
     return system, lens, system.backend
 
 

@@ -59,7 +59,7 @@ def trace(options: Namespace) -> Outcome:
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
     aslant = "phase space is shown behind the lens alone: the target does not lie across the axis"
-    left_out = [] if system.target.receiver.across_axis else [aslant]
+    left_out = [] if system.axial else [aslant]
     return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
 
 

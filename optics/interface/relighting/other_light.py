@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from optics.base.runtime import Backend, UserError
@@ -25,8 +25,9 @@ def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Mea
     ------
     UserError : a source that does not go with the lens, such as one that lies in it.
     """
+    other = replace(problem, source=source)
     index = _index_at(OpticalSystem(problem), source.wavelength)
-    system = solvable_system(problem.with_(source=asdict(source), **{"lens.index": index}))
+    system = solvable_system(other if problem.optic.index == index else other.with_optic(index=index))
     return measure(system, replace(lens, index=index), backend)
 
 

@@ -16,7 +16,6 @@ from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.tracing import FATES, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
 from optics.scene.receivers import Screen
-from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -77,12 +76,19 @@ def _replicate(
     backend: Backend,
 ) -> tuple[Floats, Fates, SequentialFates]:
     """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
-    rays = single_rays(system.source.rays(RAYS, rng), lens)
-    plane = TargetArea.of(system.path(lens), screen.half_width)
+    rays, path = system.own_rays(system.source.rays(RAYS, rng), lens), system.own_path(lens)
+    plane = TargetArea.of(path, screen.half_width)
     every = trace_nonsequential(
-        backend, solid, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
+        backend,
+        solid,
+        rays,
+        plane,
+        threshold=ROULETTE,
+        roulette=rng,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
     )
-    tracer = Tracer(backend, system.path(lens), rays)
+    tracer = Tracer(backend, path, rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         direct = tracer.fates(landing, screen.half_width)

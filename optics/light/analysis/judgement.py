@@ -138,10 +138,11 @@ def judged(
     """
     found = grade(checks)
     worst = {"made": "passed", "not decided": "undecided"}.get(found, "failed")
+    body = metrics.get("element", "lens")
     subject = {"light misses": "light", "file or part fails": "file"}.get(found)
     rows = [c for c in checks if c.result == worst and subject in (None, c.subject)]
     says = {
-        "made": "the lens makes the light asked for" + (", and the file is the lens" if of_file else ""),
+        "made": f"the {body} makes the light asked for{f', and the file is the {body}' * of_file}",
         "light misses": "the light misses what was asked for",
         "file or part fails": "the file, the part or a limit of making fails",
         "not decided": "not decided",
@@ -196,4 +197,5 @@ def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
 
 def counted_ways(metrics: dict[str, Any]) -> str:
     """Return in words which light the metrics and the irradiance of a Measurement count."""
-    return "all paths" if metrics["paths"] == "all" else "front and rear only"
+    alone = "the face only" if "element" in metrics else "front and rear only"
+    return "all paths" if metrics["paths"] == "all" else alone

@@ -76,10 +76,17 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
     rear once each.
     """
-    rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
+    rays = system.own_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    plane = TargetArea.of(system.path(lens), half_width)
-    result = trace_nonsequential(backend, system.solid(lens), rays, plane, absorption=system.absorption)
+    plane = TargetArea.of(system.own_path(lens), half_width)
+    result = trace_nonsequential(
+        backend,
+        system.solid(lens),
+        rays,
+        plane,
+        absorption=system.absorption,
+        coats=system.problem.optic.coats,
+    )
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
@@ -121,7 +128,7 @@ def plane_behind(system: OpticalSystem, lens: Lens) -> float:
 
 def _across(system: OpticalSystem) -> bool:
     """Return whether the target is a plane across the axis."""
-    return system.target.receiver.across_axis and not system.target.far_field
+    return system.axial and not system.target.far_field
 
 
 def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:

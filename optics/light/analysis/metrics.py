@@ -110,6 +110,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
     metrics["paths"] = "all" if all_ways else "sequential"
     metrics["estimator"] = estimator
+    if system.reflects:
+        metrics["element"] = "mirror"
     if estimator == "rays":
         metrics["rays"] = ray_count(screen)
     metrics["efficiency"] = light.on_target / flux

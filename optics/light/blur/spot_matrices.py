@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.refraction import refracted
+from optics.light.refraction import bent
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.sources import corner_flux
@@ -133,5 +133,6 @@ def _landing(path: LightPath, here: _Rear, inside: Floats, slopes: Floats) -> Fl
     along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
     point = path.surfaces[1].pose.points((*here.u, here.z))
     with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
-        landed = path.receiver.land(point, refracted(path.media[1].index, along, list(slopes)))
+        leaving, _ = bent(False, (path.media[1].index, 1.0), along, list(slopes))
+        landed = path.receiver.land(point, leaving)
     return np.array([landed.u, landed.v])

@@ -250,15 +250,21 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
+    optic = system.problem.optic
     return (
-        f"greatest concentration of light: {found.times:.3g} times that on the front, {light}{sun}, "
-        f"{_length(found.behind)} behind the rear vertex (mean over {found.disk:.2g} mm, without losses; "
-        f"searched up to {_length(found.searched)})"
+        f"greatest concentration of light: {found.times:.3g} times that on the {optic.face_name('front')}, "
+        f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
+        f"without losses; searched up to {_length(found.searched)})"
     )
 
 
 def _length(mm: float) -> str:
     return f"{round(mm, 2) + 0.0:g} mm"  # no -0
+
+
+def _place(system: OpticalSystem) -> str:
+    """Return from where the way of light is counted."""
+    return "before the face" if system.reflects else "behind the rear"
 
 
 def fire_warning(system: OpticalSystem, found: Concentration) -> str:
@@ -269,7 +275,7 @@ def fire_warning(system: OpticalSystem, found: Concentration) -> str:
     if not hot:
         return ""
     return (
-        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} behind the rear "
+        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} {_place(system)} "
         f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
         "keep everything out of there, and cover the lens while nobody watches it"
     )

@@ -67,6 +67,7 @@ def outgoing_intensity(
                 threshold=ROULETTE,
                 roulette=rng,
                 absorption=system.absorption,
+                coats=system.problem.optic.coats,
             ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES

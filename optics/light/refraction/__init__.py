@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.light.refraction.shaped_refraction import (
-        FixedRear as FixedRear,
-        ShapedFront as ShapedFront,
-        ShapedRear as ShapedRear,
-        refracted as refracted,
+    from optics.light.refraction.rest_of_path import (
+        RestOfPath as RestOfPath,
+        bent as bent,
+        normalised as normalised,
     )
+    from optics.light.refraction.shaped_surface import ShapedSurface as ShapedSurface
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -13,6 +13,7 @@ from optics.light.intersections import DeviceRays, Vector
 from optics.light.tracing.body_faces import body_faces
 from optics.light.tracing.lens_faces import lens_faces
 from optics.light.tracing.refraction import refract
+from optics.scene.paths import BARE, Coats
 from optics.scene.sources import Rays
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -91,6 +92,7 @@ class Meetings:
 class ClosedLens:
     """The faces of a lens or its body, and what happens to branches there.
 
+    coats : what coatings of front and rear let through of light that is not reflected totally.
     Rounded edges absorb light, with all that lies between them and the sharp edge in their place.
     """
 
@@ -99,12 +101,13 @@ class ClosedLens:
         """Whether some of it absorbs light."""
         return self._rounded is not None
 
-    def __init__(self, backend: Backend, solid: Solid) -> None:
+    def __init__(self, backend: Backend, solid: Solid, coats: Coats = BARE) -> None:
         if backend.dtype != np.float64:
             raise ValueError("non-sequential tracing needs a backend in double precision")
         self._backend = backend
         self._faces = lens_faces(backend, solid) if isinstance(solid, Lens) else body_faces(backend, solid)
         self._rounded = None if isinstance(solid, Lens) or not solid.rounded else solid
+        self._coats = coats
         self._index = backend.dr.opaque(backend.Float, solid.index)
 
     def meet(self, branches: Branches) -> Meetings:
@@ -125,6 +128,9 @@ class ClosedLens:
             dr.eval(path, (nx, ny, nz), face, doubt)
         face = dr.select(doubt < path, float(UNDECIDED), face)
         refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
+        for number, share in zip((FRONT, REAR), self._coats):
+            if share is not None:
+                transmittance = dr.select((face == number) & (transmittance > 0), share, transmittance)
         point = rays.at(path)
         dr.eval(face, point, refracted, reflected, transmittance)
         faces, points = face.numpy().astype(np.int8), _rows(point)

@@ -28,7 +28,7 @@ from optics.light.tracing.branches import (
 )
 from optics.light.tracing.fates import FATES, Fates
 from optics.light.tracing.landings import LandingPoints
-from optics.scene.paths import LightPath, Stop
+from optics.scene.paths import BARE, Coats, LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
@@ -105,6 +105,7 @@ def trace_nonsequential(
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
     absorption: float = 0.0,
+    coats: Coats = BARE,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -114,9 +115,10 @@ def trace_nonsequential(
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    coats : as of `ClosedLens`.
     """
     require_rays(rays)
-    solid = ClosedLens(backend, lens)
+    solid = ClosedLens(backend, lens, coats)
     n = len(rays.flux)
     by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
 

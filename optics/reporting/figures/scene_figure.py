@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 MOST_PIXELS = 256  # of the light on a curved target, across
 SMALL = 0.15  # of the picture: smaller lenses are drawn again, larger
 WIDTH, TALLEST, TEXT = 7.6, 5.0, 0.4  # inches: of the picture, and of what stands under it
+LETTERS = 110  # under a picture; more are smaller
 AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
 
 
@@ -72,7 +73,9 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
         (left, low), (right, high) = box
         axes.set_xlim(left, right)
         axes.set_ylim(low, high)
-    figure.text(0.5, 0.1 / (height + TEXT), caption(problem, scene), fontsize=9, ha="center")
+    under = caption(problem, scene)
+    size = min(9.0, 9.0 * LETTERS / len(under))
+    figure.text(0.5, 0.1 / (height + TEXT), under, fontsize=size, ha="center")
     return png_bytes(figure)
 
 

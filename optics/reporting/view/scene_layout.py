@@ -101,11 +101,9 @@ def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
     grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in problem.target.half_width))
     target = np.stack(np.broadcast_arrays(*receiver.points(*grid)))
     throw, width = float(target[2].min()) - box[2, 1], problem.target.half_width[0] + box[0, 1]
-    squeeze = 1.0
-    if throw > 0:  # it does not begin beside the lens, where all is drawn as it is
-        squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
-            FACTORS * throw >= SHORT * width
-        ].min(initial=FACTORS[-1])
+    # what lies aslant is drawn as it is, unless it is far
+    longer = FACTORS[FACTORS * throw >= SHORT * width] if receiver.across_axis else FACTORS
+    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / longer.min(initial=FACTORS[-1])
     turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
     normal = np.array(receiver.normal(0.0, 0.0))  # of a target that is not to be seen from its edge
     view = max((oblique(side * turn, RISE) for side in (-1, 1)), key=lambda seen: abs(seen[2] @ normal))

@@ -7,6 +7,8 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.paths.light_path import (
         AIR as AIR,
+        BARE as BARE,
+        Coats as Coats,
         HeightError as HeightError,
         LightPath as LightPath,
         Medium as Medium,

@@ -33,6 +33,8 @@ class Medium:
 
 
 AIR = Medium(1.0)
+Coats: TypeAlias = "tuple[float | None, float | None]"  # share of the light that goes through front and rear
+BARE: Coats = (None, None)
 
 
 class HeightError(Protocol):
@@ -128,15 +130,17 @@ class LightPath:
         clear: tuple[Outline, Outline] | None = None,
         absorbing_wall: bool = False,
         pose: Pose = IDENTITY,
+        coats: Coats = BARE,
     ) -> LightPath:
         """Return the path through front and rear of a lens in air.
 
-        absorption : of its glass, 1/mm.  clear : of front and rear, see `Surface`.  pose : from the frame of
-        its front vertex to that of the path.
+        absorption : of its glass, 1/mm.  clear, coats : of front and rear, see `Surface`.  pose : from the
+        frame of its front vertex to that of the path.
         """
         open_front, open_rear = clear or (None, None)
-        front = Surface(lens.front, pose, clear=open_front)
-        rear = Surface(lens.rear, pose @ Pose.at((0.0, 0.0, lens.thickness)), clear=open_rear)
+        front = Surface(lens.front, pose, share=coats[0], clear=open_front)
+        behind = pose @ Pose.at((0.0, 0.0, lens.thickness))
+        rear = Surface(lens.rear, behind, share=coats[1], clear=open_rear)
         media = AIR, Medium(lens.index, absorption), AIR
         return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
 
@@ -209,6 +213,12 @@ class LightPath:
         """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
         return self._with(replace(s, share=1.0) if s.share != 1 else s for s in self.surfaces)
 
+    def without_coats(self) -> LightPath:
+        """Return the path through bare glass, and by mirrors that reflect all."""
+        shares = (1.0 if s.kind == "reflect" else None for s in self.surfaces)
+        pairs = zip(self.surfaces, shares)
+        return self._with(s if s.share == share else replace(s, share=share) for s, share in pairs)
+
     def without_stops(self) -> LightPath:
         """Return the path that nothing blocks: neither stops nor a holder of the lens."""
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
@@ -237,6 +247,10 @@ class LightPath:
         return self._with(
             replace(s, pose=motion @ s.pose) if k == surface else s for k, s in enumerate(self.surfaces)
         )
+
+    def with_shape(self, surface: int, shape: FreeformSurface) -> LightPath:
+        """Return the path over surfaces of which one has another shape."""
+        return self._with(replace(s, shape=shape) if k == surface else s for k, s in enumerate(self.surfaces))
 
     def seen_from(self, pose: Pose) -> LightPath:
         """Return the path in the frame of a body with this pose."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -118,6 +118,7 @@ class MirrorElement(Placed, Optic):
     )
     face: Face = option()
 
+    noun: ClassVar[str] = "mirror"
     # what a lens may have and a mirror has not
     index: ClassVar[float] = 1.0
     indices: ClassVar[Rows] = ()
@@ -141,6 +142,10 @@ class MirrorElement(Placed, Optic):
         """Of the light that it reflects."""
         return METALS[self.reflectance] if isinstance(self.reflectance, str) else self.reflectance
 
+    def face_name(self, name: str) -> str:
+        """See `Optic`."""
+        return "face" if name == "front" else "back"
+
     def key(self, name: str) -> str:
         """Return the dotted key of one of its own; "front" stands for its face."""
         return super().key("face" + name.removeprefix("front") if name.startswith("front") else name)
@@ -148,7 +153,8 @@ class MirrorElement(Placed, Optic):
     def with_keys(self, **changes: Any) -> MirrorElement:
         """See `Placed`; the front is the face, and the back stays a plane."""
         if "front" in changes:
-            changes["face"] = Face(**vars(changes.pop("front")))
+            front = changes.pop("front")
+            changes["face"] = Face(**{f.name: getattr(front, f.name) for f in fields(Face)})
         changes.pop("rear", None)
         return replace(self, **changes)
 

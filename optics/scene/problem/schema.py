@@ -193,6 +193,12 @@ def slope_rms_option() -> Any:
     return option(0.0, low=0, high=0.3, note=note)
 
 
+def reflectance_option() -> Any:
+    """Return the option of a coating."""
+    note = "share of the light that a coating reflects, at any angle; left out is bare glass by Fresnel's law"
+    return option(None, low=0, high=1, note=note)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Front:
     """The surface that light meets first, as the table [lens.front].
@@ -209,6 +215,7 @@ class Front:
     radius: float | str = radius_option("auto is a plane too")
     conic: float | str = conic_option()
     slope_rms: float = slope_rms_option()
+    reflectance: float | None = reflectance_option()
     freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free")
 
 
@@ -231,6 +238,7 @@ class Rear:
     radius: float | str = radius_option("auto takes it from the light")
     conic: float | str = conic_option()
     slope_rms: float = slope_rms_option()
+    reflectance: float | None = reflectance_option()
 
 
 def outline_option() -> Any:
@@ -327,6 +335,12 @@ class Optic:
         """The index; 0 where it is not known yet."""
         return 0.0 if isinstance(self.index, str) else self.index
 
+    noun: ClassVar[str] = "lens"
+
+    def face_name(self, name: str) -> str:
+        """Return what a sentence calls its front or its rear."""
+        return name
+
     @property
     def table(self) -> str:
         """Its name in dotted keys."""
@@ -335,6 +349,12 @@ class Optic:
     def key(self, name: str) -> str:
         """Return the dotted key of one of its own, such as "rear.radius"."""
         return f"{self.table}.{name}"
+
+    @property
+    def coats(self) -> tuple[float | None, float | None]:
+        """The shares of the light that coatings of front and rear let through; None is bare glass."""
+        front, rear = (None if s.reflectance is None else 1 - s.reflectance for s in (self.front, self.rear))
+        return front, rear
 
     def corners(self, half_width: tuple[float, float]) -> tuple[float, float]:
         """Return the semi-axes of the corners of a surface with these half-widths, mm; 0 of a rectangle."""

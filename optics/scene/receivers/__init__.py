@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.receivers.curved_receivers import Cylinder as Cylinder, Sphere as Sphere
     from optics.scene.receivers.fitted_picture import fit_picture as fit_picture
     from optics.scene.receivers.formula import (
         MAX_LENGTH as MAX_LENGTH,
@@ -15,11 +16,9 @@ if TYPE_CHECKING:
     from optics.scene.receivers.picture import read_picture as read_picture
     from optics.scene.receivers.receivers import (
         DEGREES as DEGREES,
-        Cylinder as Cylinder,
         FarField as FarField,
         Plane as Plane,
         Receiver as Receiver,
-        Sphere as Sphere,
         Triple as Triple,
         receiver_at as receiver_at,
         seen_from as seen_from,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from math import inf, isinf, pi
+from dataclasses import dataclass, replace
+from math import inf, isinf
 from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -22,7 +22,6 @@ from thbcad.values import Value
 Triple: TypeAlias = Any  # of numbers or arrays, one for each coordinate
 
 DEGREES = 180 / np.pi
-TOUCHES = 1e-12  # square of the sine between a ray and a curved screen: what touches it does not meet it
 
 
 class LandingPoint(NamedTuple):
@@ -68,7 +67,7 @@ class Receiver(Value, ABC):
         """
         own, (p, q, r) = seen_from(self.pose, point, direction, number)
         met = r > 0
-        u, v, length, lands = self._chart(own, (p, q, _choose(library)(met, r, 1)), library, number)
+        u, v, length, lands = self._chart(own, (p, q, choose_by(library)(met, r, 1)), library, number)
         return LandingPoint(u, v, length, p, q, met if lands is True else met & lands)
 
     @abstractmethod
@@ -142,114 +141,6 @@ class Plane(Receiver):
         return self.pose.directions((0.0 * u, 0.0 * v, 1.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Cylinder(Receiver):
-    """A half of the cylinder x^2 + (z - R)^2 = R^2 of its frame, that round the middle: |u| < pi |R| / 2.
-
-    u = R atan(x / (R - z)) is the arc round the axis, which lies along y, and v = y, mm.
-    Light meets it at the nearer of two places where R > 0, as it bulges to the light, else at the farther.
-
-    radius : R, mm.
-    """
-
-    radius: float = field(kw_only=True)
-
-    unit = "mm"
-    area_unit = "mm^2"
-    far_field = False
-
-    def _chart(
-        self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
-    ) -> tuple[Any, Any, Any, Any]:
-        """c A t^2 - 2 F t = G for the ray s + t d, with c = 1 / R, A = |d|^2, F = r - c d . s and
-        G = 2 z - c |s|^2; round a cylinder y and q do not count.
-
-        t = -G / (F + S) = (F - S) / (c A), with S^2 = F^2 + c A G, is the near root where c > 0 and the far
-        one else.  The first form loses no digits where F > 0, the second elsewhere.
-        """
-        (x, y, z), (p, q, r) = point, direction
-        choose, c = _choose(library), number(1 / self.radius)
-        ca = c * self._dot(direction, direction)
-        f = r - c * self._dot(direction, point)
-        g = 2 * z - c * self._dot(point, point)
-        square = f * f + ca * g
-        meets = square > TOUCHES
-        root = library.sqrt(choose(meets, square, 1))
-        length = choose(f > 0, -g / (abs(f) + root), (f - root) / ca)
-        x, y, z = x + length * p, y + length * q, z + length * r
-        meets = meets & (c * z < 1)
-        return *self._arcs(c, x, y, choose(meets, 1 - c * z, 1), library), length, meets
-
-    def _dot(self, one: Triple, other: Triple) -> Any:
-        """Return the product of two vectors across the axis."""
-        return one[0] * other[0] + one[2] * other[2]
-
-    def _arcs(self, c: Any, x: Any, y: Any, before: Any, library: ModuleType) -> tuple[Any, Any]:
-        """Return u and v of a point.  c : 1 / R.  before : 1 - c z."""
-        return library.atan(c * x / before) / c, y
-
-    def points(self, u: Any, v: Any) -> Any:
-        """x = R sin(u / R), y = v, z = R (1 - cos(u / R))."""
-        angle = u / self.radius
-        return self.pose.points((self.radius * np.sin(angle), v, self.radius * (1 - np.cos(angle))))
-
-    def normal(self, u: Any, v: Any) -> Any:
-        """(-sin(u / R), 0, cos(u / R))."""
-        angle = u / self.radius
-        return self.pose.directions((-np.sin(angle), 0.0 * v, np.cos(angle)))
-
-    @property
-    def across_axis(self) -> bool:
-        """See `Receiver`."""
-        return False
-
-    @property
-    def widest(self) -> tuple[float, float]:
-        """See `Receiver`."""
-        return pi / 2 * abs(self.radius), inf
-
-
-class Sphere(Cylinder):
-    """The half of the sphere x^2 + y^2 + (z - R)^2 = R^2 of its frame round the middle.
-
-    u is the arc along the equator in the plane y = 0, as of a cylinder, and v that along a meridian, mm, as
-    degrees of longitude and latitude: v = R atan(y / sqrt(x^2 + (R - z)^2)).  The area is cos(v / R) du dv.
-    """
-
-    def _dot(self, one: Triple, other: Triple) -> Any:
-        """See `Cylinder`."""
-        return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-    def _arcs(self, c: Any, x: Any, y: Any, before: Any, library: ModuleType) -> tuple[Any, Any]:
-        """See `Cylinder`."""
-        level = library.sqrt(c * c * x * x + before * before)
-        return library.atan(c * x / before) / c, library.atan(c * y / level) / c
-
-    def points(self, u: Any, v: Any) -> Any:
-        """x = R sin(u / R) cos(v / R), y = R sin(v / R), z = R (1 - cos(u / R) cos(v / R))."""
-        x, y, z = self._from_centre(u, v)
-        return self.pose.points((self.radius * x, self.radius * y, self.radius * (1 - z)))
-
-    def normal(self, u: Any, v: Any) -> Any:
-        """(-sin(u / R) cos(v / R), -sin(v / R), cos(u / R) cos(v / R))."""
-        x, y, z = self._from_centre(u, v)
-        return self.pose.directions((-x, -y, z))
-
-    def _from_centre(self, u: Any, v: Any) -> tuple[Any, Any, Any]:
-        """Return the parts of the unit vector from the centre, that along -z last."""
-        a, b = u / self.radius, v / self.radius
-        return np.sin(a) * np.cos(b), np.sin(b), np.cos(a) * np.cos(b)
-
-    def area(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
-        return super().area(u, v) * np.cos(np.asarray(v) / self.radius)
-
-    @property
-    def widest(self) -> tuple[float, float]:
-        """See `Receiver`."""
-        return pi / 2 * abs(self.radius), pi / 2 * abs(self.radius)
-
-
 class FarField(Receiver):
     """All directions (p, q, r) before a frame, with u = atan(p / r) and v = atan(q / r) in degrees.
 
@@ -298,7 +189,7 @@ class FarField(Receiver):
         return 90.0, 90.0
 
 
-def _choose(library: ModuleType) -> Callable[..., Any]:
+def choose_by(library: ModuleType) -> Callable[..., Any]:
     """Return what takes one of two arrays by a mask."""
     return np.where if library is np else library.select  # numpy's `select` is another function
 

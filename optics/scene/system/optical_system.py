@@ -14,7 +14,7 @@ from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
-from optics.scene.sources import LightSource
+from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
@@ -87,6 +87,20 @@ class OpticalSystem:
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
+
+    @property
+    def axial(self) -> bool:
+        """Whether it is a lens on the axis before a target across it, or before the far field around it."""
+        return not self.problem.element and self.target.receiver.across_axis
+
+    def own_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens in the lens's own frame."""
+        return self.path(lens).seen_from(self.pose)
+
+    def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
+        """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
+        single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
+        return single.posed(self.pose.inverse())
 
     @property
     def reflects(self) -> bool:
@@ -231,11 +245,10 @@ class OpticalSystem:
 
     def solid(self, lens: Lens) -> Solid:
         """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
-        options = self.body
-        return lens if options is None else moulded(lens, options, self.clear_aperture(lens))
+        return lens if self.body is None else moulded(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture, the volume that of its body with sharp edges."""
+        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
         return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
 
@@ -267,7 +280,9 @@ class OpticalSystem:
             )
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(lens, target.receiver, self.absorption, self.stops, clear, black, pose)
+            LightPath.through(
+                lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
+            )
             for target in self.targets
         )
 
@@ -289,7 +304,7 @@ class OpticalSystem:
         The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
         a lens, but may meet the walls of a body.
         """
-        return not (self.target.far_field or (self.parallel and self.body is None))
+        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

@@ -66,6 +66,20 @@ def require_met(system: OpticalSystem) -> None:
         )
 
 
+def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
+    """Refuse an element elsewhere where only the lens of [lens] is known.  what : is not known of it.
+
+    Raises
+    ------
+    UserError : names the element.
+    """
+    if system.problem.element:
+        raise UserError(
+            f"{what} are computed of [lens] on the axis only, and this is {system.problem.optic.table}; "
+            "change its numbers by --set and trace the light of each"
+        )
+
+
 def _named(system: OpticalSystem) -> str:
     """Return what a sentence calls the lens or the mirror."""
     return "the lens" if system.problem.lens else system.problem.optic.table
@@ -126,8 +140,8 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
         towards = "-z" if system.reflects else "+z"
         raise UserError(
             f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
-            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; move "
-            "target.position or turn target.tilt there"
+            f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
+            "move target.position or turn target.tilt there"
         )
     if behind.any():
         raise UserError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, Check
 from optics.light.blur import spot_width
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, require_lens_on_axis
 from optics.tolerancing.machining.blur_of_cusps import (
     CuspBlur,
     CuspLight,
@@ -148,6 +148,7 @@ def tool_findings(
 
     rays : in each direction, by which the blur is mapped.
     """
+    require_lens_on_axis(system, "tools")
     names = [order.surface] if order.surface else [n for n in SURFACES if not getattr(lens, n).is_plane]
     if order.radius is None:
         names = []

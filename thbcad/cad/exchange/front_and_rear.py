@@ -15,7 +15,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import TOLERANCE, spline_surface
-from thbcad.checks import Floats
+from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
@@ -68,8 +68,10 @@ def optical_form(face: TopoDS_Face) -> OpticalForm | None:
         placement = _placement(geom.Position())
         below = bool(corners[:, 2].sum() < len(corners) * placement[0, 2])
         return conic_of_sphere(placement, geom.Radius(), below, half_width)
-    # the ruled edges are straight in one direction
-    if not isinstance(geom, Geom_BSplineSurface) or min(geom.UDegree(), geom.VDegree()) < 2:
+    # the ruled edges are straight in one direction, and OCCT's roundings have degrees up to 14
+    if not isinstance(geom, Geom_BSplineSurface) or not (
+        min(geom.UDegree(), geom.VDegree()) >= 2 and max(geom.UDegree(), geom.VDegree()) <= MAX_DEGREE
+    ):
         return None
     spline = spline_surface(geom)
     return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)

@@ -24,6 +24,7 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from thbcad.cad.exchange.front_and_rear import front_and_rear
 from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import spline_surface
+from thbcad.checks import MAX_DEGREE
 from thbcad.lens import OpticalForm
 from thbcad.splines import BSplineSurface, NURBSSurface
 
@@ -136,9 +137,11 @@ def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ())
 
 
 def spline_faces(shape: TopoDS_Shape) -> list[BSplineSurface | NURBSSurface]:
-    """Return the spline surfaces under the faces of a shape, in their order; other faces are left out."""
+    """Return the spline surfaces under the faces of a shape, in their order; other faces, and splines of a
+    degree above 10, are left out."""
     geoms = map(BRep_Tool.Surface_s, faces_of(shape))
-    return [spline_surface(geom) for geom in geoms if isinstance(geom, Geom_BSplineSurface)]
+    splines = (geom for geom in geoms if isinstance(geom, Geom_BSplineSurface))
+    return [spline_surface(s) for s in splines if max(s.UDegree(), s.VDegree()) <= MAX_DEGREE]
 
 
 def solid_volume(shape: TopoDS_Shape, tolerance: float) -> float:

@@ -8,7 +8,7 @@ import pytest
 import optics
 from optics.base.runtime import UserError
 from optics.designing.optimisation.state import earlier_state
-from optics.designing.optimisation.transport_start import TransportStart
+from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.designing.optimisation.indicators import mark, summed_over_cells, vertex_knots
+from optics.designing.optimisation.indicators import mark, vertex_knots
+from optics.designing.starts import summed_over_cells
 from tests.optics.cases import small_space
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector

@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from optics.base.runtime import UserError
-from optics.designing.optimisation import TransportStart
 from optics.designing.prediction import resolved
+from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import AUTO, FINEST_AUTO, load_problem, problem_to_toml
 from optics.scene.system import OpticalSystem, solvable_system

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optics.designing.optimisation import TransportStart, stages
+from optics.designing.optimisation import stages
 from optics.designing.prediction import expectation_lines, expected
 from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.expectation import predicted_rel_l2
 from optics.designing.prediction.sensitivity import sensitivity
+from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays

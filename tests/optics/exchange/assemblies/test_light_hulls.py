@@ -22,6 +22,15 @@ SOURCES = {
     "lambertian": ("extended", {}),
     "curved front": ("lamp", {}),
     "far field": ("far_field", {}),
+    "tilted": ("tophat_square", {"target.tilt": (50.0, 20.0, 0.0)}),
+    "near and aside": (
+        "tophat_square",
+        {"target.distance": None, "target.position": (0.0, -10.0, 110.0), "target.tilt": (50.0, 0.0, 0.0)}
+        | {"target.half_width": (60.0, 60.0)},
+    ),
+    "column": ("tophat_square", {"target.surface": "cylinder", "target.radius": 80.0}),
+    "bowl": ("tophat_square", {"target.surface": "sphere", "target.radius": -120.0}),
+    "tilted far field": ("far_field", {"target.tilt": (10.0, 5.0, 0.0)}),
 }
 ROUNDING = 1e-9  # mm
 

@@ -30,12 +30,11 @@ PIXELS = (48, 40)
 KEYS = ("integrator.front_coefficients", "integrator.rear_coefficients")
 
 
-@pytest.fixture(params=["llvm_ad_mono", "llvm_ad_rgb"])
-def mi(request, backend):
-    """Mitsuba in two variants, on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(request.param, threads=1)
-    load_mitsuba(threads=threads)
+@pytest.fixture(scope="module", params=["llvm_ad_mono", "llvm_ad_rgb"])
+def mi(request):
+    """Mitsuba in two variants."""
+    yield load_mitsuba(request.param)
+    load_mitsuba()
 
 
 @pytest.fixture

@@ -19,11 +19,8 @@ EPS = 2.0**-23  # of float32
 
 
 @pytest.fixture(scope="module")
-def mi(backend):
-    """Mitsuba on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    backend.dr.set_thread_count(threads)
+def mi():
+    return load_mitsuba()
 
 
 def two_free_lens():

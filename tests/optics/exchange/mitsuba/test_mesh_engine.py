@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
-from optics.designing.optimisation import shape_lens, summed_over_cells, vertex_knots
+from optics.designing.optimisation import shape_lens, vertex_knots
+from optics.designing.starts import summed_over_cells
 from optics.exchange.mitsuba import mesh_engine
 from optics.exchange.mitsuba.engine_choice import mitsuba_engine
 from optics.exchange.mitsuba.loading import load_mitsuba

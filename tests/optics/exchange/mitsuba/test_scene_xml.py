@@ -39,13 +39,11 @@ CASES = {
 
 
 @pytest.fixture(autouse=True)
-def mi(backend, monkeypatch):
-    """Mitsuba on one thread, and meshes of 65 vertices in each direction."""
+def mi(monkeypatch):
+    """Mitsuba, and meshes of 65 vertices in each direction."""
     for module in (scene, sys.modules["optics.exchange.mitsuba.scene_xml"]):
         monkeypatch.setattr(module, "VERTICES", (65, 65))
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    load_mitsuba(threads=threads)
+    return load_mitsuba()
 
 
 @pytest.fixture

@@ -78,3 +78,35 @@ def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
     assert data["fire"].startswith("light that may start a fire: ")
     assert main(["check", path, *focus]) == 0
     assert f"note: {data['fire']}" in capsys.readouterr().out
+
+
+ASIDE = {"target.distance": False, "target.position": [44.0, 0.0, 66.0], "target.tilt": [0.0, 45.0, 0.0]}
+
+
+def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, capsys):
+    """Up to 46 degrees behind a plane front, where a surface of index 1.5 bends by less than 48.2."""
+    free = {"lens.rear.radius": math.inf, "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}
+    path = str(write_problem(tmp_path, free | ASIDE | {"target.kind": "tophat"}))
+    assert main(["check", path, "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)["expected"]
+    assert 0 < expected["totally"] < expected["reflected"]
+    assert expected["reflected"] > 0.2
+    assert main(["check", path]) == 0
+    said = capsys.readouterr().out
+    assert (
+        f"{expected['reflected']:.0%} of the light is reflected at the rear, which bends it far, and" in said
+    )
+    assert "move target.position nearer the axis" in said
+
+
+def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):
+    lamp = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
+    path = str(write_problem(tmp_path, lamp | {"target.tilt": [20.0, 0.0, 0.0]}))
+    sentence = "etendue bounds the light on targets across the axis only; none is given of this one"
+    for command in ("check", "etendue"):
+        assert main([command, path]) == 0
+        assert capsys.readouterr().out.count(sentence) == 1
+    assert main(["etendue", path, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["etendue_mm2_sr"]["target"] is None
+    assert "universal" not in found

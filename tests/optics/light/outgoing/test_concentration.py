@@ -120,7 +120,7 @@ def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     sag = system.lens.sags[-1]
     lens = system.lens.with_sags([replace(sag, coefficients=rough(sag.space, height, seed % 1000))])
     found = greatest_concentration(system, lens, backend)
-    rays = system.source.rays((701, 701) if THOROUGH else (401, 401))
+    rays = system.source.rays((701, 701))
     each = rays.total / rays.flux.size
     best = 0.0
     for behind in (found.behind, *rng.uniform(1.5, found.searched, 2)):
@@ -128,9 +128,7 @@ def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([lens.sags[-1].coefficients])
         points = np.stack([landing.x.numpy(), landing.y.numpy()], axis=1)[landing.flux.numpy() > 0]
-        counts = cKDTree(points).query_ball_point(
-            points[:: 40 if THOROUGH else 13], found.disk / 2, return_length=True
-        )
+        counts = cKDTree(points).query_ball_point(points[::40], found.disk / 2, return_length=True)
         counted = counts.max() * each / (pi / 4 * found.disk**2)
         best = max(best, counted)
         assert counted <= 1.05 * found.irradiance

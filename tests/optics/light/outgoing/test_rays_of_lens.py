@@ -12,16 +12,23 @@ from tests.optics.cases import rough, write_problem
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
 
 
-@pytest.mark.parametrize("changes", [{}, pytest.param(LAMP, marks=pytest.mark.slow)], ids=["beam", "lamp"])
+BALL = {"target.surface": "sphere", "target.radius": 40.0, "target.tilt": [20.0, 10.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, BALL, pytest.param(LAMP, marks=pytest.mark.slow)], ids=["beam", "ball", "lamp"]
+)
 def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes):
     system = optics.System(load_problem(write_problem(tmp_path, changes)))
     space = system.space()
     lens = system.lens(space, rough(space, 0.03, 0))
     backend = load_backend("double")
     rear, target = (outgoing_rays(system.optical, lens, backend, 4096, place) for place in ("rear", "target"))
-    z = system.optical.target.z
-    way = (z - rear.position[:, 2].astype(float)) / rear.direction[:, 2]
+    way = ((target.position.astype(float) - rear.position) * rear.direction).sum(axis=1)
     landed = rear.position + way[:, None] * rear.direction
+    own = system.optical.target.receiver.pose.inverse().points(target.position.T.astype(float))
+    radius = changes.get("target.radius", np.inf)
+    np.testing.assert_allclose((own**2).sum(axis=0) / (2 * radius), own[2], atol=2e-5)
     np.testing.assert_allclose(landed, target.position, atol=2e-4)  # single precision
     np.testing.assert_array_equal(rear.flux, target.flux)
     height = lens.rear(*rear.position[:, :2].astype(float).T) + lens.thickness

@@ -11,7 +11,7 @@ from hypothesis import Phase, assume, given, settings, strategies as st
 from optics.base.runtime import load_backend
 from optics.light.intersections import first_crossing, last_root
 from optics.light.tracing.nonsequential import FATES, TargetArea, trace_nonsequential, trace_paths
-from optics.scene.receivers import receiver_at
+from optics.scene.receivers import Cylinder, Sphere, receiver_at
 from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, Frustum, MeshSolid, edge_gap, traced_one_by_one
 from oracles.light_formulas import fresnel
@@ -19,6 +19,7 @@ from tests.cases import examples
 from tests.thbcad.cases import lenses
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -261,11 +262,19 @@ def test_the_direct_part_is_sequential(backend, lens):
     assert landings.flux[result.direct] == pytest.approx(flux[direct], rel=1e-8)
 
 
-def test_paths_follow_the_strongest_branch(backend):
+WALL = Pose.tilted((0.0, -20.0, 80.0), (40.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "target",
+    [FAR, *(TargetArea(r, (30.0, 60.0)) for r in (Cylinder(WALL, radius=90.0), Sphere(WALL, radius=-200.0)))],
+    ids=["plane", "cylinder", "sphere"],
+)
+def test_paths_follow_the_strongest_branch(backend, target):
     lens, rays = dome_lens(3), lambertian(60, 9)
-    paths = trace_paths(backend, lens, rays, FAR)
+    paths = trace_paths(backend, lens, rays, target)
     assert {path.fate for path in paths} >= {"on_target", "off_target"}
-    result = trace_nonsequential(backend, lens, rays, FAR)
+    result = trace_nonsequential(backend, lens, rays, target)
     landings = result.landings
     ends = {
         ray: (x, y) for x, y, ray, direct in zip(landings.x, landings.y, result.ray, result.direct) if direct
@@ -273,7 +282,7 @@ def test_paths_follow_the_strongest_branch(backend):
     for ray, path in enumerate(paths):
         assert (path.points[0] == rays.origin[:, ray]).all()
         if len(path.points) == 4 and path.fate in ("on_target", "off_target"):
-            assert path.points[-1] == pytest.approx((*ends[ray], FAR_Z), abs=1e-9)
+            assert path.points[-1] == pytest.approx(target.receiver.points(*ends[ray]), abs=1e-9)
 
 
 # roots

@@ -87,9 +87,19 @@ def test_rays_go_straight_through_a_plate(backend, made):
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
 
-def test_light_is_drawn_where_it_is(backend, made):
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"target.tilt": [30.0, 0.0, 0.0]},
+        {"target.surface": "cylinder", "target.radius": 25.0},
+        {"target.surface": "sphere", "target.radius": -40.0},
+    ],
+    ids=["across", "tilted", "cylinder", "sphere"],
+)
+def test_light_is_drawn_where_it_is(backend, made, changes):
     """A bright corner at +x, +y appears at the upper right of the target, and nowhere else."""
-    problem, lens = made({})
+    problem, lens = made(changes)
     paths = scene_paths(OpticalSystem(problem), lens, backend)
     dark = np.full((48, 48), 0.5)
     dark[24:, :24] = 1.0  # the scale is the same with and without the corner

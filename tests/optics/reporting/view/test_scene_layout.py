@@ -41,6 +41,20 @@ def test_the_target_leaves_the_lens_free(made, distance, half_width):
     assert SHORT * (1 - 1e-12) <= drawn <= 2.5 * LONG * (1 + 1e-12)
 
 
+@pytest.mark.parametrize("position", [(30.0, 0.0, 70.0), (-30.0, 0.0, 70.0), (0.0, -30.0, 30.0)])
+def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
+    """It faces the lens, and is seen at 15 degrees from its edge; the near one begins beside the lens."""
+    tilt = [-np.degrees(np.arctan2(position[1], 60.0)), np.degrees(np.arctan2(position[0], 60.0)), 0.0]
+    place = {"target.distance": False, "target.position": list(position), "target.tilt": tilt}
+    problem, lens = made(place | {"target.half_width": [10.0, 10.0]})
+    system = OpticalSystem(problem)
+    scene = placed(system, solid_faces(lens)[0])
+    assert abs(scene.turn[2] @ system.target.receiver.pose.rotation[:, 2]) > np.sin(np.radians(15))
+    assert scene.squeeze == 1
+    rim = system.target.receiver.points(*10.0 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]))
+    assert scene.rim == pytest.approx(np.stack(rim), abs=1e-13)
+
+
 def test_things_are_drawn_in_scale_up_to_the_lens_and_shorter_behind_it(made):
     problem, lens = made({"target.distance": 1e4})
     scene = placed(OpticalSystem(problem), solid_faces(lens)[0])

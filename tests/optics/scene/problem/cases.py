@@ -35,6 +35,38 @@ EXTENDED = SMALL | {
     "target.distance": math.inf,
     "target.half_width": [30.0, 89.0],
 }
+MIRROR = """
+title = "mirror"
+
+[source]
+kind = "collimated"
+half_width = [9.5, 6.5]
+distance = 30.0
+
+[[element]]
+kind = "mirror"
+name = "M1"
+tilt = [45, 0, 0]
+thickness = 4.0
+face = { half_width = [10.0, 10.0], freeform = { spans = [4, 4], max_level = 1, z_freedom = 1.0 } }
+
+[target]
+kind = "tophat"
+position = [0, 60, 0]
+tilt = [-90, 0, 0]
+half_width = [20.0, 20.0]
+pixels = [32, 32]
+"""
+LENS = """
+[[element]]
+kind = "lens"
+name = "L1"
+index = 1.5
+thickness = 6.0
+position = [0, 0, 2]
+front = { half_width = [10.0, 10.0] }
+rear = { half_width = [10.0, 10.0] }
+"""
 
 
 def load_text(folder, text):

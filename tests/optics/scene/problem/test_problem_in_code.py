@@ -300,7 +300,7 @@ def test_every_example_is_its_own_variation():
                 value = getattr(record, f.name)
                 if is_dataclass(value):
                     collect(value, f"{prefix}{f.name}.")
-                elif value is not None:
+                else:
                     changes[prefix + f.name] = value
 
         collect(problem)

@@ -104,3 +104,21 @@ def test_the_picture_is_found_beside_the_problem_file(tmp_path, monkeypatch):
 
 def test_an_absolute_picture_path_stays(tmp_path):
     assert load_values(tmp_path, SMALL | {"target.image": "/data/a.png"}).target.image == "/data/a.png"
+
+
+def test_a_target_has_its_place_by_distance_or_by_position(tmp_path):
+    """What is left out is false in a file and None in code; a variation may exchange one for the other."""
+    problem = load_values(tmp_path, SMALL)
+    assert (problem.target.position, problem.throw) == (None, SMALL["target.distance"])
+    aside = problem.with_(**{"target.distance": None, "target.position": (3, 4, SMALL["lens.thickness"])})
+    assert aside.throw == 5
+    changed = {"target.distance": False, "target.position": [3, 4, SMALL["lens.thickness"]]}
+    assert load_values(tmp_path, SMALL | changed) == aside
+    assert (
+        load_values(tmp_path, SMALL | {"target.surface": "far_field", "target.distance": False}).throw
+        == math.inf
+    )
+    curved = {"target.surface": "sphere", "target.radius": -30.0, "target.tilt": [1.0, 2.0, 3.0]}
+    assert load_values(tmp_path, SMALL | changed | curved).target.place == (
+        "on a sphere of radius -30 mm, at (3, 4, 6) mm, tilted by (1, 2, 3) degrees"
+    )

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.tolerancing.metrology import best_fit, by_datums, made_surface
 from optics.tolerancing.metrology.alignment import outliers
+from tests.cases import examples
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad import Pose
 from thbcad.hierarchy import THBSpace
@@ -34,7 +35,7 @@ def points_of(surface: FreeformSurface, inside: float = 0.9, count: int = 3000) 
     return np.stack([x, y, surface(x, y)])
 
 
-@settings(deadline=None, max_examples=8)
+@examples(8)
 @given(st.tuples(SMALL, SMALL, SMALL), st.tuples(*[st.floats(-0.02, 0.02)] * 3))
 def test_a_known_motion_is_found_again(shift: tuple[float, ...], tilt: tuple[float, ...]) -> None:
     motion = Pose.at(np.array(shift), np.array(tilt))
@@ -96,7 +97,7 @@ def test_a_patch_of_outliers_is_named_with_its_place() -> None:
     assert "x = 3.9" in said or "x = 4" in said
 
 
-@settings(deadline=None, max_examples=8)
+@examples(8)
 @given(st.floats(0.96, 1.04), st.sampled_from([-1.0, 0.0, 0.5]), st.sampled_from([0, 1]))
 def test_a_best_fit_brings_points_nearer_however_weak_a_motion_is(
     power: float, cut: float, axis: int

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.tolerancing.metrology import FileFrame, point_text, read_measured
+from tests.cases import examples
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad.io import cloud_text, sag_text
 
@@ -51,7 +52,7 @@ def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     assert np.array_equal(read.points, TABLE[kept].T)
 
 
-@settings(deadline=None, max_examples=8)
+@examples(8)
 @given(
     st.sampled_from(["m", "mm", "um", "nm"]),
     st.sampled_from(["m", "mm", "um", "nm"]),

@@ -50,12 +50,14 @@ BODIES = {
 
 @pytest.fixture(scope="module", params=BODIES)
 def moulded(request):
+    """A body, its part, and the part's STEP file."""
     body = MouldedBody.of(*BODIES[request.param])
-    return body, moulded_part(body)
+    part = moulded_part(body)
+    return body, part, part_step(part, Product(), "AP242")
 
 
 def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
-    body, part = moulded
+    body, part, _ = moulded
     state = SolidState(part.solid)
     assert (state.valid, state.closed, state.free_edges) == (True, True, 0)
     assert state.tolerance <= 1e-7
@@ -65,15 +67,14 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
 
 def test_the_text_of_its_file_holds_the_volume(moulded):
     """By quadrature without OCCT, to the 1e-9 of edges that lie within 1e-9 mm."""
-    body, part = moulded
-    text = part_step(part, Product(), "AP242").decode("latin-1")
-    assert volume(brep_of_text(text)) == pytest.approx(body.volume(), rel=1e-9)
+    body, _, file = moulded
+    assert volume(brep_of_text(file.decode("latin-1"))) == pytest.approx(body.volume(), rel=1e-9)
 
 
 def test_build123d_finds_the_draft_in_the_file(moulded, tmp_path):
     """Every wall face to 1e-6 degrees: cones by their half-angle, planes by their normal."""
-    body, part = moulded
-    (tmp_path / "body.step").write_bytes(part_step(part, Product(), "AP242"))
+    body, part, file = moulded
+    (tmp_path / "body.step").write_bytes(file)
     solid = build123d.import_step(str(tmp_path / "body.step"))
     angles = []
     for face in solid.faces():

@@ -1,42 +1,43 @@
-"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
+"""The surface to start from: optimal transport, the law of refraction or reflection, and a fit of slopes.
 
-The light of a source without extent has one direction at every point of the rear surface.  Optimal
-transport from its density there to the target gives the target point of each point, Snell's law the
-slope that sends the light there.  Where the rays spread inside the lens, density and directions depend on the
-shape that is looked for.  They are traced again on each new shape, a few times.
+The light of a source without extent has one direction at every point of the surface that is shaped.  Optimal
+transport from its density there to the target gives the target point of each point, and Snell's law the
+slope that sends the light there.  Where parallel light meets the rear of a lens on the axis, it does not
+change with the shape that is looked for; anywhere else it is traced again on each new shape (`shaped_along`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.designing.optimisation.indicators import summed_over_cells
-from optics.designing.optimisation.rear_light import (
+from optics.designing.starts.cell_sums import summed_over_cells
+from optics.designing.starts.path_start import Picture, shaped_along
+from optics.designing.starts.rear_light import (
     DARK,
     LEAST_WEIGHT,
     Floats,
     RearLight,
+    as_many_within,
     centres,
-    refraction_of,
-    traced_light,
+    inside,
 )
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
+from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.receivers import Screen, lit_part
 from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
-from thbcad.outlines import Outline
 from thbcad.surfaces import THBSurface
 
 SNELL_STEPS = 4
-TRACED_STEPS = 3  # of tracing to a shape and computing the next
+TRACED = 2  # level of the fit that tells whether a sag is within its bounds
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
@@ -49,7 +50,7 @@ MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
 CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
-# the same within an outline, which has fewer cells for texture (pearl on a disk, five seeds: a change of
+# the same within an outline, where texture alone changes more of it (pearl on a disk, five seeds: a change of
 # 0.067, rel_l2 0.0284 with another map and 0.0285 without)
 CHANGE_WITHIN = 0.1
 
@@ -75,7 +76,7 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
+    traced : a fit of light that depends on the shape, None where parallel light meets the rear of a lens
     bent : share of the light that a slope can send to where the map wants it
 
     most : cells of the map in each direction, at most.
@@ -84,20 +85,31 @@ class TransportStart:
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
         system = aimed(system, backend)
         self._system, self._lens, self._backend = system, system.lens, backend
-        screen = system.goal.screen()
+        screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
-        nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
-        self._cells = nx, ny
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)
-        self._vertex = system.lens.thickness if system.shaped == "rear" else 0.0
-        self._refraction = refraction_of(system)
+        counts = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
+        nx, ny = (as_many_within(self._surface.outline, n) for n in counts)
+        self._cells = nx, ny
         self._bound = INSIDE * system.freeforms[-1].freedom
         self.traced: TransportFit | None = None
         self.bent = 1.0
-        if system.shapes_parallel:
+        if system.parallel and system.shaped == "rear" and receiver.across_axis and not self._crosses:
+            self._vertex = system.lens.thickness
+            air = RestOfPath((), (1.0,), receiver)
+            self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
             self._light, self._slopes = self._shape_parallel()
-        else:
-            self._light, self._slopes, self.traced = self._shape_traced()
+            return
+        path, finest = system.path(system.lens), system.freeforms[-1].finest
+        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+        picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
+        shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
+        self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
+        self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+
+    @property
+    def _crosses(self) -> bool:
+        return self._system.target.settings.crossing
 
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
@@ -105,7 +117,19 @@ class TransportStart:
         Coefficients beyond z_freedom are cut off there; the others still send their light where it belongs.
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
-        return self._fit(space, self._light, self._slopes)
+        light, (zx, zy) = self._light, self._slopes
+        sag = fit_slopes(space, light.x, light.y, zx, zy, np.ones(self._cells))
+        seen = seen_functions(space, light.x, light.y)
+        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
+        kept = np.clip(sag.coefficients, -self._bound, self._bound)
+        for _ in range(HALVINGS):
+            try:
+                require_sound(_with_last(self._lens, THBSurface(space, kept)))
+                break
+            except ValueError:
+                kept, crosses = kept / 2, True
+        cut = float(np.mean(size > self._bound))
+        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
 
     def misfit(self, sag: THBSurface) -> Floats:
         """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
@@ -162,21 +186,6 @@ class TransportStart:
             f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
 
-    def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:
-        zx, zy = slopes
-        sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
-        seen = seen_functions(space, light.x, light.y)
-        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
-        kept = np.clip(sag.coefficients, -self._bound, self._bound)
-        for _ in range(HALVINGS):
-            try:
-                require_sound(_with_last(self._lens, THBSurface(space, kept)))
-                break
-            except ValueError:
-                kept, crosses = kept / 2, True
-        cut = float(np.mean(size > self._bound))
-        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
-
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
         """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
         source, lens = self._system.source, self._lens
@@ -188,11 +197,12 @@ class TransportStart:
         @cache
         def emitted(grid: tuple[int, ...]) -> Floats:
             s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
-            return source.profile(s[:, None], t[None, :]) * _inside(outlines, half, grid)
+            return source.profile(s[:, None], t[None, :]) * inside(outlines, half, grid)
 
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
-        light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
+        weight = np.maximum(inside(outlines, half, self._cells), LEAST_WEIGHT)
+        light = RearLight(x, y, (along, along, along + 1), emitted, weight)
         arrival = self._arrival(light, half, self.lit)
         above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
         picture = self._prewarped(light, arrival, above)
@@ -210,7 +220,7 @@ class TransportStart:
         base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
         for _ in range(steps):
             points = light.x[:, None], light.y[None, :], base + sag
-            slopes, _, refracts = self._refraction.slopes(points, light.direction, arrival)
+            slopes, refracts = self._refraction.slopes(points, light.direction, arrival)
             above = _above_conic(light, self._surface, slopes)
             sag = _height(light, above)
         return above, float(np.average(refracts, weights=light.emitted(self._cells)))
@@ -237,32 +247,6 @@ class TransportStart:
         enough = CHANGE if self._surface.outline.is_rectangle else CHANGE_WITHIN
         much = change > enough * np.linalg.norm(wanted / wanted.mean())
         return asked.T[::-1] if much else None
-
-    def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
-        """Return light, slopes and fit for rays that spread inside the lens.
-
-        The fit is on the mesh of the sag, refined once or twice.
-        """
-        lens = self._lens
-        space = lens.sags[-1].space.uniform(min(2, self._system.freeforms[-1].finest))
-        sag = THBSurface(space, np.zeros(space.dim))
-        for _ in range(TRACED_STEPS):
-            lens = _with_last(lens, sag)
-            surface = getattr(lens, self._system.shaped)
-            light = traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, surface.half_width, self.lit)
-            height = self._vertex + surface.grid(light.x, light.y)
-            points = light.x[:, None], light.y[None, :], height
-            slopes, gentle, refracts = self._refraction.slopes(points, light.direction, arrival)
-            self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
-            gentle &= light.weight > LEAST_WEIGHT
-            # where no light is, the slopes go on: fits of all levels then agree along the border of the light
-            own = [sag.grid(light.x, light.y, d) for d in ((1, 0), (0, 1))]
-            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, surface, slopes), own)]
-            light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
-            fit = self._fit(space, light, wanted)
-            sag = fit.sag
-        return light, wanted, fit
 
     def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
         """Return a picture of the lit rectangle as cell means, (nx, ny)."""
@@ -295,14 +279,6 @@ def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
     zx, zy = slopes
     sag = height_from_slopes(zx, zy, _spacing(light))
     return sag - (sag.max() + sag.min()) / 2
-
-
-def _inside(outlines: Iterable[Outline], half: Sequence[float], counts: Sequence[int]) -> Floats:
-    """Return the share of every cell of a rectangle with these half-widths that lies in all outlines."""
-    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half, counts))
-    x = x[:, None]
-    shares = [o.shares((x[:-1], y[:-1]), (x[1:], y[1:])) for o in outlines if not o.is_rectangle]
-    return np.minimum.reduce([np.ones((counts[0], counts[1])), *shares])
 
 
 def _spacing(light: RearLight) -> list[float]:

@@ -1,0 +1,15 @@
+"""What a design starts from: slopes by optimal transport that send light where it is wanted."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.designing.starts.cell_sums import summed_over_cells as summed_over_cells
+    from optics.designing.starts.rear_light import RearLight as RearLight
+    from optics.designing.starts.transport_start import (
+        TransportFit as TransportFit,
+        TransportStart as TransportStart,
+    )
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

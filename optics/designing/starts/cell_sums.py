@@ -1,0 +1,21 @@
+"""Sums of samples over the leaf cells of a THB space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.hierarchy import THBSpace
+
+
+def summed_over_cells(
+    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the sum of values on a grid x x y over every leaf cell, (n_cells,).
+
+    Of |dL/dz| it is Z of (6.2).
+
+    values : (nx, ny)
+    """
+    cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
+    return np.asarray(np.bincount(cell, values.ravel(), len(space.cells)), dtype=np.float64)

@@ -1,0 +1,79 @@
+"""Light laid on grids as mapped cells, so that no projective factor is ever written down.
+
+The light of a source without extent, cut into cells, is traced to a surface of any light path.  A picture is
+laid down alike in whatever coordinates transport takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from optics.base.runtime import Backend, DrArray
+from optics.designing.starts.rear_light import DARK, LEAST_WEIGHT, Floats, RearLight, centres
+from optics.light.measuring import MappedCells
+from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
+from optics.scene.receivers import Screen, fit_picture
+from optics.scene.sources import LightSource, corner_flux
+
+CELLS_PER_CELL = 2  # of the source, in each direction, to a cell of the grid
+
+
+def light_on(
+    backend: Backend, path: LightPath, surface: int, source: LightSource, counts: tuple[int, int]
+) -> RearLight:
+    """Return the light of a source, taken without extent, as it meets a surface of a path, in its own frame.
+
+    counts : (nx, ny) cells over the rectangle of the surface.
+    """
+    dr, half = backend.dr, path.surfaces[surface].shape.half_width
+    cells = source.without_extent().cells([CELLS_PER_CELL * n for n in counts])
+    rays, screen = cells.rays(), Screen(half, counts)
+    with dr.suspend_grad():
+        hits, along, flux = Tracer(backend, path, rays, proven=False).at(surface)
+        mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+
+        def laid(share: DrArray | float) -> Floats:
+            return _picture(screen, mapped(hits.x, hits.y, flux * share, hits.found))
+
+        emitted = laid(1.0)
+        dark = emitted <= DARK * emitted.mean()
+        nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
+        # means of directions by flux: no light that is laid down may be negative
+        shares = [laid((1 + backend.Float(d)) / 2) / np.where(dark, 1.0, emitted) for d in along[:2]]
+    p, q = (2 * share[nearest] - 1 for share in shares)
+    weight = np.where(dark, LEAST_WEIGHT, np.clip(emitted / emitted.mean(), 2 * LEAST_WEIGHT, 1.0))
+    return RearLight(
+        *centres(half, counts),
+        [p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))],
+        lambda grid: fit_picture(emitted.T, (grid[0], grid[1]), 1.0, "stretch").T,
+        weight,
+    )
+
+
+def picture_on(
+    backend: Backend,
+    corners: Sequence[Floats],
+    light: Floats,
+    box: Sequence[tuple[float, float]],
+    counts: tuple[int, int],
+) -> Floats:
+    """Return the light of pixels whose corners lie anywhere on the cells of a rectangle, (nx, ny).
+
+    corners : two arrays (mx + 1, my + 1).  light : (mx, my), flux of the pixels.  box : of the rectangle.
+    """
+    flux = corner_flux(light)
+    (x0, x1), (y0, y1) = box
+    screen = Screen(((x1 - x0) / 2, (y1 - y0) / 2), counts)
+    x, y = (backend.array((a - (low + high) / 2).ravel()) for a, (low, high) in zip(corners, box))
+    with backend.dr.suspend_grad():
+        passing = backend.array(flux.ravel())
+        return _picture(screen, MappedCells(backend, screen, light, flux)(x, y, passing, passing >= 0))
+
+
+def _picture(screen: Screen, image: DrArray) -> Floats:
+    """Return an image as an array of index order x, y; rounding is no negative light."""
+    return np.maximum(np.asarray(image.numpy().reshape(screen.shape, order="F")[::-1].T), 0.0)

@@ -1,0 +1,157 @@
+"""What a picture asks of one free surface of any light path: slopes that send light where it is wanted.
+
+In the frame of the surface, for every cell of the light that meets it: optimal transport tells the place
+(u, v) on the receiver, what lies behind the surface the direction to it, the law of refraction or reflection
+the normal, and a fit the height; then all again.  Off axis no surface has the slopes that are asked for.
+What would land beside is asked for elsewhere (`prewarped`), until that changes little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optics.base.runtime import Backend
+from optics.designing.starts.path_light import light_on, picture_on
+from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
+from optics.designing.starts.transport_chart import Middle, TransportChart
+from optics.designing.transport import prewarped, transport_map
+from optics.light.refraction import ShapedSurface
+from optics.scene.paths import LightPath
+from optics.scene.receivers import fit_picture
+from optics.scene.sources import LightSource
+from thbcad.fitting import fit_slopes
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface
+from thbcad.surfaces import THBSurface
+
+JET = (0, 0), (1, 0), (0, 1)
+COARSE_FITS = 3  # in a round, since the slopes that are wanted depend on the height; then a fine one
+COARSE, FINE = 2, 4  # levels of these fits, at most
+CELLS_PER_FUNCTION = 1.5  # in a direction, at least
+MOST_ROUNDS = 5
+CHANGE = 0.05  # of the light to ask for, relative to that wanted: with less another round does not pay
+MOVED = 1e-3  # of the surface's width: light that its new height moves by less is not traced again
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Light on the chart of a receiver.
+
+    flux : (nx, ny), of its pixels, of any scale.  centre, half : of its rectangle in u and v.
+    crosses : the light crosses on its way to it.
+    """
+
+    flux: Floats
+    centre: tuple[float, float]
+    half: tuple[float, float]
+    crosses: bool = False
+
+    def relative(self, y: list[Floats]) -> list[Floats]:
+        """Return u and v with the rectangle as [-1, 1]^2."""
+        return [(a - c) / h for a, c, h in zip(y, self.centre, self.half)]
+
+
+@dataclass(frozen=True, eq=False)
+class ShapedLight:
+    """What a picture asks of a surface.
+
+    light : that meets it.  above : the slopes that its sag needs, (nx, ny) each, which go on without light.
+    bent : share of the light that slopes can send to where the map wants it.
+    """
+
+    light: RearLight
+    above: list[Floats]
+    bent: float
+
+
+def shaped_along(
+    backend: Backend,
+    path: LightPath,
+    number: int,
+    source: LightSource,
+    wanted: Picture,
+    counts: tuple[int, int],
+    finest: int,
+) -> ShapedLight:
+    """Return what a picture asks of a surface of a path that carries a sag.
+
+    number : of the surface.  source : taken without extent.  counts : (nx, ny) cells of the surface's
+    rectangle.  finest : level of the meshes of the fits, at most.
+    """
+    shape, shaped = path.surfaces[number].shape, ShapedSurface.of(path, number)
+    assert shape.sag is not None
+    coarse, fine = _meshes(shape.sag.space, counts, finest)
+    sag, asked, chart = THBSurface(coarse, np.zeros(coarse.dim)), wanted, None
+    for _ in range(MOST_ROUNDS):
+        light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, counts)
+        flux, first = light.emitted(counts), sag.grid(light.x, light.y)
+        if chart is None:
+            height = shape.conic(light.x[:, None], light.y[None, :]) + first
+            chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
+        sent = _sent(backend, light, chart, asked, counts)
+        for mesh in [coarse] * COARSE_FITS + [fine]:
+            points, slopes = _jet(shape.with_sag(sag), light)
+            needed, possible = shaped.slopes(points, light.direction, sent)
+            known = possible & (light.weight > LEAST_WEIGHT)
+            conic = _jet(FreeformSurface(shape.half_width, shape.conic), light)[1]
+            # elsewhere slopes go on as coarse fits let them; a fine one then takes all alike, which is quick
+            zx, zy = above = [np.where(known, n, s) - c for n, s, c in zip(needed, slopes, conic)]
+            weight = np.ones(counts) if mesh is fine else np.where(known, 1.0, LEAST_WEIGHT)
+            sag = fit_slopes(mesh, light.x, light.y, zx, zy, weight)
+        points, slopes = _jet(shape.with_sag(sag), light)
+        landed = shaped.landing(points, light.direction, slopes)
+        beside = [np.nan_to_num((a - b) / h) for a, b, h in zip(landed, sent, wanted.half)]
+        before = asked
+        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux))
+        p, q, r = light.direction
+        aside = (sag.grid(light.x, light.y) - first) * np.hypot(p, q) / r
+        moved = np.sqrt(np.average(aside**2, weights=flux)) / (2 * max(shape.half_width))
+        if moved < MOVED and _difference(asked, before) < CHANGE * _difference(wanted):
+            break
+    return ShapedLight(light, above, float(np.average(possible, weights=flux)))
+
+
+def _meshes(space: THBSpace, counts: tuple[int, int], finest: int) -> tuple[THBSpace, THBSpace]:
+    """Return a coarse and a fine mesh that samples on cells determine."""
+    spans = [kv.dim - kv.degree for kv in (space.kv_u, space.kv_v)]
+    seen = int(np.log2(min(n / (CELLS_PER_FUNCTION * s) for n, s in zip(counts, spans))))
+    coarse, fine = (space.uniform(max(0, min(level, seen, finest))) for level in (COARSE, FINE))
+    return coarse, fine
+
+
+def _jet(shape: FreeformSurface, light: RearLight) -> tuple[tuple[Floats, ...], list[Floats]]:
+    """Return the points of a surface on the grid of light, and its slopes."""
+    height, *slopes = (shape.grid(light.x, light.y, d) for d in JET)
+    return (light.x[:, None], light.y[None, :], height), slopes
+
+
+def _difference(one: Picture, other: Picture | None = None) -> float:
+    """Return the norm of the difference of two pictures of mean 1; with one, that of this picture."""
+    less = 0.0 if other is None else other.flux / other.flux.mean()
+    return float(np.linalg.norm(one.flux / one.flux.mean() - less))
+
+
+def _sent(
+    backend: Backend, light: RearLight, chart: TransportChart, asked: Picture, counts: tuple[int, int]
+) -> list[Floats]:
+    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each."""
+    rows = (
+        c + h * (2 * np.arange(n + 1) / n - 1) for c, h, n in zip(asked.centre, asked.half, asked.flux.shape)
+    )
+    q = chart.to(np.meshgrid(*rows, indexing="ij"))
+    box = [(float(a.min()), float(a.max())) for a in q]
+    density = stretched(picture_on(backend, q, asked.flux, box, counts))
+    halves = [(high - low) / 2 for low, high in box]
+    widths = [n * (row[1] - row[0]) for n, row in zip(counts, (light.x, light.y))]
+    aspect = float(np.sqrt(widths[0] * halves[0] / (widths[1] * halves[1])))
+    plan = transport_map(backend, density, counts, aspect, light.emitted)
+    places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, (plan.tx, plan.ty), halves)])
+    return [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)]
+
+
+def stretched(light: Floats) -> Callable[[tuple[int, int]], Floats]:
+    """Return the density that gives means of a grid of cells on other grids over the same rectangle."""
+    return lambda grid: fit_picture(light.T, (grid[0], grid[1]), 1.0, "stretch").T

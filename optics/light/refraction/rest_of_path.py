@@ -1,0 +1,141 @@
+"""What light meets behind a surface, up to the receiver, as one chart: where rays land, and where to aim.
+
+Light leaves points along directions, meets fixed surfaces one after the other, and lands at (u, v).  Where
+there are none the receiver itself is the chart.  Else `toward` solves landing(p, d) = (u, v) by Newton's
+method with differences, from the direction from vertex to vertex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.scene.paths import LightPath, Surface
+from optics.scene.receivers import Receiver, Triple
+from thbcad.checks import Floats
+from thbcad.sags import Conic
+
+NEWTON_STEPS = 8  # steps double the digits; targets within reach need four or five
+FARTHEST = 0.3  # rad, of a step
+DIFFERENCE = 1e-6  # rad: the square root of the rounding of a landing, with some room
+REACHED = 1e-6  # of the receiver's distance: a landing as near as that is the one that was wanted
+
+
+@dataclass(frozen=True, eq=False)
+class RestOfPath:
+    """Fixed surfaces and a receiver, as a chart, in the frame of the surface before them.
+
+    surfaces : conics, in the order in which light meets them.  indices : before, between and behind them.
+    """
+
+    surfaces: tuple[Surface, ...]
+    indices: tuple[float, ...]
+    receiver: Receiver
+
+    @classmethod
+    def behind(cls, path: LightPath, surface: int) -> RestOfPath:
+        """Return what lies behind a surface.  surface : its number along the path."""
+        path = path.seen_from(path.surfaces[surface].pose)
+        indices = tuple(medium.index for medium in path.media[surface + 1 :])
+        return cls(path.surfaces[surface + 1 :], indices, path.receiver)
+
+    def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Return u, v, and which rays come through to the receiver.  directions : unit vectors."""
+        through: NDArray[np.bool_] | bool = True
+        for surface, indices in zip(self.surfaces, pairwise(self.indices)):
+            back = surface.pose.inverse()
+            own, along = back.points(tuple(points)), back.directions(tuple(directions))
+            own = met(surface.shape.conic, own, along)
+            slopes = [surface.shape.conic.formula(own[0], own[1], d) for d in ((1, 0), (0, 1))]
+            along, passes = bent(surface.kind == "reflect", indices, along, slopes)
+            through = through & passes & np.isfinite(own[2])
+            points, directions = surface.pose.points(tuple(own)), surface.pose.directions(tuple(along))
+        with np.errstate(invalid="ignore"):
+            landed = self.receiver.land(points, directions)
+            return landed.u, landed.v, through & landed.met
+
+    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], NDArray[np.bool_]]:
+        """Return unit vectors from points along which light lands at (u, v), and which of them do."""
+        if not self.surfaces:
+            directions = normalised(self.receiver.toward(points, u, v))
+            return directions, self.land(points, directions)[2]
+        middle = np.array(normalised(self.surfaces[0].pose.shift))
+        aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
+        frame = aside, np.cross(middle, aside)
+
+        def at(p: Floats, q: Floats) -> list[Floats]:
+            return normalised([m + p * a + q * b for m, a, b in zip(middle, *frame)])
+
+        def missing(p: Floats, q: Floats) -> Floats:
+            landed = self.land(points, at(p, q))
+            return np.array([u - landed[0], v - landed[1]])
+
+        p = np.zeros(np.broadcast(*points, u, v).shape)
+        q = np.zeros_like(p)
+        for _ in range(NEWTON_STEPS):
+            left = missing(p, q)
+            (up, vp), (uq, vq) = (
+                (left - missing(p + dp, q + dq)) / DIFFERENCE
+                for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.array([left[0] * vq - left[1] * uq, left[1] * up - left[0] * vp])
+                step /= up * vq - vp * uq
+            step = np.where(np.isfinite(step).all(axis=0), np.clip(step, -FARTHEST, FARTHEST), 0.0)
+            p, q = p + step[0], q + step[1]
+        directions = at(p, q)
+        through = self.land(points, directions)[2]
+        throw = np.degrees(1.0) if self.receiver.far_field else np.linalg.norm(self.receiver.pose.shift)
+        with np.errstate(invalid="ignore"):
+            return directions, through & (np.hypot(*missing(p, q)) < REACHED * throw)
+
+
+def bent(
+    mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple
+) -> tuple[list[Floats], NDArray[np.bool_]]:
+    """Return unit vectors behind a surface, and which rays go on.
+
+    With r = n / n' and c = a . m for the unit normal m = (-z_x, -z_y, 1) / N: a - 2 c m, or
+    r a + (sqrt(1 - r^2 (1 - c^2)) - r c) m.  Light that would be reflected totally leaves along the surface.
+
+    indices : n before, n' behind.  along : unit vectors a, to +z of the surface.
+    """
+    zx, zy = slopes
+    length = np.sqrt(1 + zx * zx + zy * zy)
+    normal = [-zx / length, -zy / length, 1 / length]
+    across = sum(a * m for a, m in zip(along, normal))
+    if mirror:
+        return [a - 2 * across * m for a, m in zip(along, normal)], across > 0
+    ratio = indices[0] / indices[1]
+    inside = ratio * across
+    square = 1 - ratio * ratio + inside * inside
+    outside = np.sqrt(np.maximum(square, 0.0))
+    return [ratio * a + (outside - inside) * m for a, m in zip(along, normal)], (square > 0) & (across > 0)
+
+
+def met(conic: Conic, point: Triple, along: Triple) -> list[Floats]:
+    """Return where rays meet a conic: the root next to its vertex of
+
+        c (x^2 + y^2 + (1 + K) z^2) = 2 z,
+
+    NaN of rays that miss it.  point, along : in the frame of the conic.
+    """
+    c, stretch = 1 / conic.radius, 1 + conic.constant
+    (x, y, z), (p, q, r) = point, along
+    a = c * (p * p + q * q + stretch * r * r)
+    b = r - c * (x * p + y * q + stretch * z * r)
+    left = c * (x * x + y * y + stretch * z * z) - 2 * z
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = left / (b + np.sign(b) * np.sqrt(b * b - a * left))
+        t = np.where(stretch * c * (z + t * r) <= 1, t, np.nan)
+    return [x + t * p, y + t * q, z + t * r]
+
+
+def normalised(vector: Triple) -> list[Floats]:
+    """Return unit vectors."""
+    length = np.sqrt(sum(np.square(v) for v in vector))
+    return [v / length for v in vector]

@@ -1,0 +1,95 @@
+"""Elements, [[element]]: lenses and mirrors with a place, read, changed and written, and what is refused."""
+
+import re
+
+import pytest
+
+from optics.base.runtime import UserError
+from optics.scene.limits import require_limits
+from optics.scene.problem import LensElement, MirrorElement, Problem, assignment, load_problem
+from tests.optics.scene.problem.cases import LENS, MIRROR, load_text, one_sentence
+
+
+@pytest.fixture
+def mirror(tmp_path):
+    return load_text(tmp_path, MIRROR)
+
+
+def test_a_table_is_the_record_of_its_kind_and_is_written_as_it_was_read(mirror, tmp_path):
+    (element,) = mirror.element
+    assert isinstance(element, MirrorElement)
+    assert mirror.optic is element
+    assert mirror.lens is None
+    (tmp_path / "again.toml").write_text(mirror.to_toml(), encoding="utf-8")
+    assert load_problem(tmp_path / "again.toml") == mirror
+
+
+def test_a_lens_is_asked_alike_wherever_it_stands(tmp_path):
+    text = MIRROR[: MIRROR.index("[[element]]")] + LENS + MIRROR[MIRROR.index("[target]") :]
+    problem = load_text(tmp_path, text)
+    assert isinstance(problem.optic, LensElement)
+    assert problem.optic.key("rear.radius") == "element.L1.rear.radius"
+    assert [*problem.optic.free] == ["rear"]
+
+
+def test_a_mirror_is_asked_as_a_lens_whose_front_reflects(mirror):
+    optic = mirror.optic
+    assert [*optic.free] == ["front"]
+    assert optic.front.half_width == optic.rear.half_width == (10.0, 10.0)
+    assert optic.key("front.radius") == "element.M1.face.radius"
+    assert optic.key("thickness") == "element.M1.thickness"
+    changed = mirror.with_optic(front=optic.front, rear=optic.rear, thickness=5.0)
+    assert changed == mirror.with_(**{"element.M1.thickness": 5.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("element.M1.face.radius=-400", lambda e: e.face.radius == -400.0),
+        ("element.M1.reflectance=aluminium", lambda e: e.share == 0.88),
+        ("element.0.position=[0, 0, 3]", lambda e: e.position == (0.0, 0.0, 3.0)),
+        ("element.M1.face.freeform.spans=[5, 6]", lambda e: e.free["front"].spans == (5, 6)),
+    ],
+)
+def test_a_key_is_set_by_the_name_of_its_table(mirror, text, value):
+    key, number = assignment(text, Problem)
+    assert value(mirror.with_(**{key: number}).optic)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"element.M2.tilt": (0, 0, 0)}, "there is no element.M2; there are M1"),
+        ({"element.M1.tilt": (0, 0)}, "element[0].tilt must be a list of 3 numbers"),
+        ({"element.M1.kind": "prism"}, "element[0].kind must be one of 'lens', 'mirror', got 'prism'"),
+        ({"element.M1.index": 1.5}, "unknown key element[0].index"),
+        ({"element.M1.reflectance": 1.1}, "element[0].reflectance must be at most 1"),
+        ({"element.M1.reflectance": "gold"}, "element[0].reflectance must be one of 'aluminium'"),
+        ({"element.M1.name": ""}, "element[0].name is missing"),
+        ({"element.M1.name": "1"}, "element[0].name must begin with a letter"),
+        ({"element.M1.face.freeform": False}, "element.M1.face.freeform = false leaves no surface to design"),
+        ({"element.M1.face.half_width": (0, 1)}, "element[0].face.half_width[0] must be at least 1e-06"),
+        ({"element.M1.outline": "round", "element.M1.face.half_width": (9, 10)}, "element.M1.outline"),
+        ({"element.M1.corner_radius": 2.0}, "element.M1.corner_radius is that of element.M1.outline"),
+        ({"element.M1.clear_aperture": (11, 5)}, "element.M1.clear_aperture must lie within"),
+        ({"target.distance": 60.0, "target.position": False}, "beside an [[element]] give target.position"),
+        ({"limits.mass": 5.0}, "needs element.M1.density"),
+        ({"element": ()}, "the key lens is missing; add it, or an [[element]]"),
+        (
+            {
+                "lens": {"thickness": 1.0, "index": 1.5}
+                | {s: {"half_width": (5, 5)} for s in ("front", "rear")}
+            },
+            "[lens] is a lens on the axis, in place of [[element]]",
+        ),
+    ],
+)
+def test_what_is_wrong_with_an_element_is_one_sentence(mirror, changes, words):
+    with pytest.raises(UserError, match=re.escape(words)) as caught:
+        require_limits(mirror.with_(**changes))
+    assert one_sentence(str(caught.value))
+
+
+def test_two_elements_are_refused_by_their_names(tmp_path):
+    with pytest.raises(UserError, match="one \\[\\[element\\]\\] can be designed, got 2: M1, L1"):
+        load_text(tmp_path, MIRROR + LENS)
