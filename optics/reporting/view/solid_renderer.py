@@ -7,7 +7,7 @@ point gives a pixel its colour.  The light grazes, and fine slopes are drawn ste
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_edt, grey_closing
 from thbcad.lens import SIDES, FreeformSurface, Lens
 from thbcad.moulds import MouldedBody, Solid, lens_of
 from thbcad.outlines import Outline
+from thbcad.poses import Pose
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,10 @@ class Face:
     points: Array
     normals: Array
     colour: tuple[float, float, float]
+
+    def posed(self, pose: Pose) -> Face:
+        """Return the face of a body that lies elsewhere."""
+        return replace(self, points=pose.points(self.points), normals=pose.directions(self.normals))
 
 
 @dataclass(frozen=True, eq=False)
