@@ -159,7 +159,7 @@ class TransportStart:
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
         turned = 2.0 if self._system.reflects else self._lens.index - 1
-        moved = turned * self._system.lever / min(target.screen().pitch)
+        moved = turned * self._system.path(self._lens).lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])

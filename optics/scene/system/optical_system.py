@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import degrees
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
@@ -33,8 +30,6 @@ from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
-
-LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
 
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
@@ -209,21 +204,6 @@ class OpticalSystem:
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
         return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
-
-    @property
-    def lever(self) -> float:
-        """How far light that is turned by a radian moves on the middle of the target, at most, mm or degrees.
-
-        It is the throw over the cosine of the angle of incidence.
-        """
-        if self.target.far_field:
-            return degrees(1.0)
-        receiver, throw = self.target.receiver, self.problem.throw
-        if receiver.across_axis:
-            return throw
-        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.optic.thickness)
-        cosine = way @ np.array(receiver.normal(0.0, 0.0)) / throw
-        return throw / max(abs(float(cosine)), LEAST_COSINE)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:

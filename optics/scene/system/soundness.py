@@ -132,7 +132,7 @@ def advice(system: OpticalSystem) -> list[str]:
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
     bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
-    thrown = CONIC_SLOPE * system.lever
+    thrown = CONIC_SLOPE * system.path(system.lens).lever
     if bent and not system.target.far_field and thrown > problem.verify.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
