@@ -99,12 +99,14 @@ class TransportStart:
             air = RestOfPath((), (1.0,), receiver)
             self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
             self._light, self._slopes = self._shape_parallel()
+            self._weight = self._light.weight
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
         number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
         shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
+        self._weight = np.ones(self._cells)  # the slopes go on where no light is
         if not shaped.light.parallel:
             self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
 
@@ -119,7 +121,7 @@ class TransportStart:
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
         light, (zx, zy) = self._light, self._slopes
-        sag = fit_slopes(space, light.x, light.y, zx, zy, np.ones(self._cells))
+        sag = fit_slopes(space, light.x, light.y, zx, zy, self._weight)
         seen = seen_functions(space, light.x, light.y)
         size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
         kept = np.clip(sag.coefficients, -self._bound, self._bound)
