@@ -178,16 +178,17 @@ class TransportStart:
         """Return a sentence for the user where z_freedom or the thickness is too small for the map, or ""."""
         if self.within(fit):
             return ""
-        asked = f"the transport map asks for a sag of +-{fit.asked:.3g} mm"
+        asked, optic = f"the transport map asks for a sag of +-{fit.asked:.3g} mm", self._system.problem.optic
         if fit.asked > max(self._surface.half_width):
-            return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
+            return f"{asked}, more than the {optic.noun} is wide: are the units right, is the target within reach?"
         if fit.crosses:
             return (
-                f"{asked}, which would bring rear and front together; raise lens.thickness for better light"
+                f"{asked}, which would bring rear and front together; raise {optic.key('thickness')} for "
+                "better light"
             )
         return (
             f"{asked}, more than z_freedom allows: for better light "
-            f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
+            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
 
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
