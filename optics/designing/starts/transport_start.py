@@ -180,7 +180,8 @@ class TransportStart:
             return ""
         asked, optic = f"the transport map asks for a sag of +-{fit.asked:.3g} mm", self._system.problem.optic
         if fit.asked > max(self._surface.half_width):
-            return f"{asked}, more than the {optic.noun} is wide: are the units right, is the target within reach?"
+            wide = f"{asked}, more than the {optic.noun} is wide"
+            return f"{wide}: are the units right, is the target within reach?"
         if fit.crosses:
             return (
                 f"{asked}, which would bring rear and front together; raise {optic.key('thickness')} for "
