@@ -3,7 +3,8 @@
 The square lens turns its square beam into the whole picture, the round one a round beam into what lies in the
 inscribed disk; both are judged there.  The square has more light, and with it more of its net, for the disk
 than the round lens has: so the square lens in the round beam stands beside them, and a round lens with a net
-that is finer by as much.
+that is finer by as much.  How well 24 iterations end differs by 2 % with the seed of the first scale: rel_l2
+is the mean over three seeds.
 
 Run: thbcad bench outlines
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 
 import numpy as np
 from PIL import Image
@@ -52,9 +53,9 @@ def _pearls(folder: Path) -> list[Row]:
     for k in range(REPEATS):  # in turn
         for name, changes in LENSES.items():
             path = folder / "problem.toml"
-            path.write_text(pearl.with_(**(WHOLE | changes)).to_toml(), "utf-8")
+            path.write_text(pearl.with_(**(WHOLE | changes | {"run.seed": k})).to_toml(), "utf-8")
             runs.setdefault(name, []).append(run_design(path, folder / f"{name}{k}"))
-    error = {name: _error_in_disk(folder / f"{name}0") for name in LENSES}
+    error = {name: fmean(_error_in_disk(folder / f"{name}{k}") for k in range(REPEATS)) for name in LENSES}
     out = []
     for name, made in runs.items():
         ratios = [a.seconds / b.seconds for a, b in zip(made, runs["square lens"])]

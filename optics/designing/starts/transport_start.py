@@ -19,6 +19,7 @@ from optics.designing.starts.cell_sums import summed_over_cells
 from optics.designing.starts.path_start import Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
+    LEAST_WEIGHT,
     Floats,
     RearLight,
     as_many_within,
@@ -200,7 +201,8 @@ class TransportStart:
 
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
-        light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
+        weight = np.maximum(inside(outlines, half, self._cells), LEAST_WEIGHT)
+        light = RearLight(x, y, (along, along, along + 1), emitted, weight)
         arrival = self._arrival(light, half, self.lit)
         above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
         picture = self._prewarped(light, arrival, above)

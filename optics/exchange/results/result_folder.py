@@ -32,7 +32,8 @@ FIGURES = tuple(
     for name in (
         *("photo", "target", "irradiance", "error", "irradiance_02", "sharp", "colour", "fringe"),
         *("polar", "isocandela", "rays_1", "rays_2"),
-        *("sag", "mesh", "front_sag", "front_mesh", "loss", "scene", "solid_before", "solid"),
+        *("sag", "mesh", "front_sag", "front_mesh", "face_sag", "face_mesh"),
+        *("loss", "scene", "solid_before", "solid"),
     )
 )
 # what says how good a result is, the record first: gone before the first new file is written

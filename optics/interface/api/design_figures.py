@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
@@ -13,6 +14,12 @@ from optics.reporting.view import lens_sight, photo_caption, photograph, scene_p
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
+FROM_BEHIND = "from behind; rays that miss the target are red."
+FROM_BESIDE = (
+    "from beside; rays that miss the target are red. There is no photograph: those show a lens on the axis "
+    "before a plane across it."
+)
+
 
 class DesignFigures:
     """The figures of the report.
@@ -21,22 +28,26 @@ class DesignFigures:
     """
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
-        self.process = process
-        self._before = process.ask("optics.reporting.figures", "solid_views", system.lens)
+        self.process, optic = process, system.problem.optic
+        self._noun, self._sides = optic.noun, (optic.face_name("front"), optic.face_name("rear"))
+        self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
+        self._photographed: tuple[Any, ...] | None = None
 
     def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
         """Draw what needs no measurement."""
-        self._lens = self.process.ask("optics.reporting.figures", "lens_figures", lens, history, plan)
-        self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens)
+        self._lens = self.process.ask(
+            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides
+        )
+        self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens, self._sides)
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
-        """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        placed = not (system.source.from_afar or system.source.from_file)
+        """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
+        placed = system.lens_on_axis and not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
-        irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)
+        irradiance = measurement.irradiance
         self._light = self.process.ask(
             "optics.reporting.figures", "light_figures", plain, lens, measurement, fans
         )
@@ -44,9 +55,10 @@ class DesignFigures:
             "optics.reporting.figures", "scene_view", plain, lens, irradiance, paths
         )
         self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
-        self._photo_caption = photo_caption(system.problem, lens)
-        self._photographed = system.problem, lens, irradiance, sight
-        self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
+        if system.axial:
+            self._photo_caption = photo_caption(system.problem, lens)
+            self._photographed = system.problem, lens, irradiance, lens_sight(system.problem, lens, backend)
+            self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
@@ -73,15 +85,18 @@ class DesignFigures:
 
         The photograph is the last in the row; where it has not begun, it is taken here.
         """
-        photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
+        photo, seen = {}, FROM_BESIDE
+        if self._photographed:
+            png = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
+            photo, seen = {"photo": (self._photo_caption, png)}, FROM_BEHIND
         captions = {
-            "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
+            "scene": f"Source, {self._noun} and target, seen {seen}",
             "solid_before": "The solid before optimisation.",
             "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
         }
         pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
         return {
-            "photo": (self._photo_caption, photo),
+            **photo,
             **self._light.result(),
             **self._lens.result(),
             **{name: (caption, pictures[name].result()) for name, caption in captions.items()},

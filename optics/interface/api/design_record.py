@@ -14,8 +14,15 @@ from optics.designing.prediction import blur_limits, blur_sentence
 from optics.designing.progress import Notes
 from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelRecord
-from optics.light.analysis import Measurement, Verdict, delivery_checks, judged, loss_notes, measure
-from optics.light.tracing import normal_incidence_transmittance
+from optics.light.analysis import (
+    Measurement,
+    Verdict,
+    delivery_checks,
+    judged,
+    loss_notes,
+    measure,
+    passing_share,
+)
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
@@ -86,9 +93,7 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     """Return the Measurement of a lens; sentences on blurred and lost light go to its notes."""
     system, lens, notes = design.system, design.lens, design.notes
     measurement = measure(system, lens, backend)
-    metrics = measurement.metrics | {
-        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index)
-    }
+    metrics = measurement.metrics | passing_share(system.path(lens))
     if system.blurred:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))

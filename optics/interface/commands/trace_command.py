@@ -13,30 +13,41 @@ from numpy.typing import NDArray
 from optics.base.runtime import UserError, load_backend
 from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.interface.commands.outcome import Outcome
-from optics.light.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
-from optics.light.tracing import SENTENCES, path_faults
+from optics.light.analysis import (
+    conservation,
+    fate_sentences,
+    nonsequential,
+    passing_words,
+    sections,
+    sequential,
+    sequential_metrics,
+)
+from optics.light.tracing import path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
-from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, write_bytes, write_text
 
 MOST_RAYS = 1 << 15  # per direction
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
 RECORD = "trace.json"
-FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_space.png", "fresnel.png")
+FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png")
+OF_LENS = ("phase_space.png", "fresnel.png")  # of a lens on the axis
 DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
 
 
 def trace(options: Namespace) -> Outcome:
-    """Trace the lens of a result folder and report where its light goes."""
+    """Trace the element of a result folder and report where its light goes.
+
+    Phase space is that of a lens on the axis, light by other ways that of any lens.
+    """
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
     problem, lens, _ = ResultFolder(options.result).read()
     system = OpticalSystem(problem)
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
-    files = (*FILES, *DIAGRAMS) if system.target.far_field else FILES
+    files = (*FILES, *OF_LENS * system.lens_on_axis, *DIAGRAMS * system.target.far_field)
     require_own(folder, (*files, RECORD), RECORD, options.force)
     from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
@@ -45,21 +56,25 @@ def trace(options: Namespace) -> Outcome:
     start = perf_counter()
     image, fates, counts = sequential(system, lens, backend, options.rays)
     seconds = perf_counter() - start
-    data: dict[str, Any] = {
-        "seconds": seconds,
-        **sequential_metrics(system, lens, fates, counts),
-        "etendue": conservation(system, lens, exact),
-        "faults": path_faults(exact, system.path(lens), single_rays(system.source.rays(TRIED), lens)),
-    }
-    if not system.target.far_field:
+    contents = _light_contents(system, image, fates.transmitted)
+    rays = system.own_rays(system.source.rays(TRIED), lens)
+    data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(system, lens, fates, counts)}
+    if system.lens_on_axis:
+        data["etendue"] = conservation(system, lens, exact)
+    data["faults"] = path_faults(exact, system.own_path(lens), rays)
+    if system.lens_on_axis:
+        contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
+        contents["fresnel.png"] = fresnel_figure(exact, lens.index)
+    if not (system.reflects or system.target.far_field):
         data["nonsequential"] = nonsequential(system, lens, exact)
-    for name, content in _light_contents(system, image, fates.transmitted).items():
+    for name, content in contents.items():
         write_bytes(folder / name, content)
-    write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
-    write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
-    aslant = "phase space is shown behind the lens alone: the target does not lie across the axis"
-    left_out = [] if system.axial else [aslant]
+    left_out = []
+    if not system.lens_on_axis:
+        left_out = ["phase space is left out: it is shown of a lens on the axis"]
+    elif not system.axial:
+        left_out = ["phase space is shown behind the lens alone: the target does not lie across the axis"]
     return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
 
 
@@ -83,21 +98,19 @@ def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: flo
 
 def _lines(data: dict[str, Any], units: Units) -> list[str]:
     key, unit = units.key("fates"), units.flux
-    rays = data["rays"]
+    rays, sentences = data["rays"], fate_sentences(data)
     lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
-    for name, flux in data[key].items():
+    for name, flux in ((name, data[key][name]) for name in data[key] if name in sentences):
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
-        lines.append(f"{abs(flux):10.6f} {unit} {count}  {SENTENCES[name]}")
-    lines.append(
-        f"efficiency {data['efficiency']:.4f}, "
-        f"beside {data['normal_incidence_transmittance']:.4f} of one pass through two uncoated faces"
-    )
-    etendue = data["etendue"]
-    lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
+        lines.append(f"{abs(flux):10.6f} {unit} {count}  {sentences[name]}")
+    lines.append(f"efficiency {data['efficiency']:.4f}; {passing_words(data)}")
+    if "etendue" in data:
+        etendue = data["etendue"]
+        lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
     if "nonsequential" in data:
         closed = data["nonsequential"]
         lines += [
-            f"{flux:10.6f} {unit}  {SENTENCES[name]}, with all reflections"
+            f"{flux:10.6f} {unit}  {sentences[name]}, with all reflections"
             for name, flux in closed[key].items()
             if flux
         ]

@@ -43,6 +43,11 @@ if TYPE_CHECKING:
         rel_l2 as rel_l2,
         unit_mean as unit_mean,
     )
+    from optics.light.analysis.optic_words import (
+        fate_sentences as fate_sentences,
+        passing_share as passing_share,
+        passing_words as passing_words,
+    )
     from optics.light.analysis.phase_space import (
         PhaseSpace as PhaseSpace,
         jacobian_determinants as jacobian_determinants,

@@ -12,7 +12,7 @@ from math import inf, isinf
 from typing import Any
 
 from optics.base.runtime import RESOLVED, Check, Grade, grade
-from optics.light.tracing import SENTENCES
+from optics.light.analysis.optic_words import fate_sentences
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
@@ -187,11 +187,11 @@ def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
 def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
     """Return a sentence for every way on which much of the source flux is lost."""
     fates = metrics[units.key("fates")]
-    flux = sum(map(abs, fates.values()))
+    flux, sentences = sum(map(abs, fates.values())), fate_sentences(metrics)
     return [
-        f"{fates[name] / flux:.0%} of the light {SENTENCES[name]}"
+        f"{fates[name] / flux:.0%} of the light {sentences[name]}"
         for name in LOSSES
-        if fates.get(name, 0.0) > WORTH_A_NOTE * flux
+        if name in sentences and fates.get(name, 0.0) > WORTH_A_NOTE * flux
     ]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE
+from optics.light.analysis.optic_words import passing_share
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
 from optics.light.tracing import (
@@ -18,7 +19,6 @@ from optics.light.tracing import (
     TargetArea,
     Tracer,
     flux_by_fate,
-    normal_incidence_transmittance,
     trace_nonsequential,
     trace_paths,
 )
@@ -66,7 +66,7 @@ def sequential_metrics(
         "counts": counts,
         system.units.key("fates"): flux_by_fate(fates),
         "efficiency": fates.on_target / system.problem.source.flux,
-        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index),
+        **passing_share(system.path(lens)),
     }
 
 

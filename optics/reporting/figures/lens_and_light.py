@@ -19,6 +19,7 @@ from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
 from optics.reporting.figures.overview import relative_light
+from optics.reporting.figures.solid_figure import LENS
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -40,7 +41,7 @@ def light_figures(
     """
     target, irradiance, error, span = relative_light(measurement)
     mean, top = measurement.target.mean(), float(target.max())
-    density, unit = system.density, system.target.unit
+    density, unit, word = system.density, system.target.unit, system.problem.optic.noun
     quantity = density.quantity
     label = f"{quantity} / mean"
 
@@ -53,7 +54,7 @@ def light_figures(
             picture(target, label, "gray", 0, top),
         ),
         "irradiance": (
-            f"The light that the lens makes ({counted_ways(measurement.metrics)}; fresh rays, box pixels), "
+            f"The light that the {word} makes ({counted_ways(measurement.metrics)}; fresh rays, box pixels), "
             "on the scale of the light asked for.",
             picture(irradiance, label, "gray", 0, top),
         ),
@@ -68,7 +69,7 @@ def light_figures(
     }
     if measurement.sharp is not None:
         sharp = measurement.sharp / measurement.sharp.mean()
-        caption = "What the lens would make without divergence of the light and roughness of its surfaces."
+        caption = f"What the {word} would make without divergence of the light and roughness of its surfaces."
         figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
     if system.target.far_field:
         screen = system.target.screen()
@@ -83,16 +84,18 @@ def light_figures(
     )
 
 
-def lens_figures(lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> Figures:
+def lens_figures(
+    lens: Lens, history: Sequence[Row], plan: Sequence[Stage], sides: tuple[str, str] = LENS
+) -> Figures:
     """Return the figures of the free surfaces, those of the front named for it, and of the optimisation.
 
-    plan : every Stage that the rows of the history name.
+    plan : every Stage that the rows of the history name.  sides : what front and rear are called.
     """
     caption = (
         "Misfit ||E - T|| / ||T|| as the optimiser measures it, by stage. A line marks where a stage begins: "
         "the mesh, the pixels or the window change there, and the curve jumps."
     )
-    return {**_surfaces(lens), "loss": (caption, _loss(history, plan))}
+    return {**_surfaces(lens, sides), "loss": (caption, _loss(history, plan))}
 
 
 def _merged(image: NDArray[np.float64]) -> str:
@@ -101,10 +104,10 @@ def _merged(image: NDArray[np.float64]) -> str:
     return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
 
 
-def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
+def _surfaces(lens: Lens, sides: tuple[str, str]) -> dict[str, tuple[str, bytes]]:
     """Return sag and mesh of the free surfaces."""
-    out = {}
-    for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
+    out, (front, rear) = {}, sides
+    for prefix, name, surface in (("", rear, lens.rear), (f"{front}_", front, lens.front)):
         if surface.sag is not None:
             out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
             out[f"{prefix}mesh"] = (

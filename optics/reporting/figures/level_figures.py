@@ -31,7 +31,8 @@ def level_figure(
 
     gradients : sums of |dL/dz| of the vertices over every leaf cell, of every free surface, front first.
     """
-    free = [s for s in (("front", lens.front), ("rear", lens.rear)) if s[1].sag is not None]
+    name_of = system.problem.optic.face_name
+    free = [(name_of(s), f) for s, f in (("front", lens.front), ("rear", lens.rear)) if f.sag is not None]
     figure, axes = plt.subplots(
         1, 2 + len(free), figsize=(WIDE * (2 + len(free)), HIGH), layout="constrained"
     )

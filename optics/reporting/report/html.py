@@ -11,7 +11,14 @@ from itertools import zip_longest
 from typing import Any, cast
 
 from optics.base.runtime import Check, Grade, Result, checks_of
-from optics.light.analysis import NEGLIGIBLE, Verdict, counted_ways, error_words, photometric_lines
+from optics.light.analysis import (
+    NEGLIGIBLE,
+    Verdict,
+    counted_ways,
+    error_words,
+    passing_words,
+    photometric_lines,
+)
 from optics.reporting.report.metric_words import PERCENT, key_list, metric_rows, number_text
 from optics.reporting.report.page_style import STYLE
 from optics.scene.photometry import Units, units_of
@@ -39,6 +46,8 @@ OF_LENS = (
     "mesh",
     "front_sag",
     "front_mesh",
+    "face_sag",
+    "face_mesh",
     "loss",
     "rays_1",
     "rays_2",
@@ -107,7 +116,7 @@ def _pictures(report: Report) -> str:
     of_light = {name: pictures[name] for name in pictures if name not in (*OF_LENS, FIRST)}
     parts = [
         f'<h2>{title}</h2><div class="figures">{figures_html(some.values())}</div>'
-        for title, some in (("Light", of_light), ("Lens", of_lens))
+        for title, some in (("Light", of_light), (report.problem.optic.noun.capitalize(), of_lens))
         if some
     ]
     levels = f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>'
@@ -183,7 +192,7 @@ def _frame(page: str) -> str:
     """Return a page within the page, whose program runs by itself: it sees no other page and no file."""
     if not page:
         return ""
-    title = "Source, lens and target, to be turned"
+    title = "Source, element and target, to be turned"
     return f'<iframe class="view" title="{title}" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
 
 
@@ -197,7 +206,7 @@ def _summary(metrics: dict[str, Any], units: Units) -> str:
     return (
         f"Relative error {error_words(metrics)} ({counted_ways(metrics)}), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
-        f"(two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}), "
+        f"({passing_words(metrics)}), "
         f"{metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."

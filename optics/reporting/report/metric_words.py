@@ -7,7 +7,7 @@ from html import escape
 from math import isinf
 from typing import Any
 
-from optics.light.tracing import SENTENCES
+from optics.light.analysis import fate_sentences, passing_words
 from optics.scene.photometry import BEAM, FIELD, Units
 
 PERCENT = "%"
@@ -31,13 +31,13 @@ WORDS = {
     "shift": ("", "mean distance of their landing points, mm; degrees in the far field"),
     "shift_pixels": ("pixels", "the same in pixels"),
     "fringe": ("", "mean distance of the chromaticity (u', v') from the source's, by luminance"),
-    "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only, without noise"),
+    "rel_l2_sequential": (PERCENT, "rel_l2 of the light from surface to surface only, without noise"),
     "rel_l2_sequential_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
     "contrast_error_std": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rays": ("", "rays that measured the light, about"),
     "lit_efficiency_error": (PERCENT, "how far that value may be off, as a standard deviation"),
-    "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
+    "paths": ("", "light that counts: all ways through the lens, or from surface to surface only"),
     "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
@@ -47,6 +47,8 @@ WORDS = {
         PERCENT,
         "passes two uncoated faces once at normal incidence; no bound",
     ),
+    "element": ("", "what makes the light"),
+    "reflectance": (PERCENT, "of the light that meets the mirror's face goes on, at any angle"),
     "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),
     "dof": ("", "degrees of freedom of the free surfaces"),
     "levels": ("", "levels of the finest mesh"),
@@ -93,7 +95,7 @@ def words_of(units: Units) -> dict[str, tuple[str, str]]:
     return {
         **WORDS,
         **JUDGED,
-        units.key("fates"): (flux, "traced through front and rear"),
+        units.key("fates"): (flux, "traced from surface to surface"),
         "nonsequential": (flux, "traced with all reflections at all six faces"),
         f"target_mean_{plane.suffix}": (plane.shown, f"mean {plane.quantity} of the whole target"),
         f"lit_mean_{plane.suffix}": (plane.shown, lit),
@@ -122,11 +124,11 @@ def number_text(value: Any, unit: str = "") -> str:
 
 def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str, str]]:
     """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
-    known = words_of(units)
+    known, sentences = words_of(units), fate_sentences(metrics)
     for name, value in metrics.items():
         for part, number in _parts(value):
             unit, meaning = known.get(part) or known.get(name, ("", ""))
-            words = f"light that {SENTENCES[part]}; {meaning}" if part in SENTENCES else meaning
+            words = f"light that {sentences[part]}; {meaning}" if part in sentences else meaning
             row_name = f"{name} {part}".rstrip()
             yield row_name, number_text(number, unit), unit if number is not None else "", words
 
@@ -155,13 +157,12 @@ def key_numbers(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str,
     yield (
         "Light on the target",
         f"{number_text(metrics['efficiency'], PERCENT)} %",
-        f"of the light of the source; {number_text(metrics['normal_incidence_transmittance'], PERCENT)} % "
-        "pass two uncoated faces at normal incidence",
+        f"of the light of the source; {passing_words(metrics)}",
     )
     yield (
         "Stray light",
         f"{number_text(metrics['stray'], PERCENT)} %",
-        "of the light of the source leaves the lens and misses the target",
+        f"of the light of the source leaves the {metrics.get('element', 'lens')} and misses the target",
     )
     mean = next((name for name in metrics if name.startswith("target_mean_")), None)
     if mean:

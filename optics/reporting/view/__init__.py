@@ -1,10 +1,11 @@
-"""What the pictures of a lens at work share, and the one that is turned in a browser."""
+"""What the pictures of an element at work share, and the one that is turned in a browser."""
 
 from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.reporting.view.drawn_rays import scene_paths as scene_paths
     from optics.reporting.view.drawn_stops import stop_rims as stop_rims
     from optics.reporting.view.glass_camera import lens_sight as lens_sight, photograph as photograph
     from optics.reporting.view.photo_room import photo_caption as photo_caption
@@ -12,10 +13,7 @@ if TYPE_CHECKING:
         Scene as Scene,
         block_means as block_means,
         caption as caption,
-        corners as corners,
         placed as placed,
-        scene_paths as scene_paths,
-        with_far_rays as with_far_rays,
     )
     from optics.reporting.view.solid_renderer import (
         Face as Face,

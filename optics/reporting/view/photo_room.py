@@ -73,8 +73,8 @@ class PhotoRoom:
 
 
 def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
-    """Return the room of a problem's lens."""
-    scene = placed(OpticalSystem(problem), solid_faces(lens, COARSE)[0])
+    """Return the room of a problem's lens on the axis, before a plane across it or the far field."""
+    scene = placed(OpticalSystem(problem), lens, solid_faces(lens, COARSE)[0])
     size, top = float(np.ptp(scene.lens[:2], axis=1).max() / 2), float(scene.lens[2, 1])
     hx, hy, throw, smaller = _screen(problem, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw
@@ -144,8 +144,6 @@ def photo_caption(problem: Problem, lens: Lens) -> str:
         screen = f"it shows the intensity in every direction, up to {WIDEST:g} degrees"
         return f"{shown}, and so is the screen: {screen}."
     parts = []
-    if problem.target.position is not None or any(problem.target.tilt) or problem.target.curved:
-        parts.append(f"the screen, which lies {problem.target.place}, is drawn flat across the axis")
     if room.smaller > 1:
         parts.append(f"screen and distance are drawn {room.smaller:g} times smaller than they are")
     if abs(room.stretch - 1) > ROUNDING:

@@ -1,4 +1,4 @@
-"""Where source, lens, target and rays stand in a picture, and from where it is seen."""
+"""Where source, element, target and rays stand in a picture, and from where it is seen."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Backend
-from optics.light.tracing import RayPath, TargetArea, trace_paths
+from optics.reporting.view.drawn_rays import FAR
 from optics.reporting.view.solid_renderer import Face, oblique
+from optics.reporting.view.viewpoint import best_view
 from optics.scene.problem import Problem
-from optics.scene.receivers import receiver_at
-from optics.scene.sources import Rays, single_rays
+from optics.scene.receivers import Plane
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
+from thbcad.poses import Pose
 
 Array = NDArray[np.float64]
 
-RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
+RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where a lens on the axis is seen
 # half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
 CLEAR = 1.7
 # in the same half-widths: shorter and longer throws are drawn longer and shorter
@@ -27,39 +27,47 @@ SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
 LONG = 3.0
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
-BUNDLE = (8, 8)  # rays
 BENDS = 25  # points of a curved target in each direction
-FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The positions of source, lens and target, mm, and their projection.
+    """Points of source, element and target, mm, and their projection.
 
     turn : (3, 3), rows right, up and towards the viewer
-    lens : (3, 2), least and greatest corner of the box around it
+    body : (3, 8), corners of the element's own box
     source : (3, n), outline
-    target : (3, n, m), points of it, along its v and u, or (3, 0, 0) for the far field
-    squeeze : how many times the distance behind the lens is drawn shorter than it is (below 1: longer)
+    target : (3, n, m), points of it along its v and u, or (3, 0, 0) for the far field
+    outlook : (3, n), how far the picture goes: the rim of the target, or what rays to the far field need
+    along : (3,), direction from the element to the target
+    gap : from where to where along it nothing stands between them
+    squeeze : how many times that gap is drawn shorter than it is (below 1: longer)
     """
 
     turn: Array
-    lens: Array
+    body: Array
     source: Array
     target: Array
-    squeeze: float
+    outlook: Array
+    along: Array
+    gap: tuple[float, float] = (0.0, 0.0)
+    squeeze: float = 1.0
 
     def __call__(self, points: Array) -> Array:
-        """Return points (3, n) in the picture, (2, n)."""
-        x, y, z = points
-        top = self.lens[2, 1]
-        return self.turn[:2] @ np.stack([x, y, np.minimum(z, top) + np.maximum(z - top, 0.0) / self.squeeze])
+        """Return points (3, ...) in the picture, (2, ...)."""
+        flat = points.reshape(3, -1)
+        start, end = self.gap
+        left_out = (1 - 1 / self.squeeze) * np.clip(self.along @ flat - start, 0.0, end - start)
+        return (self.turn[:2] @ (flat - np.outer(self.along, left_out))).reshape(2, *points.shape[1:])
 
     @property
-    def rim(self) -> Array:
-        """The rim of the target, closed by its first point, (3, k)."""
-        sides = self.target[:, 0], self.target[:, :, -1], self.target[:, -1, ::-1], self.target[:, ::-1, 0]
-        return np.concatenate([side[:, :-1] for side in sides], axis=1)
+    def lens(self) -> Array:
+        """Least and greatest corner of the box around the element, (3, 2)."""
+        return np.stack([self.body.min(axis=1), self.body.max(axis=1)], axis=1)
+
+    def nearer(self, points: Array) -> bool:
+        """Return whether points (3, n) stand nearer to the viewer than the element."""
+        return bool(self.turn[2] @ (points.mean(axis=1) - self.body.mean(axis=1)) > 0)
 
     def visible(self, path: Array) -> Array:
         """Return the points (k, 3) of a path as (3, k), from the source's picture on.
@@ -73,41 +81,80 @@ class Scene:
 
     def box(self, *parts: Array) -> Array:
         """Return the (2, 2) least and greatest corner of what is drawn of points."""
-        seen = self(np.concatenate([part.reshape(3, -1) for part in parts], axis=1))
+        seen = self(np.concatenate(parts, axis=1))
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
-def placed(system: OpticalSystem, faces: Sequence[Face]) -> Scene:
-    """Return the scene of a system, turned so that the target leaves the lens free."""
-    problem, receiver = system.problem, system.target.receiver
-    points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
-    box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
-    source, far = problem.source, system.source.from_afar
-    before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if far else -source.distance
+def placed(system: OpticalSystem, lens: Lens, faces: Sequence[Face]) -> Scene:
+    """Return the scene of a system, seen so that its parts leave each other free.
+
+    A long throw is drawn shorter; before a lens on the axis and a plane across it a short one also longer.
+
+    faces : of the lens, front and rear first, in its own frame
+    """
+    pose, target, (hx, hy) = system.pose, system.target, system.target.settings.half_width
+    body = pose.points(corners(_box(np.concatenate([f.points.reshape(3, -1) for f in faces[:2]], axis=1))))
+    source = _source(system, body, np.abs(pose.points(faces[0].points.reshape(3, -1))).max(axis=1))
+    leaving, screen = system.path(lens).leaving, np.zeros((3, 0, 0))
+    outlook, along = _around_far_rays(leaving, body), leaving.rotation[:, 2]
+    start = end = float((along @ np.concatenate([body, source], axis=1)).max())
+    if not target.far_field:
+        bends = 2 if isinstance(target.receiver, Plane) else BENDS
+        grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in (hx, hy)))
+        screen = np.stack(np.broadcast_arrays(*target.receiver.points(*grid)))
+        outlook = rim(screen)
+        end = max(start, float((along @ outlook).min()))
+    if not system.axial:
+        width, throw = max(hx, hy) + np.ptp(_box(body), axis=1).max() / 2, end - start
+        squeeze, face = _shorter(throw, width), -pose.rotation[:, 2] if system.reflects else None
+        drawn = outlook - (1 - 1 / squeeze) * throw * along[:, None]
+        turn = best_view((source, body, drawn), face, target.receiver, (hx, hy))
+    elif target.far_field:
+        turn, squeeze = oblique(-LEAST_TURN, RISE), 1.0
+    else:
+        width, throw = hx + _box(body)[0, 1], end - start
+        squeeze = _shorter(throw, width) / FACTORS[FACTORS * throw >= SHORT * width].min(initial=FACTORS[-1])
+        angle = np.degrees(np.arctan2(CLEAR * width, throw / squeeze))
+        turn = oblique(-np.clip(angle, LEAST_TURN, MOST_TURN), RISE)
+    return Scene(turn, body, source, screen, outlook, along, (start, end), squeeze)
+
+
+def _shorter(throw: float, width: float) -> float:
+    """Return how many times shorter a throw is drawn.  width : half-widths of target and element together."""
+    return float(FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0))
+
+
+def _box(points: Array) -> Array:
+    """Return the least and the greatest corner of points (3, n), (3, 2)."""
+    return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
+
+
+def _source(system: OpticalSystem, body: Array, widest: Array) -> Array:
+    """Return the outline of the source, (3, n); that of a wide beam only beside the element.
+
+    widest : greatest |x| and |y| of the front
+    """
+    source, far, (*across, depth) = system.problem.source, system.source.from_afar, _box(body)
+    before = depth[0] - 0.6 * np.ptp(across, axis=1).max() if far else -source.distance
     circle = source.profile in ("round", "round_gaussian")
     around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
     size = 1.0 if circle else np.sqrt(2)
-    extent = (
-        np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
-        if far
-        else source.half_width
-    )
-    outline = np.stack(
-        [*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)]
-    )
-    if receiver.far_field:
-        return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0, 0)), 1.0)
-    bends = BENDS if problem.target.curved else 2
-    grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in problem.target.half_width))
-    target = np.stack(np.broadcast_arrays(*receiver.points(*grid)))
-    throw, width = float(target[2].min()) - box[2, 1], problem.target.half_width[0] + box[0, 1]
-    # what lies aslant is drawn as it is, unless it is far
-    longer = FACTORS[FACTORS * throw >= SHORT * width] if receiver.across_axis else FACTORS
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / longer.min(initial=FACTORS[-1])
-    turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
-    normal = np.array(receiver.normal(0.0, 0.0))  # of a target that is not to be seen from its edge
-    view = max((oblique(side * turn, RISE) for side in (-1, 1)), key=lambda seen: abs(seen[2] @ normal))
-    return Scene(view, box, outline, target, squeeze)
+    extent = np.minimum(source.half_width, BESIDE * widest[:2]) if far else source.half_width
+    sides = (h * size * f(around) for h, f in zip(extent, (np.cos, np.sin)))
+    return np.stack([*sides, np.full(around.size, before)])
+
+
+def _around_far_rays(leaving: Pose, body: Array) -> Array:
+    """Return points around the element and what is shown of rays to the far field behind it, (3, 8)."""
+    *across, (low, high) = _box(leaving.inverse().points(body))
+    long = [low, high + FAR / 2 * np.ptp(across, axis=1).max()]
+    return np.asarray(leaving.points(corners(np.stack([*(1.5 * a for a in across), long]))))
+
+
+def rim(screen: Array) -> Array:
+    """Return the points around a grid (3, n, m), (3, k)."""
+    sides = screen[:, 0], screen[:, :, -1], screen[:, -1, ::-1], screen[:, ::-1, 0]
+    return np.concatenate([side[:, :-1] for side in sides], axis=1)
 
 
 def corners(box: Array) -> Array:
@@ -136,27 +183,3 @@ def caption(problem: Problem, scene: Scene) -> str:
         return text
     drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
     return f"{text}; this distance is drawn {drawn} than it is"
-
-
-def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
-    """Return the paths of the rays with light, of some 64 of the source, to the target or its direction.
-
-    At every face a path follows the stronger part.
-
-    backend : of double precision
-    """
-    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
-    lit = rays.flux > 0
-    if lit.any():
-        rays = Rays(rays.origin[:, lit], rays.direction[:, lit], rays.flux[lit])
-    path, half_width = system.path(lens), target.settings.half_width
-    if target.far_field:
-        path = path.onto(receiver_at(lens.thickness + FAR * max(lens.rear.half_width)))
-        half_width = np.inf, np.inf
-    return trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
-
-
-def with_far_rays(lens: Array) -> Array:
-    """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
-    across = 1.5 * lens[:2]
-    return np.stack([*across, lens[2] + [0.0, FAR / 2 * np.ptp(lens[:2], axis=1).max()]])

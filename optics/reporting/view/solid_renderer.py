@@ -7,7 +7,7 @@ point gives a pixel its colour.  The light grazes, and fine slopes are drawn ste
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
 from thbcad.lens import SIDES, FreeformSurface, Lens
+from thbcad.poses import Pose
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,10 @@ class Face:
     points: Array
     normals: Array
     colour: tuple[float, float, float]
+
+    def posed(self, pose: Pose) -> Face:
+        """Return the face of a body that lies elsewhere."""
+        return replace(self, points=pose.points(self.points), normals=pose.directions(self.normals))
 
 
 @dataclass(frozen=True, eq=False)

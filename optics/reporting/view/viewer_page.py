@@ -1,7 +1,8 @@
-"""A page that shows source, lens, rays and the light on the target, to be turned in a browser.
+"""A page that shows source, element, rays and the light on the target, to be turned in a browser.
 
-The page holds its program and its data, and asks no network.  The points of the lens are its own, rounded to
-float32, on a grid that is denser where a surface is steep; the browser joins them by triangles.
+The page holds its program and its data, and asks no network.  The points of the element are its own, rounded
+to float32, on a grid that is denser where a surface is steep; the browser joins them by triangles and moves
+them to the pose of the element.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from optics.light.tracing import RayPath
 from optics.reporting.view.drawn_stops import stop_rims
-from optics.reporting.view.scene_layout import Scene, block_means, caption, corners, placed
+from optics.reporting.view.scene_layout import Scene, block_means, caption, placed
 from optics.reporting.view.solid_renderer import Face, solid_faces
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -32,22 +33,21 @@ INT16 = 32767
 
 
 def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> str:
-    """Return an HTML page of source, lens, rays and the light on the target, of at most 1 MB.
+    """Return an HTML page of source, element, rays and the light on the target, of at most 1 MB.
 
-    It shows what the picture by `figures.scene_view` shows.  Where that draws the distance behind the
-    lens shorter or longer than it is, the page can show it true.  Of more than 96 paths, and of more than
-    256 pixels across, it shows paths at equal steps and means of blocks.
+    It shows what the picture by `figures.scene_view` shows.  Where that draws the throw shorter or longer,
+    the page can show it true.  Of more than 96 paths, and of more than 256 pixels across, it shows paths at
+    equal steps and means of blocks.
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
     faces, _ = solid_faces(lens, SAMPLES)
-    scene = placed(system, faces)
+    scene = placed(system, lens, faces)
     step = -(-len(paths) // MOST_PATHS) or 1
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
-    body = corners(scene.lens)
-    far = [scene.rim] if scene.target.size else [points[:, -1:] for points, _ in shown]
+    far = [scene.outlook] if scene.target.size else [points[:, -1:] for points, _ in shown]
     stops = [rim for rims in stop_rims(system, lens) for rim in rims]
-    around = np.concatenate([body, scene.source, *stops, *far], axis=1)
+    around = np.concatenate([scene.body, scene.source, *stops, *far], axis=1)
     data = {
         "caption": caption(system.problem, scene),
         "angles": [
@@ -55,8 +55,11 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
             float(np.arcsin(scene.turn[2, 1])),
         ],
         "squeeze": float(scene.squeeze),
-        "top": float(scene.lens[2, 1]),
-        "views": {"scene": around.T.tolist(), "lens": body.T.tolist()},
+        "along": scene.along.tolist(),
+        "gap": scene.gap,
+        "views": {"scene": around.T.tolist(), "element": scene.body.T.tolist()},
+        "element": system.problem.optic.noun,
+        "pose": [*system.pose.rotation.T.tolist(), system.pose.shift.tolist()],
         "faces": [_face(face) for face in faces],
         "source": np.unique(scene.source.T, axis=0).tolist()
         if not np.ptp(scene.source[:2])
@@ -107,24 +110,17 @@ def _face(face: Face) -> dict[str, Any]:
 
 
 def _target(scene: Scene, irradiance: Array) -> dict[str, Any] | None:
-    """Return the target's rim, its points as a strip of triangles with their places in the picture, and the
-    light on it as grey levels up to the 99.9 % quantile."""
+    """Return the target's points as a grid, and the light on it as grey levels up to the 99.9 % quantile."""
     if not scene.target.size:
         return None
     side = -(-max(irradiance.shape) // MOST_PIXELS)
     shown = block_means(irradiance, side)
     top = float(np.quantile(irradiance, 0.999)) or 1.0
     grey = np.rint(255 * np.clip(shown / top, 0.0, 1.0))
-    _, rows, columns = scene.target.shape
-    s, t = np.meshgrid(np.linspace(0, 1, columns), np.linspace(1, 0, rows))
-    grid = np.concatenate([scene.target, [s, t, np.zeros_like(s)]])
-    pairs = np.stack([grid[:, :-1], grid[:, 1:]], axis=-1).reshape(6, rows - 1, -1)
-    # the ends of every row twice: triangles without area lead to the next
-    strip = np.concatenate([pairs[..., :1], pairs, pairs[..., -1:]], axis=-1).reshape(6, -1)
     return {
-        "rim": scene.rim.T.tolist(),
-        "strip": strip[:3].T.tolist(),
-        "at": strip[3:].T.tolist(),
+        "rim": scene.outlook.T.tolist(),
+        "shape": scene.target.shape[1:],
+        "points": scene.target.reshape(3, -1).T.tolist(),
         "image": {"shape": grey.shape, "grey": _packed(grey, np.uint8)},
     }
 

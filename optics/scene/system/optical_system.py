@@ -291,11 +291,15 @@ class OpticalSystem:
         (path,) = self.paths(lens)
         return path
 
+    @property
+    def lens_on_axis(self) -> bool:
+        """Whether light goes through a lens on the axis, with its front vertex at 0."""
+        return self.pose.is_identity and not self.reflects
+
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        straight = self.pose.is_identity and not self.reflects
-        return straight and self.source.collimated and self.lens.front.is_plane
+        return self.lens_on_axis and self.source.collimated and self.lens.front.is_plane
 
     @property
     def by_edges(self) -> bool:

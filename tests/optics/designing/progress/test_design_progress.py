@@ -43,7 +43,7 @@ def system_of(run):
     return SimpleNamespace(
         target=SimpleNamespace(settings=SimpleNamespace(pixels=(1, size["pixels"]))),
         problem=SimpleNamespace(
-            lens=SimpleNamespace(free=free, automatic=False), optimizer=SimpleNamespace(iterations=[60])
+            optic=SimpleNamespace(free=free, automatic=False), optimizer=SimpleNamespace(iterations=[60])
         ),
         freeforms=tuple(free.values()),
         source=SimpleNamespace(extended=size["extended"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.cli import main
 from optics.light.analysis import sequential
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
 
@@ -57,6 +58,27 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     with np.load(folder / "trace" / "irradiance.npz", allow_pickle=False) as arrays:
         pixel = np.diff(arrays["x"])[0] * -np.diff(arrays["y"])[0]
         assert arrays["irradiance"].sum() * pixel == pytest.approx(data["fates_w"]["on_target"], rel=1e-12)
+
+
+def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
+    """A beam within a plane mirror at 45 degrees: all that is reflected lands, the rest is absorbed."""
+    face = {"half_width": (10, 15)}
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
+    target = {"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0), "half_width": (10, 10)}
+    beam = {"kind": "collimated", "half_width": (8, 8)}
+    problem = Problem(
+        source=beam, element=[mirror | {"reflectance": 0.8}], target=target | {"pixels": (8, 8)}
+    )
+    folder = store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+    done = run(capsys, folder, "--rays", 16)
+    assert done.code == 0
+    assert "0.800000 W        256 rays  is reflected and meets the target" in done.out
+    assert "0.200000 W                  is absorbed at the face" in done.out
+    assert "efficiency 0.8000; the mirror reflects 80.0%" in done.out
+    assert "lens on the axis" in done.out  # why there is no picture of phase space
+    assert not re.search("front|rear|edge", done.out)
+    light = {"irradiance.npz", "irradiance_16bit.png", "irradiance.png"}
+    assert {p.name for p in (folder / "trace").iterdir()} == {*light, "trace.json"}
 
 
 def test_rays_are_counted_as_the_flux_is(backend, result):

@@ -17,6 +17,27 @@ from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import FIGURES, QUICK, refused, strict_json
 
+MIRROR = """
+[source]
+kind = "collimated"
+half_width = [9, 9]
+[[element]]
+kind = "mirror"
+name = "M1"
+tilt = [45, 0, 0]
+thickness = 4
+face = {half_width = [10, 14], freeform = {max_level = 0, z_freedom = 1.0}}
+[target]
+kind = "tophat"
+position = [0, 60, 0]
+tilt = [-90, 0, 0]
+half_width = [15, 15]
+pixels = [16, 16]
+[optimizer]
+start = "flat"
+iterations = [3]
+"""
+
 
 def test_a_design_ends_well(golden):
     assert (golden.code, golden.stderr.count("Traceback")) == (0, 0)
@@ -35,6 +56,21 @@ def test_the_result_folder_holds_what_the_design_contract_says(golden):
         with Image.open(figure) as image:
             image.load()
             assert min(image.size) > 200
+
+
+@pytest.mark.slow
+def test_a_report_of_a_mirror_speaks_of_one_and_says_why_it_has_no_photograph(tmp_path, capsys):
+    problem = tmp_path / "mirror.toml"
+    problem.write_text(MIRROR, "utf-8")
+    main(["design", str(problem), "--out", str(tmp_path / "result"), "--quiet"])
+    names = {p.stem for p in (tmp_path / "result" / "figures").iterdir()}
+    assert names == FIGURES - {"photo", "sag", "mesh"} | {"face_sag", "face_mesh"}
+    page = (tmp_path / "result" / "report.html").read_text("utf-8")
+    page = unescape(re.sub(r'<iframe.*?</iframe>|<pre>.*?</pre>|src="[^"]*"', "", page, flags=re.DOTALL))
+    assert "There is no photograph" in page
+    assert "the mirror reflects 90.0%" in page
+    assert "<h2>Mirror</h2>" in page
+    assert not re.search("the (front|rear|lens) (that|makes|surface)|front and rear", page)
 
 
 def test_the_stored_light_is_that_of_the_metrics(golden):

@@ -12,7 +12,9 @@ from PIL import Image
 from optics.reporting.figures import lens_and_light as figures
 from optics.reporting.figures.canvas import DPI, block, new_figure, plane_figure, png_bytes
 from optics.reporting.figures.lens_and_light import lens_figures
+from tests.optics.cases import small_lens
 from tests.optics.exchange.verification.cases import shaped
+from thbcad.lens import FreeformSurface, Lens
 
 PLAN = [
     SimpleNamespace(name="level 3", screen=SimpleNamespace(pixels=(64, 32))),
@@ -33,6 +35,12 @@ def test_a_picture_holds_the_pixels_that_matplotlib_saves():
     assert (pixels(png) == pixels(buffer.getvalue())).all()
     assert Image.open(io.BytesIO(png)).info["dpi"] == pytest.approx((DPI, DPI), rel=1e-3)
     assert not plt.get_fignums()
+
+
+def test_figures_of_a_mirror_are_named_for_its_face():
+    blank = Lens(small_lens().rear, FreeformSurface((10.0, 10.0)), 6.0, 1.0)
+    assert list(lens_figures(blank, (), (), ("face", "back"))) == ["face_sag", "face_mesh", "loss"]
+    assert list(lens_figures(blank, (), ())) == ["front_sag", "front_mesh", "loss"]
 
 
 def test_the_mesh_shows_every_cell_of_every_level(tmp_path, monkeypatch):

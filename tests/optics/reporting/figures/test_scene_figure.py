@@ -8,8 +8,8 @@ from matplotlib import pyplot as plt
 from PIL import Image
 
 from optics.reporting.figures.scene_figure import scene_view
-from optics.reporting.view import scene_paths
-from optics.scene.problem import load_problem
+from optics.reporting.view import placed, scene_paths, solid_faces
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import target_z
 
@@ -117,6 +117,39 @@ def test_light_is_drawn_where_it_is(backend, made, changes):
     assert rows.mean() < middle[0]
     assert columns.mean() > middle[1]
     assert (after - before).min() > -10
+
+
+SIZE = {"half_width": (10, 10)}
+LENS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6, "front": SIZE, "rear": SIZE}
+MIRROR = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": SIZE}
+PLACES = {
+    "wall": (LENS, {"position": (0, 25, 60), "tilt": (-75, 0, 0)}),
+    "sphere": (LENS, {"position": (0, 0, 60), "surface": "sphere", "radius": -50.0}),
+    "by a mirror": (MIRROR, {"position": (0, 60, 0), "tilt": (-90, 0, 0)}),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
+    """One lit quarter lies from the middle of the picture as the receiver's own points do: within 15 degrees,
+    as of a quarter whose centre is seen obliquely."""
+    element, place = PLACES[name]
+    target = {"kind": "tophat", "half_width": (20, 20), "pixels": (32, 32), **place}
+    source = {"kind": "collimated", "half_width": (9, 9)}
+    system = OpticalSystem(Problem(source=source, element=[element], target=target))
+    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    middle, quarter = scene(np.array([system.target.receiver.points(u, u) for u in (0.0, 10.0)]).T).T
+    light = np.full((32, 32), 0.5)
+    light[16:, :16] = 1.0  # the scale is the same with and without what is looked for
+    lit = light.copy()
+    lit[:16, 16:] = 1.0
+    dark, one, other = (
+        pixels(scene_view(system, system.lens, shown, ())).mean(axis=2) for shown in (0 * light, light, lit)
+    )
+    whole, found = (np.argwhere(abs(a - b) > 50).mean(axis=0) for a, b in ((one, dark), (other, one)))
+    (down, across), wanted = found - whole, quarter - middle
+    angle = np.arctan2(-down, across) - np.arctan2(wanted[1], wanted[0])
+    assert abs((angle + np.pi) % (2 * np.pi) - np.pi) < np.radians(15)
 
 
 def test_rays_that_miss_are_red(backend, made):

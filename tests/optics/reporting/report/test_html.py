@@ -156,7 +156,7 @@ def test_every_metric_has_its_unit_and_its_meaning(problem_file):
     assert rows["wall_s total"] == ["1", "s", "wall time of the phase"]
     value, unit, meaning = rows["fates_w on_target"]
     assert (value, unit) == ("0.8", "W")
-    assert re.match("light that .*; traced through front and rear", meaning)
+    assert re.match("light that .*; traced from surface to surface", meaning)
     assert all(meaning for *_, meaning in rows.values())
 
 

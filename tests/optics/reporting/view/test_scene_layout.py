@@ -22,7 +22,7 @@ def made(problem_file):
 
 def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
     problem, lens = made({"source.half_width": [4000.0, 8.0]})
-    assert np.ptp(placed(OpticalSystem(problem), solid_faces(lens)[0]).source, axis=1) == pytest.approx(
+    assert np.ptp(placed(OpticalSystem(problem), lens, solid_faces(lens)[0]).source, axis=1) == pytest.approx(
         [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
     )
 
@@ -35,8 +35,8 @@ def test_the_target_leaves_the_lens_free(made, distance, half_width):
     problem, lens = made(
         {"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2}
     )
-    scene = placed(OpticalSystem(problem), solid_faces(lens)[0])
-    assert scene.box(scene.lens)[1, 0] < scene.box(scene.target)[0, 0]
+    scene = placed(OpticalSystem(problem), lens, solid_faces(lens)[0])
+    assert scene.box(scene.lens)[1, 0] < scene.box(scene.outlook)[0, 0]
     drawn = distance / scene.squeeze / (half_width + 10.0)
     assert SHORT * (1 - 1e-12) <= drawn <= 2.5 * LONG * (1 + 1e-12)
 
@@ -48,16 +48,16 @@ def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
     place = {"target.distance": False, "target.position": list(position), "target.tilt": tilt}
     problem, lens = made(place | {"target.half_width": [10.0, 10.0]})
     system = OpticalSystem(problem)
-    scene = placed(system, solid_faces(lens)[0])
+    scene = placed(system, lens, solid_faces(lens)[0])
     assert abs(scene.turn[2] @ system.target.receiver.pose.rotation[:, 2]) > np.sin(np.radians(15))
     assert scene.squeeze == 1
     rim = system.target.receiver.points(*10.0 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]))
-    assert scene.rim == pytest.approx(np.stack(rim), abs=1e-13)
+    assert scene.outlook == pytest.approx(np.stack(rim), abs=1e-13)
 
 
 def test_things_are_drawn_in_scale_up_to_the_lens_and_shorter_behind_it(made):
     problem, lens = made({"target.distance": 1e4})
-    scene = placed(OpticalSystem(problem), solid_faces(lens)[0])
+    scene = placed(OpticalSystem(problem), lens, solid_faces(lens)[0])
     top = scene.lens[2, 1]
     x = np.array([[1.0, -2.0, 3.0], [0.5, 4.0, -1.0], [-30.0, 0.0, top]])
     assert scene(x) == pytest.approx(scene.turn[:2] @ x, abs=1e-13)

@@ -1,0 +1,101 @@
+"""Scenes of any pose: parts stand apart, pictures are open and read right, the page holds what is there."""
+
+import json
+import re
+from base64 import b64decode
+
+import numpy as np
+import pytest
+
+from optics.reporting.view import placed, scene_page, solid_faces
+from optics.scene.problem import Problem
+from optics.scene.system import OpticalSystem
+from thbcad.poses import Pose
+
+BEAM = {"kind": "collimated", "half_width": (45, 45)}
+NARROW = {"kind": "collimated", "half_width": (9, 9)}
+BEHIND = {"position": (0, 0, 150), "half_width": (40, 40)}
+POINT = {"kind": "point", "half_width": (0, 0), "distance": 100.0, "half_angle": 25.0}
+
+
+def mirror(*tilt):
+    return {"kind": "mirror", "name": "M1", "tilt": tilt, "thickness": 12.0, "face": {"half_width": (60, 70)}}
+
+
+def lens(position=(0, 0, 0), tilt=(0, 0, 0)):
+    size, where = {"half_width": (10, 10)}, {"position": position, "tilt": tilt}
+    return {"kind": "lens", "name": "L1", **where, "index": 1.5, "thickness": 6, "front": size, "rear": size}
+
+
+SCENES = {
+    "fold up": (BEAM, mirror(45, 0, 0), {"position": (0, 300, 0), "tilt": (-90, 0, 0)}),
+    "fold aside": (BEAM, mirror(0, 45, 0), {"position": (-300, 0, 0), "tilt": (0, -90, 0)}),
+    "point": (POINT, mirror(30, 0, 0), {"position": (0, 260, -150), "tilt": (-120, 0, 0)}),
+    "wall": (NARROW, lens(), {"position": (0, 40, 90), "tilt": (-75, 0, 0), "half_width": (30, 50)}),
+    "turned lens": (
+        NARROW,
+        lens((0, 0, 30), (20, 0, 0)),
+        {"position": (0, -30, 200), "half_width": (40, 40)},
+    ),
+    "dome": (NARROW, lens(), BEHIND | {"surface": "sphere", "radius": -80}),
+    "column": (NARROW, lens(), BEHIND | {"surface": "cylinder", "radius": 120}),
+    "long": (BEAM, mirror(45, 0, 0), {"position": (0, 9000, 0), "tilt": (-90, 0, 0)}),
+}
+
+
+@pytest.fixture(params=SCENES)
+def system(request):
+    source, element, target = SCENES[request.param]
+    target = {"kind": "tophat", "half_width": (100, 100), "pixels": (8, 8)} | target
+    return OpticalSystem(Problem(source=source, element=[element], target=target))
+
+
+def separated(one, other):
+    """Return whether a line lies between two sets of points (2, n)."""
+    angles = np.linspace(0, 2 * np.pi, 181)
+    lines = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return ((lines @ one).min(axis=1) > (lines @ other).max(axis=1)).any()
+
+
+def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(system):
+    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    assert separated(scene(scene.outlook), scene(scene.body))
+    assert separated(scene(scene.outlook), scene(scene.source))
+    (hx, hy), receiver = system.target.settings.half_width, system.target.receiver
+    corners = np.stack([receiver.points(u, v) for u, v in ((-hx, -hy), (hx, -hy), (-hx, hy))], axis=1)
+    origin, right, up = scene(corners).T
+    area = np.linalg.det([right - origin, up - origin])
+    assert area > 0.25 * 4 * hx * hy  # a cosine of 0.25; below 0 it would be seen as in a mirror
+
+
+def test_the_throw_alone_is_drawn_shorter(system):
+    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    for part in (scene.body, scene.source, scene.outlook):
+        shift = scene(part) - scene.turn[:2] @ part
+        np.testing.assert_allclose(shift, shift[:, :1] + 0 * shift, rtol=0, atol=1e-9)
+    start, end = scene.gap
+    assert (scene.squeeze > 1) == (end - start > 1000)
+
+
+def held(text):
+    (data,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text)
+    return json.loads(data)
+
+
+def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(system):
+    data = held(scene_page(system, system.lens, np.ones((8, 8)), []))
+    points, receiver = np.array(data["target"]["points"]).T, system.target.receiver
+    along = np.broadcast_to(receiver.pose.rotation[:, 2:], points.shape)
+    landed = receiver.land(points - along, along)
+    rows, columns = data["target"]["shape"]
+    hx, hy = system.target.settings.half_width
+    u, v = np.meshgrid(np.linspace(-hx, hx, columns), np.linspace(-hy, hy, rows))
+    np.testing.assert_allclose([landed.u, landed.v], [u.ravel(), v.ravel()], rtol=0, atol=1e-9)
+    *rotation, shift = np.array(data["pose"])
+    pose = Pose(np.transpose(rotation), shift)
+    x, y, z = (
+        np.frombuffer(b64decode(text), "<f4").reshape(n, m) for n, m, text in data["faces"][0]["points"]
+    )
+    corner = pose.points(np.array([x[0, 0], y[0, 0], z[0, 0]], float))
+    hx, hy = system.lens.front.half_width
+    np.testing.assert_allclose(corner, system.pose.points(np.array([-hx, -hy, 0.0])), rtol=0, atol=1e-5)
