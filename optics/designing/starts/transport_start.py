@@ -76,7 +76,7 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : a fit of light that depends on the shape, None where parallel light meets the rear of a lens
+    traced : a fit of the light, None where it is parallel before the surface
     bent : share of the light that a slope can send to where the map wants it
 
     most : cells of the map in each direction, at most.
@@ -105,7 +105,8 @@ class TransportStart:
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
         shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
-        self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+        if not shaped.light.parallel:
+            self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
 
     @property
     def _crosses(self) -> bool:
@@ -152,12 +153,13 @@ class TransportStart:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
         (UNIFORM_DETAIL where uniform light is asked for).
 
-        That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
-        slopes' misfit.  Slopes that no surface has remain in all of them.
+        That is e (n - 1) throw in pixels, or 2 e throw by a mirror, with e^2 what another level takes off the
+        mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        moved = (self._lens.index - 1) * self._system.lever / min(target.screen().pitch)
+        turned = 2.0 if self._system.reflects else self._lens.index - 1
+        moved = turned * self._system.lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])

@@ -24,7 +24,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, solid_of
+from optics.scene.system.moulded import body_options, moulded
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
@@ -244,8 +244,8 @@ class OpticalSystem:
         return body_options(self.problem.optic)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as, as `solid_of`, which also raises."""
-        return solid_of(lens, self.body, self.clear_aperture(lens))
+        """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
+        return lens if self.body is None else moulded(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
         """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
