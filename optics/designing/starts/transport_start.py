@@ -83,7 +83,7 @@ class TransportStart:
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
-        system = aimed(system, backend)
+        system = aimed(system, spot_lens(system, backend), backend)
         self._system, self._lens, self._backend = system, system.lens, backend
         screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
@@ -264,6 +264,15 @@ class TransportStart:
         density = partial(self._density, picture)
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
+
+
+def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
+    """Return the lens that tells the blur of a system before there is a design: the base lens, that sends its
+    light about to a target across the axis, and that of a coarse map to any other one."""
+    if not system.blurred or system.target.receiver.across_axis:
+        return system.lens
+    start = TransportStart(system.sharp, backend, LEAST_CELLS)
+    return _with_last(system.lens, start.fit(system.lens.sags[-1].space).sag)
 
 
 def _with_last(lens: Lens, sag: THBSurface) -> Lens:
