@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from thbcad.moulds.body_options import BodyOptions as BodyOptions
     from thbcad.moulds.drafted_walls import DraftedWall as DraftedWall, Foot as Foot
     from thbcad.moulds.inserts import FACES as FACES, Insert as Insert
-    from thbcad.moulds.moulded_body import MouldedBody as MouldedBody, Solid as Solid
+    from thbcad.moulds.moulded_body import MouldedBody as MouldedBody, Solid as Solid, lens_of as lens_of
     from thbcad.moulds.rounded_edges import rounded_off as rounded_off
     from thbcad.moulds.shrinkage import (
         UNCHANGED as UNCHANGED,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thbcad.lens import Lens
 from thbcad.moulds.body_options import BodyOptions
 from thbcad.moulds.drafted_walls import DraftedWall
@@ -55,3 +57,15 @@ def middle_of_rims(lens: Lens, outline: Outline) -> float:
     """Return the z midway between the highest point of the front's rim and the lowest of the rear's."""
     upright = DraftedWall(outline, 0.0, 0.0, 1)
     return (upright.rough_heights(lens, 0)[1] + upright.rough_heights(lens, 1)[0]) / 2
+
+
+def least_support(held: Outline, clear: Outline) -> float:
+    """Return a lower bound of the least difference of two support functions, mm."""
+    count = 4096
+    angle = np.linspace(0, np.pi / 2, count + 1)
+    n = np.array([np.cos(angle), np.sin(angle)])
+
+    # second derivatives are at most the radii of curvature and the sides
+    bend = 2 * sum(max(outline.half_width) ** 2 / min(outline.half_width) for outline in (held, clear))
+    difference = held.support(n) - clear.support(n)
+    return float(difference.min() - bend * (np.pi / 2 / count) ** 2 / 8)

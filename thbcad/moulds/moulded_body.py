@@ -12,7 +12,7 @@ import numpy as np
 from thbcad.certified import greatest_slope, minimum, value_range
 from thbcad.lens import Lens, require_sound, segment
 from thbcad.moulds.body_options import BodyOptions
-from thbcad.moulds.body_walls import inner_wall, middle_of_rims, outline_and_smaller
+from thbcad.moulds.body_walls import inner_wall, least_support, middle_of_rims, outline_and_smaller
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
 from thbcad.moulds.inserts import FACES
 from thbcad.outlines import LEAST_SIZE, Outline
@@ -142,9 +142,23 @@ class MouldedBody:
     def face_count(self) -> int:
         """How many faces its solid has."""
         around = len(self.outline.pieces)
-        halves = 2 if self.walls[0].draft and (self.inner is None or self.inner.level != self.parting) else 1
         land = 0 if self.inner is None else 1 + self.stepped * around
-        return 2 + land + around * (halves + len(self.rounded))
+        return 2 + land + around * (1 + self.has_ridge + len(self.rounded))
+
+    @property
+    def has_ridge(self) -> bool:
+        """Whether its walls taper to both sides of the parting line."""
+        return self.walls[0].draft > 0 and (self.inner is None or self.inner.level != self.parting)
+
+    @property
+    def level_edges(self) -> list[tuple[Outline, float]]:
+        """Outlines and z, mm, of the level edges between the rims of front and rear, in this order."""
+        ridge = [(self.outline, self.parting)] * self.has_ridge
+        if self.inner is None or self.small is None:
+            return ridge
+        hole, z = [(self.inner.outline, self.inner.level)] * self.stepped, self.inner.level
+        land = [*hole, (self.walls[self.small].at(z), z)]
+        return [*land, *ridge] if self.small == 0 else [*ridge, *land[::-1]]
 
     @property
     def free(self) -> tuple[Outline, Outline]:
@@ -206,7 +220,7 @@ class MouldedBody:
         """
         for number, word in enumerate(FACES):
             depth = self._depth(number)
-            if _least_support(self.wall(number).outline, clear[number]) < depth:
+            if least_support(self.wall(number).outline, clear[number]) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
                     f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
@@ -244,7 +258,7 @@ class MouldedBody:
                 f"the land at z = {land:.9g} mm meets the drafted rim of the {FACES[small]}; change "
                 "lens.body.land"
             )
-        width = _least_support(self.walls[small].at(land), self.inner.outline)
+        width = least_support(self.walls[small].at(land), self.inner.outline)
         if width < LEAST_SIZE:
             raise ValueError(
                 f"the land at z = {land:.9g} mm has no width: the drafted wall leaves {width:.3g} mm round "
@@ -272,13 +286,6 @@ class MouldedBody:
 Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as
 
 
-def _least_support(held: Outline, clear: Outline) -> float:
-    """Return a lower bound of the least difference of two support functions, mm."""
-    count = 4096
-    angle = np.linspace(0, np.pi / 2, count + 1)
-    n = np.array([np.cos(angle), np.sin(angle)])
-
-    # second derivatives are at most the radii of curvature and the sides
-    bend = 2 * sum(max(outline.half_width) ** 2 / min(outline.half_width) for outline in (held, clear))
-    difference = held.support(n) - clear.support(n)
-    return float(difference.min() - bend * (np.pi / 2 / count) ** 2 / 8)
+def lens_of(solid: Solid) -> Lens:
+    """Return the lens that is made as a solid."""
+    return solid if isinstance(solid, Lens) else solid.lens

@@ -107,7 +107,7 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
         if not same or (base.sag is None and other.sag is not None):
             raise UserError(
                 f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
-                f"spans; make lens.{name} equal to its problem.toml"
+                f"spans; make {system.problem.optic.key(name)} equal to its problem.toml"
             )
     final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
     return State(False, final, tuple(sags))

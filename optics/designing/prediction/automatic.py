@@ -1,7 +1,7 @@
 """Numbers that a problem leaves to the program: the base lens, the bounds of its sags, the levels.
 
-All come from the slopes (zx, zy) that the transport map asks of the rear.  The base is the conic of curvature
-c = 1 / R whose own slopes are nearest to them,
+All come from the slopes (zx, zy) that the transport map asks of the rear, or of a mirror's face.  The base is
+the conic of curvature c = 1 / R whose own slopes are nearest to them,
 
     sum w |(zx, zy) - grad conic(x, y; c, K)|^2  ->  min,      K = -1 where it is left to the program:
 
@@ -24,7 +24,7 @@ from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
-from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, Problem, Rear, base_of
+from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.fitting import fit_slopes, seen_functions
 from thbcad.lens import FreeformSurface
@@ -78,7 +78,7 @@ def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
 
 def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     """Return the system with a base lens and bounds of its sags."""
-    asked, base = system.problem, base_of(system.problem.optic.rear)
+    asked, base = system.problem, base_of(_based(system.problem))
     widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
         wide = solvable_system(_with_numbers(asked, base, widest))
@@ -87,9 +87,9 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
         start = TransportStart(wide, backend, CELLS)
         if start.bent < LEAST_BENT:
             raise UserError(
-                f'no transport map tells what "{AUTO}" stands for: a refracting surface can send only '
+                f'no transport map tells what "{AUTO}" stands for: the surface can send only '
                 f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
-                f"the lens as numbers, or {asked.target.gentler}"
+                f"the {asked.optic.noun} as numbers, or {asked.target.gentler}"
             )
         light, slopes = start.rear_slopes()
         base = _nearest_base(asked, light, slopes, system.problem.throw)
@@ -100,11 +100,11 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
 def _nearest_base(
     asked: Problem, light: RearLight, slopes: Sequence[Floats], throw: float
 ) -> tuple[float, float]:
-    """Return radius and conic constant of the rear."""
-    rear = asked.optic.rear
-    constant = -1.0 if isinstance(rear.conic, str) else rear.conic
-    if not isinstance(rear.radius, str):
-        return rear.radius, constant
+    """Return radius and conic constant of the base."""
+    surface = _based(asked)
+    constant = -1.0 if isinstance(surface.conic, str) else surface.conic
+    if not isinstance(surface.radius, str):
+        return surface.radius, constant
     x, y = light.x[:, None], light.y[None, :]
 
     def misfit(c: float) -> float:
@@ -115,24 +115,29 @@ def _nearest_base(
 
     bounds = _curvatures(asked, constant, throw)
     found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6 * np.ptp(bounds)})
-    flattest = LEAST_FREEDOM * max(rear.half_width)  # a plane does where the least sag makes up for the conic
-    if abs(found.x) * hypot(*rear.half_width) ** 2 / 2 < flattest:
+    # a plane does where the least sag makes up for the conic
+    flattest = LEAST_FREEDOM * max(surface.half_width)
+    if abs(found.x) * hypot(*surface.half_width) ** 2 / 2 < flattest:
         return inf, constant
     return float(f"{1 / found.x:.3g}"), constant
 
 
 def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float, float]:
-    """Return the least and the greatest curvature that the rear may have.
+    """Return the least and the greatest curvature that the base may have.
 
     A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
     c = 2 z / (r^2 + (1 + K) z^2).
     """
     spec, k = problem.optic, 1 + constant
-    r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
-    at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
-    low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
+    r = hypot(*spec.rear.half_width)
+    if isinstance(spec, MirrorElement):
+        steep, low, high = STEEPEST, -FARTHEST * throw, (1 - THINNEST) * spec.thickness
+    else:
+        steep = STEEPEST / sqrt(spec.known_index**2 - 1)
+        at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
+        low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
     most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))
-    least = max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
+    least = -most if isinf(low) else max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
     return least, most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))
 
 
@@ -157,10 +162,19 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
 def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -> Problem:
     """Return the problem with numbers for the base lens and the bounds of its sags."""
     spec = problem.optic
-    flat = base_of(spec.front)
-    front = replace(_numbered(spec.front, freedom), radius=flat[0], conic=flat[1])
-    rear = replace(_numbered(spec.rear, freedom), radius=base[0], conic=base[1])
-    return problem.with_optic(front=front, rear=rear)
+    front, rear = base_of(spec.front), base
+    if isinstance(spec, MirrorElement):
+        front, rear = base, base_of(spec.rear)
+    return problem.with_optic(
+        front=replace(_numbered(spec.front, freedom), radius=front[0], conic=front[1]),
+        rear=replace(_numbered(spec.rear, freedom), radius=rear[0], conic=rear[1]),
+    )
+
+
+def _based(problem: Problem) -> Front | Rear:
+    """Return the surface whose conic is chosen: the rear of a lens, the face of a mirror."""
+    optic = problem.optic
+    return optic.front if isinstance(optic, MirrorElement) else optic.rear
 
 
 def _numbered(surface: Surface, freedom: float) -> Surface:

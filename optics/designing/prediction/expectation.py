@@ -46,7 +46,7 @@ class Expectation:
         (None without extent).
     from_transport : the design starts from the whole transport map.
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
-        cuts it off, or where rays spread in the lens.
+        cuts it off, where rays spread in the lens, or on a target that does not lie across the axis.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     """
@@ -119,7 +119,7 @@ def expected(
         blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),
         from_transport=from_transport,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and from_transport and start.within(fit) and system.parallel and not system.blurred
+        if error and from_transport and start.within(fit) and _is_known(system)
         else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
@@ -147,6 +147,11 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
     if jumps <= JUMP * norm:
         return 0.0
     return float(min(SCALE * fine / jumps * start_error**POWER, start_error))
+
+
+def _is_known(system: OpticalSystem) -> bool:
+    """Return whether the regression of `predicted_rel_l2` was made of such light."""
+    return system.parallel and not system.blurred and system.target.receiver.across_axis
 
 
 def _follows_map(system: OpticalSystem, start: TransportStart) -> bool:

@@ -78,7 +78,8 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if not expected.from_transport or expected.sag > expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
-        return f"rel_l2: not predicted where rays spread in the lens; {start}"
+        where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
+        return f"rel_l2: not predicted {where}; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
         basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 60 iterations"
         return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import sqrt
 
 from optics.base.runtime import Backend
-from optics.designing.starts import TransportStart
+from optics.designing.starts import TransportStart, spot_lens
 from optics.light.analysis import cell_irradiance, rel_l2
 from optics.light.blur import blur_of
 from optics.light.tracing import SequentialFates, Tracer
@@ -64,7 +64,7 @@ def seen_level(
     """
     if not system.blurred:
         return finest
-    blur = blur_of(system, system.path(system.lens), backend)
+    blur = blur_of(system, system.path(spot_lens(system, backend)), backend)
     coarsening = max(1, int(blur.width / (ACROSS * max(system.target.screen().pitch))))
     level, error = least, _error(system, start, backend, least, coarsening)
     while level < finest:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from optics.designing.starts.transport_start import (
         TransportFit as TransportFit,
         TransportStart as TransportStart,
+        spot_lens as spot_lens,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -12,6 +12,7 @@ from thbcad.outlines import Outline
 
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
+PARALLEL = 1e-6  # difference of directions, at most
 EVEN = 32  # cells across an outline are a multiple of it: grids are halved, and cosine transforms are fast
 
 Floats = NDArray[np.float64]
@@ -31,6 +32,11 @@ class RearLight:
     direction: Sequence[Floats]
     emitted: Callable[[tuple[int, ...]], Floats]
     weight: Floats
+
+    @property
+    def parallel(self) -> bool:
+        """Whether its direction is the same everywhere."""
+        return max(float(np.ptp(d)) for d in self.direction) < PARALLEL
 
 
 def centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:

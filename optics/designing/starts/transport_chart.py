@@ -19,7 +19,6 @@ from optics.light.refraction import ShapedSurface, normalised
 
 Pair: TypeAlias = Any  # of numbers or arrays of any shape
 STEP = 1e-3  # of the half-widths, and of a direction: for differences
-PARALLEL = 1e-6  # difference of directions
 # ratio of the solid angles of equal areas of the receiver, from which on a projection is too coarse
 FORESHORTENED = 2.0
 SAMPLES = 41  # of a chart that is integrated, in each direction
@@ -74,8 +73,7 @@ class Middle:
         seen about alike all over: the perspective projection from the middle, exact for a plane across the
         axis.  Else G is integrated along the way.
         """
-        parallel = max(np.ptp(d) for d in self.light.direction) < PARALLEL
-        if self.shaped.rest.receiver.far_field and parallel:
+        if self.shaped.rest.receiver.far_field and self.light.parallel:
             chart = TransportChart(self._slopes, lambda q: self.shaped.landing(self.point, self.along, q))
         else:
             chart = self._integrated() if self._foreshortening() > FORESHORTENED else self._projected()

@@ -76,14 +76,14 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : a fit of light that depends on the shape, None where parallel light meets the rear of a lens
+    traced : a fit of the light, None where it is parallel before the surface
     bent : share of the light that a slope can send to where the map wants it
 
     most : cells of the map in each direction, at most.
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
-        system = aimed(system, backend)
+        system = aimed(system, spot_lens(system, backend), backend)
         self._system, self._lens, self._backend = system, system.lens, backend
         screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
@@ -99,13 +99,16 @@ class TransportStart:
             air = RestOfPath((), (1.0,), receiver)
             self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
             self._light, self._slopes = self._shape_parallel()
+            self._weight = self._light.weight
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
         number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
         shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
-        self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+        self._weight = np.ones(self._cells)  # the slopes go on where no light is
+        if not shaped.light.parallel:
+            self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
 
     @property
     def _crosses(self) -> bool:
@@ -118,7 +121,7 @@ class TransportStart:
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
         light, (zx, zy) = self._light, self._slopes
-        sag = fit_slopes(space, light.x, light.y, zx, zy, np.ones(self._cells))
+        sag = fit_slopes(space, light.x, light.y, zx, zy, self._weight)
         seen = seen_functions(space, light.x, light.y)
         size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
         kept = np.clip(sag.coefficients, -self._bound, self._bound)
@@ -152,12 +155,13 @@ class TransportStart:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
         (UNIFORM_DETAIL where uniform light is asked for).
 
-        That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
-        slopes' misfit.  Slopes that no surface has remain in all of them.
+        That is e (n - 1) throw in pixels, or 2 e throw by a mirror, with e^2 what another level takes off the
+        mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        moved = (self._lens.index - 1) * self._system.lever / min(target.screen().pitch)
+        turned = 2.0 if self._system.reflects else self._lens.index - 1
+        moved = turned * self._system.path(self._lens).lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
@@ -174,16 +178,18 @@ class TransportStart:
         """Return a sentence for the user where z_freedom or the thickness is too small for the map, or ""."""
         if self.within(fit):
             return ""
-        asked = f"the transport map asks for a sag of +-{fit.asked:.3g} mm"
+        asked, optic = f"the transport map asks for a sag of +-{fit.asked:.3g} mm", self._system.problem.optic
         if fit.asked > max(self._surface.half_width):
-            return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
+            wide = f"{asked}, more than the {optic.noun} is wide"
+            return f"{wide}: are the units right, is the target within reach?"
         if fit.crosses:
             return (
-                f"{asked}, which would bring rear and front together; raise lens.thickness for better light"
+                f"{asked}, which would bring rear and front together; raise {optic.key('thickness')} for "
+                "better light"
             )
         return (
             f"{asked}, more than z_freedom allows: for better light "
-            f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
+            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
 
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
@@ -258,6 +264,15 @@ class TransportStart:
         density = partial(self._density, picture)
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
+
+
+def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
+    """Return the lens that tells the blur of a system before there is a design: the base lens, that sends its
+    light about to a target across the axis, and that of a coarse map to any other one."""
+    if not system.blurred or system.target.receiver.across_axis:
+        return system.lens
+    start = TransportStart(system.sharp, backend, LEAST_CELLS)
+    return _with_last(system.lens, start.fit(system.lens.sags[-1].space).sag)
 
 
 def _with_last(lens: Lens, sag: THBSurface) -> Lens:

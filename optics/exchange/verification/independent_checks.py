@@ -27,6 +27,7 @@ from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
+from thbcad.moulds import lens_of
 from thbcad.outlines import UPRIGHT, Line, RimPiece
 from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
@@ -74,7 +75,7 @@ def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Cal
 
 def text_checks(solid: Brep, made: Solid) -> list[Check]:
     """Return the Checks of the text of a STEP file against a lens or its body in memory."""
-    pair, optical = optical_forms(made if isinstance(made, Lens) else made.lens), optical_faces(solid)
+    pair, optical = optical_forms(lens_of(made)), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
     front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
     counts = {

@@ -40,10 +40,10 @@ def prescription_checks(problem: Problem, lens: Lens) -> list[Check]:
 
 def _pairs(problem: Problem, lens: Lens) -> Iterator[Pair]:
     spec = problem.optic
-    yield "lens.index", spec.known_index, lens.index, ""
-    yield "lens.thickness", spec.thickness, lens.thickness, "mm"
-    yield from _surface("lens.front", spec.front, lens.front)
-    yield from _surface("lens.rear", spec.rear, lens.rear)
+    yield spec.key("index"), spec.known_index, lens.index, ""
+    yield spec.key("thickness"), spec.thickness, lens.thickness, "mm"
+    yield from _surface(spec.key("front"), spec.front, lens.front)
+    yield from _surface(spec.key("rear"), spec.rear, lens.rear)
 
 
 def _surface(name: str, spec: Front | Rear, surface: FreeformSurface) -> Iterator[Pair]:

@@ -28,7 +28,7 @@ class DesignFigures:
     """
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
-        self.process, optic = process, system.problem.optic
+        self.process, self._system, optic = process, system, system.problem.optic
         self._noun, self._sides = optic.noun, (optic.face_name("front"), optic.face_name("rear"))
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
         self._photographed: tuple[Any, ...] | None = None
@@ -38,7 +38,8 @@ class DesignFigures:
         self._lens = self.process.ask(
             "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides
         )
-        self._solid = self.process.ask("optics.reporting.figures", "solid_views", lens, self._sides)
+        solid = self._system.solid(lens)
+        self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from optics.base.runtime import Backend, UserError, load_backend
 from optics.designing.prediction import resolved
-from optics.designing.starts import TransportStart
+from optics.designing.starts import TransportStart, spot_lens
 from optics.light.blur import aimed_through, blur_of
 from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
@@ -72,5 +72,5 @@ def shaping_by(
     chosen = engine_of(engine, sharp, backend)
     if sharp is system:
         return system, chosen
-    blur = blur_of(system, system.path(system.lens), backend)
+    blur = blur_of(system, system.path(spot_lens(system, backend)), backend)
     return aimed_through(system, blur), BlurredEngine(chosen, blur)

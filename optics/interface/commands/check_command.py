@@ -19,6 +19,7 @@ from optics.designing.prediction import (
     foreseen_misses,
     resolved,
 )
+from optics.designing.starts import spot_lens
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
@@ -38,7 +39,7 @@ def check(options: Namespace) -> Outcome:
         fire = fire_warning(system, expectation.concentration)
         data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
         picture, least = system.target.light, system.lens.least_thickness()
-        limits = blur_limits(system, system.lens, backend) if system.blurred else None
+        limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         missed = foreseen_misses(system, expectation, limits, backend)
         data["missed"] = missed
         lines = [

@@ -26,6 +26,7 @@ from optics.light.blur.convolution import Blur, blur_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 PEAK = 3.0  # of the brightest pixel: without a limit a few pixels would be 25 times as bright as the mean
 LOST = 0.01  # costs 1 % of rel_l2 and brings 5 % of the flux to the target that would miss it
@@ -33,11 +34,12 @@ FARTHEST = 64  # pixels that a blur reaches: for wider ones pixels are merged
 STEPS = 200  # rel_l2 of the blurred light then falls by less than 1e-3 of itself
 
 
-def aimed(system: OpticalSystem, backend: Backend) -> OpticalSystem:
-    """Return the sharp system that stands for a blurred one, with its aim; another one as it is."""
+def aimed(system: OpticalSystem, lens: Lens, backend: Backend) -> OpticalSystem:
+    """Return the sharp system that stands for a blurred one, with its aim for the blur of a lens; another one
+    as it is."""
     if not system.blurred:
         return system
-    return aimed_through(system, blur_of(system, system.path(system.lens), backend))
+    return aimed_through(system, blur_of(system, system.path(lens), backend))
 
 
 def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:

@@ -20,9 +20,11 @@ from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
 from optics.reporting.figures.overview import relative_light
 from optics.reporting.figures.solid_figure import LENS
+from optics.reporting.view import within_foot
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.moulds import Solid, lens_of
 from thbcad.outlines import Outline
 
 Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
@@ -74,11 +76,12 @@ def light_figures(
     if system.target.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
+    solid = system.solid(lens)
     return (
         figures
         | colour_figures(system, measurement, unit)
         | {
-            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(solid, fan))
             for k, (name, fan) in enumerate(paths.items(), 1)
         }
     )
@@ -161,22 +164,26 @@ def _mesh(space: THBSpace, outline: Outline) -> bytes:
     return png_bytes(figure)
 
 
-def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
+def _rays(solid: Solid, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
     figure, axes = new_figure()
-    draw_fan(axes, lens, fan)
+    draw_fan(axes, solid, fan)
     axes.set_xlabel("z / mm")
     axes.set_ylabel("y / mm")
     return png_bytes(figure)
 
 
-def draw_fan(axes: Axes, lens: Lens, fan: Sequence[RayPath]) -> None:
-    """Draw the section x = 0 of the lens and the paths of rays: those that meet the target are green."""
-    outline = []
-    for surface, vertex, direction in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
-        y = np.linspace(-1, 1, 201)[::direction] * surface.half_width[1]
+def draw_fan(axes: Axes, solid: Solid, fan: Sequence[RayPath]) -> None:
+    """Draw the section x = 0 of a lens or its body and the paths of rays; those to the target are green."""
+    lens, outline = lens_of(solid), []
+    for number, (surface, vertex) in enumerate(((lens.front, 0.0), (lens.rear, lens.thickness))):
+        y = np.linspace(-1, 1, 201)[:: 1 - 2 * number] * surface.half_width[1]
+        if not isinstance(solid, Lens):
+            _, y = within_foot(solid, number, np.zeros_like(y), y)
         outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
-    section = np.concatenate(outline)
+    edges = [] if isinstance(solid, Lens) else [(z, edge.half_width[1]) for edge, z in solid.level_edges]
+    wall = np.reshape(edges, (-1, 2))
+    section = np.concatenate([outline[0], wall, outline[1], wall[::-1] * [1, -1]])
     axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)
     low, high = (
         f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0)

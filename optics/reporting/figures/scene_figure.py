@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.figures.solid_figure import draw_solid
-from optics.reporting.view import Face, Scene, View, block_means, caption, placed, solid_faces, stop_rims
+from optics.reporting.view import (
+    Face,
+    Scene,
+    View,
+    block_means,
+    caption,
+    outermost,
+    placed,
+    solid_faces,
+    stop_rims,
+)
 from optics.scene.receivers import Plane
 from optics.scene.system import LightTarget, OpticalSystem
 from thbcad.lens import Lens
@@ -38,7 +48,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
 
     irradiance : (rows, columns), row 0 at +v.  paths : from `scene_paths`.
     """
-    faces, _ = solid_faces(lens)
+    faces, _ = solid_faces(system.solid(lens))
     scene = placed(system, lens, faces)
     faces = [face.posed(system.pose) for face in faces]
     exit_face = 0 if system.reflects else 1
@@ -82,7 +92,7 @@ def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], paths: Sequence[RayPa
     axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order)
     if not np.ptp(scene.source[:2]):
         axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=order)
-    low, high = scene.box(*(face.points.reshape(3, -1) for face in faces[:2]))
+    low, high = scene.box(outermost(faces))
     draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
 
 

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from optics.reporting.figures.canvas import plt, png_bytes
-from optics.reporting.view import Face, View, oblique, rendered, solid_faces
+from optics.reporting.view import Face, View, oblique, outermost, rendered, solid_faces
 from thbcad.lens import Lens
+from thbcad.moulds import Solid, lens_of
 
 Array = NDArray[np.float64]
 
@@ -22,8 +23,8 @@ LENS = "front", "rear"  # what the optical faces of a lens are called
 POSITIONS = [(left, bottom, 0.5, 0.45) for bottom in (0.525, 0.05) for left in (0.0, 0.5)]
 
 
-def solid_views(lens: Lens, sides: tuple[str, str] = LENS) -> bytes:
-    """Return a PNG of a lens or a mirror from the rear, from the side, from the front and obliquely.
+def solid_views(solid: Solid, sides: tuple[str, str] = LENS) -> bytes:
+    """Return a PNG of a lens, its body or a mirror from the rear, the side, the front and obliquely.
 
     Faces are shaded by slope, in light from the upper left.  The relief of a surface with a sag, its slopes
     beyond those of a quadric, is shaded steeper: by the greatest of 1, 2, 5, 10, ... 5000 that leaves the
@@ -32,9 +33,9 @@ def solid_views(lens: Lens, sides: tuple[str, str] = LENS) -> bytes:
 
     sides : what front and rear are called
     """
-    faces, steeper = solid_faces(lens)
+    faces, steeper = solid_faces(solid)
     turns, names = _turns(sides), dict(zip(LENS, sides))
-    points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
+    points = outermost(faces)
     boxes = {name: [f(turn[:2] @ points, axis=1) for f in (np.min, np.max)] for name, turn in turns.items()}
     half_size = max(
         (0.53 if name == OBLIQUE else 0.64) * np.ptp(box, axis=0).max() for name, box in boxes.items()
@@ -48,7 +49,7 @@ def solid_views(lens: Lens, sides: tuple[str, str] = LENS) -> bytes:
             _names(axes, faces, turn, names)
         else:
             _dimensions(axes, boxes[name], half_size, height=name != SIDE)
-    figure.text(0.5, 0.01, _text(lens, steeper, names), fontsize=9, ha="center")
+    figure.text(0.5, 0.01, _text(lens_of(solid), steeper, names), fontsize=9, ha="center")
     return png_bytes(figure)
 
 

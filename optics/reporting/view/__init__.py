@@ -19,8 +19,10 @@ if TYPE_CHECKING:
         Face as Face,
         View as View,
         oblique as oblique,
+        outermost as outermost,
         rendered as rendered,
         solid_faces as solid_faces,
+        within_foot as within_foot,
     )
     from optics.reporting.view.viewer_page import scene_page as scene_page
 

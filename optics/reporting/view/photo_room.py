@@ -74,7 +74,8 @@ class PhotoRoom:
 
 def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
     """Return the room of a problem's lens on the axis, before a plane across it or the far field."""
-    scene = placed(OpticalSystem(problem), lens, solid_faces(lens, COARSE)[0])
+    system = OpticalSystem(problem)
+    scene = placed(system, lens, solid_faces(system.solid(lens), COARSE)[0])
     size, top = float(np.ptp(scene.lens[:2], axis=1).max() / 2), float(scene.lens[2, 1])
     hx, hy, throw, smaller = _screen(problem, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw

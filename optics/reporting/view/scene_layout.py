@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.reporting.view.drawn_rays import FAR
-from optics.reporting.view.solid_renderer import Face, oblique
+from optics.reporting.view.solid_renderer import Face, oblique, outermost
 from optics.reporting.view.viewpoint import best_view
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
@@ -93,7 +93,7 @@ def placed(system: OpticalSystem, lens: Lens, faces: Sequence[Face]) -> Scene:
     faces : of the lens, front and rear first, in its own frame
     """
     pose, target, (hx, hy) = system.pose, system.target, system.target.settings.half_width
-    body = pose.points(corners(_box(np.concatenate([f.points.reshape(3, -1) for f in faces[:2]], axis=1))))
+    body = pose.points(corners(_box(outermost(faces))))
     source = _source(system, body, np.abs(pose.points(faces[0].points.reshape(3, -1))).max(axis=1))
     leaving, screen = system.path(lens).leaving, np.zeros((3, 0, 0))
     outlook, along = _around_far_rays(leaving, body), leaving.rotation[:, 2]

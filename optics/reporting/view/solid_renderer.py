@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
 from thbcad.lens import SIDES, FreeformSurface, Lens
+from thbcad.moulds import MouldedBody, Solid, lens_of
+from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
 Array = NDArray[np.float64]
@@ -26,6 +29,7 @@ FACTORS = np.outer(10.0 ** np.arange(4), [1, 2, 5]).ravel()
 LIGHT = np.array([-0.63, 0.60, 0.49])  # direction to the light: right, up, towards the viewer
 GLASS, GROUND = (0.86, 0.93, 1.0), (0.78, 0.84, 0.9)  # of optical faces and of edges
 AMBIENT = 0.25
+DIRECTIONS, HALVINGS = 721, 20  # of the feet of walls, linear between them: within a hundredth of a pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +80,25 @@ def oblique(turn: float, rise: float) -> Array:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def solid_faces(lens: Lens, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
+def solid_faces(solid: Solid, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
     """Return the faces, front and rear first, and by name how many times steeper their relief is.
 
-    The edge of a lens that is no rectangle is one face.
+    The edge of a lens that is no rectangle is one face; so is each wall of a body, whose edges are sharp.
 
     samples : across a face
     """
-    faces, steeper = [], {}
-    for name, surface, vertex, side in (
-        ("front", lens.front, 0.0, -1),
-        ("rear", lens.rear, lens.thickness, 1),
+    faces, steeper, lens = [], {}, lens_of(solid)
+    for number, (name, surface, vertex, side) in enumerate(
+        (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1))
     ):
         x, y = _positions(surface, samples)
         u, v = np.meshgrid(x, y, indexing="ij")
         evaluate = partial(surface.grid, x, y)
         if not surface.outline.is_rectangle:
             u, v = surface.outline.filled(u, v)
+        if not isinstance(solid, Lens):
+            u, v = within_foot(solid, number, u, v)
+        if not (surface.outline.is_rectangle and solid is lens):
             evaluate = partial(surface, u, v)
         slopes = [evaluate(order) for order in ((1, 0), (0, 1))]
         smooth = [_linear(slope, x, y) for slope in slopes]
@@ -104,10 +110,39 @@ def solid_faces(lens: Lens, samples: int = SAMPLES) -> tuple[list[Face], dict[st
         faces.append(
             Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS)
         )
-    edges = _edges(faces[0], faces[1], samples)
-    if not lens.front.outline.is_rectangle:
-        edges = [_joined(edges)]
-    return faces + edges, steeper
+    rims = [_rims(face) for face in faces]
+    larger = rims[int(lens.rear.half_width > lens.front.half_width)]
+    levels = [] if isinstance(solid, Lens) else solid.level_edges
+    rings = [rims[0], *(_level(larger, *edge) for edge in levels), rims[1]]
+    size = np.ptp(np.concatenate([face.points for face in faces], axis=1), axis=(1, 2))
+    count = 2 + int(samples * size[2] / size.max())
+    for low, high in pairwise(rings):
+        edges = _edges(low, high, count)
+        faces += edges if lens.front.outline.is_rectangle else [_joined(edges)]
+    return faces, steeper
+
+
+def within_foot(body: MouldedBody, number: int, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return points within the outline of front (0) or rear (1) moved along rays from the axis, the outline
+    onto the foot of the wall there, mm."""
+    surface, vertex = ((body.lens.front, 0.0), (body.lens.rear, body.lens.thickness))[number]
+    turn = np.linspace(-np.pi, np.pi, DIRECTIONS)
+    u, v = np.array([np.cos(turn), np.sin(turn)]) / surface.outline.gauge(np.cos(turn), np.sin(turn))
+    low, high = np.zeros(DIRECTIONS), np.ones(DIRECTIONS)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        inside = (
+            body.wall(number).beside(middle * u, middle * v, vertex + surface(middle * u, middle * v)) < 0
+        )
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    share = np.interp(np.arctan2(y, x), turn, high)
+    return share * x, share * y
+
+
+def outermost(faces: Sequence[Face]) -> Array:
+    """Return points of faces among which the outermost are, (3, n): front, rear, and the edges of others."""
+    edges = (face.points[:, :, [0, -1]] for face in faces[2:])
+    return np.concatenate([p.reshape(3, -1) for p in (*(f.points for f in faces[:2]), *edges)], axis=1)
 
 
 def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
@@ -150,16 +185,25 @@ def _linear(slope: Array, x: Array, y: Array) -> Array:
     return slope.mean() + np.mean(slope.T @ x / (x @ x)) * x[:, None] + np.mean(slope @ y / (y @ y)) * y
 
 
-def _edges(front: Face, rear: Face, samples: int) -> list[Face]:
-    """Return the four ruled faces between the rims, their points along a rim and then from front to rear."""
-    size = np.ptp(np.concatenate([front.points, rear.points], axis=1), axis=(1, 2))
-    w = np.linspace(0, 1, 2 + int(samples * size[2] / size.max()))
-    edges = []
-    for side in SIDES:
-        rim, sign = (np.s_[:, :, side.end], np.s_[:, side.end])[side.axis], -1 if side.clockwise else 1
-        low, high = (face.points[rim].reshape(3, -1, 1) for face in (front, rear))
+def _rims(face: Face) -> list[Array]:
+    """Return the points along the four sides of front or rear, (3, n, 1) each."""
+    sides = ((np.s_[:, :, side.end], np.s_[:, side.end])[side.axis] for side in SIDES)
+    return [face.points[side].reshape(3, -1, 1) for side in sides]
+
+
+def _level(rims: Sequence[Array], outline: Outline, z: float) -> list[Array]:
+    """Return the points of a level outline in the directions of rims."""
+    return [
+        np.stack([x / outline.gauge(x, y), y / outline.gauge(x, y), np.full_like(x, z)]) for x, y, _ in rims
+    ]
+
+
+def _edges(lows: Sequence[Array], highs: Sequence[Array], count: int) -> list[Face]:
+    """Return the four ruled faces between two rims, `count` points from one to the other."""
+    w, edges = np.linspace(0, 1, count), []
+    for side, low, high in zip(SIDES, lows, highs):
         points = (1 - w) * low + w * high
-        normals = sign * np.cross(np.gradient(points, axis=1), high - low, axis=0)
+        normals = (-1 if side.clockwise else 1) * np.cross(np.gradient(points, axis=1), high - low, axis=0)
         edges.append(Face(side.name, points, _unit(*normals), GROUND))
     return edges
 

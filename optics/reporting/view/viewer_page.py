@@ -41,7 +41,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
-    faces, _ = solid_faces(lens, SAMPLES)
+    faces, _ = solid_faces(system.solid(lens), SAMPLES)
     scene = placed(system, lens, faces)
     step = -(-len(paths) // MOST_PATHS) or 1
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import degrees, inf
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -33,6 +33,7 @@ class Medium:
 
 
 AIR = Medium(1.0)
+LEAST_COSINE = 0.05  # of light on a receiver that it hardly grazes: about 87 degrees
 Coats: TypeAlias = "tuple[float | None, float | None]"  # share of the light that goes through front and rear
 BARE: Coats = (None, None)
 
@@ -186,6 +187,17 @@ class LightPath:
         if self.receiver.far_field:
             return inf
         return float(np.linalg.norm(self.receiver.toward(self.surfaces[-1].pose.shift, 0.0, 0.0)))
+
+    @property
+    def lever(self) -> float:
+        """How far light that is turned by a radian moves on the middle of the receiver, mm or degrees.
+
+        It is the throw over the cosine of the angle of incidence.
+        """
+        if self.receiver.far_field:
+            return degrees(1.0)
+        cosine = np.dot(self.leaving.rotation[:, 2], self.receiver.normal(0.0, 0.0))
+        return self.throw / max(abs(float(cosine)), LEAST_COSINE)
 
     @property
     def leaving(self) -> Pose:

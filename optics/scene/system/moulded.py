@@ -1,7 +1,8 @@
-"""What a lens is made as: itself, or the body that leaves a mould."""
+"""The body that leaves a mould, of lenses that are made as one."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
@@ -11,7 +12,7 @@ from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import MouldedBody
 
 
 def body_options(spec: Optic) -> BodyOptions | None:
@@ -22,15 +23,14 @@ def body_options(spec: Optic) -> BodyOptions | None:
     return BodyOptions(spec.body.draft, parting, spec.body.annulus, land, spec.body.edge_radius)
 
 
-def solid_of(lens: Lens, options: BodyOptions | None, clear: tuple[Outline, Outline] | None) -> Solid:
-    """Return a lens, or the body that is made of it, proven.
+@lru_cache(maxsize=2)
+def moulded(lens: Lens, options: BodyOptions, clear: tuple[Outline, Outline] | None) -> MouldedBody:
+    """Return the body that is made of a lens, proven.  Who asks again gets the same.
 
     Raises
     ------
     UserError : as `MouldedBody.of`.
     """
-    if options is None:
-        return lens
     from thbcad.moulds import MouldedBody  # other lenses need none of its proofs
 
     try:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import degrees
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
@@ -24,7 +21,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, solid_of
+from optics.scene.system.moulded import body_options, moulded
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
@@ -33,8 +30,6 @@ from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
-
-LEAST_COSINE = 0.05  # of light on a target that it hardly grazes: about 87 degrees
 
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
@@ -210,21 +205,6 @@ class OpticalSystem:
         target = self.problem.target
         return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
 
-    @property
-    def lever(self) -> float:
-        """How far light that is turned by a radian moves on the middle of the target, at most, mm or degrees.
-
-        It is the throw over the cosine of the angle of incidence.
-        """
-        if self.target.far_field:
-            return degrees(1.0)
-        receiver, throw = self.target.receiver, self.problem.throw
-        if receiver.across_axis:
-            return throw
-        way = np.array(receiver.points(0.0, 0.0)) - (0.0, 0.0, self.problem.optic.thickness)
-        cosine = way @ np.array(receiver.normal(0.0, 0.0)) / throw
-        return throw / max(abs(float(cosine)), LEAST_COSINE)
-
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
         """What blocks light beside the lens, in the frame of its front vertex."""
@@ -244,8 +224,8 @@ class OpticalSystem:
         return body_options(self.problem.optic)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as, as `solid_of`, which also raises."""
-        return solid_of(lens, self.body, self.clear_aperture(lens))
+        """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
+        return lens if self.body is None else moulded(lens, self.body, self.clear_aperture(lens))
 
     def manufactured(self, lens: Lens) -> Manufacturability:
         """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""

@@ -72,7 +72,7 @@ def require_light(system: OpticalSystem) -> None:
     if not system.source.profile.shares(*met).any():
         raise UserError(
             "source.image is dark wherever it meets the lens; make source.half_width smaller or "
-            "lens.front.half_width larger"
+            f"{system.problem.optic.key('front.half_width')} larger"
         )
 
 
@@ -132,7 +132,7 @@ def advice(system: OpticalSystem) -> list[str]:
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
     bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
-    thrown = CONIC_SLOPE * system.lever
+    thrown = CONIC_SLOPE * system.path(system.lens).lever
     if bent and not system.target.far_field and thrown > problem.verify.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
@@ -144,6 +144,6 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences.append(
             f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
             f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
-            f"lens.{system.shaped}.freeform.degree fewer"
+            f"{problem.optic.key(system.shaped)}.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)

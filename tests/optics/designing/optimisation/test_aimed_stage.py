@@ -29,7 +29,7 @@ def test_the_sharp_stage_stands_before_the_blurred_one(tmp_path):
 def test_it_sees_the_light_that_is_aimed_at(tmp_path, merge):
     changes = SUN | {"optimizer.merge": merge}
     system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
-    traced = aimed(system, load_backend("double", 1))
+    traced = aimed(system, system.lens, load_backend("double", 1))
     stage = stages(traced, True)[-2]
     assert stage.screen.pixels == traced.goal.screen().pixels
     assert stage.screen.pixels[0] > 48 // merge  # wider by the reach of the blur

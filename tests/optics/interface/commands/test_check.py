@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import pytest
 
@@ -87,16 +88,16 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
     """Up to 46 degrees behind a plane front, where a surface of index 1.5 bends by less than 48.2."""
     free = {"lens.rear.radius": math.inf, "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}
     path = str(write_problem(tmp_path, free | ASIDE | {"target.kind": "tophat"}))
-    assert main(["check", path, "--json"]) == 0
-    expected = json.loads(capsys.readouterr().out)["expected"]
-    assert 0 < expected["totally"] < expected["reflected"]
-    assert expected["reflected"] > 0.2
     assert main(["check", path]) == 0
-    said = capsys.readouterr().out
-    assert (
-        f"{expected['reflected']:.0%} of the light is reflected at the rear, which bends it far, and" in said
+    said = re.search(
+        r"note: (\d+)% of the light is reflected at the rear, which bends it far, and ([\d.]+)% totally; "
+        r"make target\.half_width smaller or move target\.position nearer the axis, or let both surfaces",
+        out := capsys.readouterr().out,
     )
-    assert "move target.position nearer the axis" in said
+    assert "rel_l2: not predicted off the axis, or on a curve; the start has" in out
+    assert said is not None
+    assert 20 < int(said[1]) < 60
+    assert 0 < float(said[2]) < int(said[1])
 
 
 def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):

@@ -81,16 +81,16 @@ def test_a_blur_much_narrower_than_a_pixel_leaves_the_target():
 def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     backend = load_backend("double", 1)
     blurred = OpticalSystem(load_problem(write_problem(tmp_path, SUN)))
-    system = aimed(blurred, backend)
+    system = aimed(blurred, blurred.lens, backend)
     assert not system.blurred
     assert system.aim is not None
     assert system.target.settings == blurred.target.settings
     assert system.goal.screen().pitch == pytest.approx(blurred.target.screen().pitch)
     light = system.goal.irradiance(system.goal.screen(), 2.0)
     assert light.sum() * system.goal.screen().pixel_area == pytest.approx(2.0)
-    assert aimed(system, backend) is system
+    assert aimed(system, system.lens, backend) is system
     plain = OpticalSystem(load_problem(write_problem(tmp_path)))
-    assert aimed(plain, backend) is plain
+    assert aimed(plain, plain.lens, backend) is plain
     assert plain.goal is plain.target
 
 
@@ -99,14 +99,15 @@ def test_a_wide_blur_is_aimed_through_on_merged_pixels(tmp_path):
     for pixels, most in ((48, 48 + 2 * 20), (2048, 2048 // 8 + 2 * 66)):
         changes = {"source.divergence": 12.0, "target.pixels": [pixels, pixels]}
         blurred = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
-        screen = aimed(blurred, load_backend("double", 1)).goal.screen()
+        screen = aimed(blurred, blurred.lens, load_backend("double", 1)).goal.screen()
         assert max(screen.pixels) <= most
 
 
 def test_the_far_field_has_an_aim_of_intensities(tmp_path):
     far = {"target.distance": float("inf"), "target.half_width": [15.0, 15.0], "target.kind": "tophat"}
     problem = load_problem(write_problem(tmp_path, SUN | far, drop=("target.image",)))
-    system = aimed(OpticalSystem(problem), load_backend("double", 1))
+    blurred = OpticalSystem(problem)
+    system = aimed(blurred, blurred.lens, load_backend("double", 1))
     screen = system.goal.screen()
     assert screen.angular
     assert system.goal.irradiance(screen, 1.0).sum() * screen.pixel_area == pytest.approx(1.0)

@@ -1,13 +1,16 @@
 """The faces of lenses with an outline: on it, joined without a gap, and shaded from outside."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from optics.reporting.view import solid_faces
 from tests.optics.cases import hollow_lens, small_lens
-from thbcad.lens import Lens
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.moulds import BodyOptions, MouldedBody
+from thbcad.sags import Conic
 
 LENSES = {"round": (small_lens(), 1.0), "rounded": (small_lens(), 0.3), "round, unlike": (hollow_lens(), 1.0)}
 
@@ -44,3 +47,24 @@ def test_edges_go_once_round_and_are_seen_from_outside(lens):
     assert (outward > 0).all() or wide > 0  # a wall that opens to the rear looks to the front
     if wide > 0:
         assert (edge.normals[2] < 0).all()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_a_body_is_closed_by_its_walls_and_its_land(share):
+    """From the front: the step to the land, the land, the wall to the parting line and that to the rear; each
+    ends where the next begins, and on the wall of the body, within the thousandth of a mm of a picture."""
+    front, rear = (
+        FreeformSurface((h, h), Conic(r, -1.0), None, (share * h, share * h)) for h, r in ((4, -20), (9, -30))
+    )
+    lens = Lens(front, rear, 6.0, 1.5)
+    body = MouldedBody.of(lens, BodyOptions(draft=3.0, annulus=True, land=-1.5, parting=0.5))
+    faces, _ = solid_faces(body, 41)
+    rings = [face.points[:, :, [0, -1]] for face in faces[2:]]
+    for ring, following in pairwise(rings):
+        assert (ring[:, :, 1] == following[:, :, 0]).all()
+    for wall, ring in zip((body.inner, None, *body.walls), rings, strict=True):
+        if wall is not None:
+            assert abs(wall.beside(*ring)).max() < 1e-3
+    for k, column, ring in ((0, 0, rings[0]), (1, 1, rings[-1])):
+        x, y, z = ring[:, :, column]
+        assert np.allclose(z, k * lens.thickness + (lens.front, lens.rear)[k](x, y), rtol=0, atol=1e-9)

@@ -1,0 +1,36 @@
+"""Which lens tells the blur before a design: one that sends light to the target."""
+
+import pytest
+
+from optics.designing.starts import TransportStart, spot_lens
+from optics.light.blur import blur_of
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import write_problem
+
+SUN = {"target.kind": "tophat", "target.pixels": [32, 32], "source.divergence": 0.5}
+WALL = SUN | {
+    "lens.thickness": 16.0,
+    "lens.rear.freeform.z_freedom": 11.0,
+    "target.distance": False,
+    "target.position": [0.0, -28.0, 80.0],
+    "target.tilt": [70.0, 0.0, 0.0],
+    "target.half_width": [15.0, 30.0],
+}
+
+
+def test_on_a_wall_it_is_a_coarse_start_and_across_the_axis_the_base_lens(backend, tmp_path):
+    """A wall that the base lens meets far behind is blurred twice as wide there, and more."""
+    across = OpticalSystem(load_problem(write_problem(tmp_path, SUN)))
+    assert spot_lens(across, backend) is across.lens
+    wall = OpticalSystem(load_problem(write_problem(tmp_path, WALL)))
+    start = TransportStart(wall.sharp, backend)
+    designed = wall.lens.with_sags([start.fit(wall.lens.sags[-1].space.uniform(2)).sag])
+    widths = [
+        blur_of(wall, wall.path(lens), backend).width
+        for lens in (designed, spot_lens(wall, backend), wall.lens)
+    ]
+    assert widths[1] == pytest.approx(widths[0], rel=0.05)
+    assert widths[2] > 2 * widths[0]
+    sharp = wall.sharp
+    assert spot_lens(sharp, backend) is sharp.lens
