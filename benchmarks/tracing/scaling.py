@@ -1,8 +1,9 @@
 """How the time of loss and gradient grows: with rays, pixels, degrees of freedom, levels of refinement and
-cores.
+cores, and that of tracing with surfaces.
 
 The pearl problem with the pixel window; each row carries the time and, last of its kind, the observed
-exponent.
+exponent.  The surfaces are nearly plane sheets, all with a sag, in the light of a point: what happens at one
+must not be done again for those behind.
 
 Run: thbcad bench scaling
 """
@@ -12,6 +13,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from statistics import median
 
 import numpy as np
 
@@ -21,16 +24,22 @@ from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Objective
 from optics.light.engines import TracedModel
 from optics.light.tracing import Tracer
+from optics.scene.paths import AIR, LightPath, Medium, Surface
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
 from optics.scene.system import OpticalSystem
 from oracles.error_measures import exponent
 from thbcad import KnotVector, Lens, THBSpace, THBSurface
+from thbcad.lens import FreeformSurface
+from thbcad.poses import Pose
 
 RAYS = tuple(1 << k for k in range(14, 23))
 PIXELS = (64, 128, 256, 512, 1024)
 SPANS = (16, 28, 56, 112, 224, 448)  # nets of 19^2 to 451^2
 LEVELS = 6
+SURFACES = (2, 4, 8)
+PER_SURFACE = 1.1  # at most, of four surfaces to two
+ROUGH = 1e-3  # mm
 MIDDLE = 449  # rays in each direction, where they do not change
 CORNER = 4  # cells in each direction that a level refines
 REPEATS = 5
@@ -58,7 +67,7 @@ def rows() -> list[Row]:
     cores = sorted({1, len(os.sched_getaffinity(0))})
     out += _series("cores", cores, [_seconds(system, net, 1025, load_backend("double", n)) for n in cores])
     load_backend("double", 1)
-    return out
+    return out + _surfaces(one)
 
 
 def _series(
@@ -88,6 +97,39 @@ def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> 
     objective = Objective(TracedModel(backend, tracer, screen, PixelWindow()), target, 0.0)
     at = [sag.coefficients for sag in lens.sags]
     return median_seconds(lambda: objective(at), REPEATS)
+
+
+def _surfaces(backend: Backend) -> list[Row]:
+    """Return the times of tracing over few and many surfaces, side by side."""
+    system = OpticalSystem(load_problem(ROOT / "examples" / "point.toml"))
+    rays, times = system.source.rays((MIDDLE, MIDDLE)), dict[int, list[float]]()
+    tracers = {n: Tracer(backend, _sheets(system, n), rays) for n in SURFACES}
+
+    def traced(n: int) -> None:
+        landing = tracers[n].trace()[1]
+        backend.dr.eval(landing.x, landing.y, landing.flux)
+        backend.dr.sync_thread()
+
+    with backend.dr.suspend_grad():
+        for _ in range(REPEATS):  # in turn
+            for n in SURFACES:
+                times.setdefault(n, []).append(median_seconds(partial(traced, n), 1))
+    ratios = [many * SURFACES[0] / (few * SURFACES[1]) for few, many, *_ in zip(*times.values())]
+    return [
+        *_series("surfaces", SURFACES, [median(times[n]) for n in SURFACES]),
+        Row("surfaces: seconds per surface, of four to two", median(ratios), limit=PER_SURFACE),
+    ]
+
+
+def _sheets(system: OpticalSystem, count: int) -> LightPath:
+    """Return a path through sheets of glass with rough surfaces, 2 mm apart."""
+    rng, space = np.random.default_rng(1), THBSpace(*_knots(system, SPANS[2]))
+    half, media = system.lens.rear.half_width, (AIR, Medium(system.lens.index))
+    sags = (THBSurface(space, rng.uniform(-ROUGH, ROUGH, space.dim)) for _ in range(count))
+    surfaces = (
+        Surface(FreeformSurface(half, sag=sag), Pose.at((0, 0, 2.0 * k))) for k, sag in enumerate(sags)
+    )
+    return LightPath(tuple(surfaces), (*media * (count // 2), AIR), system.target.receiver)
 
 
 def _dof(lens: Lens) -> int:

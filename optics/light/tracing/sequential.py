@@ -159,6 +159,8 @@ class Tracer:
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:
             point, direction = ahead.points(point), ahead.directions(direction)
+        if 0 < k < len(self._surfaces) - 1:  # else every surface behind would turn the rays here again
+            self._backend.dr.eval(point, direction, passage.leaving)
         return (hits, passage), DeviceRays(point, direction, passage.leaving)
 
     def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool]:
