@@ -18,7 +18,7 @@ from optics.exchange.mitsuba import load_mitsuba
 from optics.exchange.verification import StepFile
 from optics.light.tracing import LandingPoints
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, require_lens_on_axis
 from thbcad.doors import pip_command
 from thbcad.lens import FreeformSurface, OpticalForm
 from thbcad.sags import PlacedConic
@@ -97,6 +97,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     """
     from optics.exchange.verification import tracer_by_occt, tracer_by_optiland  # OCCT
 
+    require_lens_on_axis(system, "traces of a file by other programs")
     index, target = index_of(file), system.target.receiver
     start = (
         min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0

@@ -26,7 +26,7 @@ from optics.base.runtime import Backend, Check
 from optics.exchange.verification.independent_checks import RAYS
 from optics.exchange.verification.reference_tracer import last_step
 from optics.exchange.verification.step_file import StepFile
-from optics.exchange.verification.trace_comparison import compared
+from optics.exchange.verification.trace_comparison import compared, index_of
 from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
@@ -65,12 +65,15 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     ------
     ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    by_optiland = tracer_by_optiland(file, lens.index, system.target.receiver)
+    path = system.own_path(lens)
+    by_optiland = tracer_by_optiland(file, index_of(path), path.receiver)
     difference = compared(system, lens, backend, RAYS, by_optiland)
     return difference.checks(system.problem.verify, "optiland's trace of the file")
 
 
-def tracer_by_optiland(file: StepFile, index: float, receiver: Receiver) -> Callable[[Rays], LandingPoints]:
+def tracer_by_optiland(
+    file: StepFile, index: float | None, receiver: Receiver
+) -> Callable[[Rays], LandingPoints]:
     """Return the trace of Rays through the faces that OCCT reads in a file, as `optiland_trace`."""
     faces = file.solid.front, file.solid.rear
 
@@ -86,7 +89,7 @@ def optiland_trace(
     rear: OpticalForm,
     origins: Rows,
     directions: Rows,
-    index: float,
+    index: float | None,
     target: Receiver,
     rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
@@ -95,6 +98,7 @@ def optiland_trace(
     The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
     points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
 
+    index : None is a mirror, whose front reflects all.
     front, rear : as `optical_forms`, mm; splines have x along u and y along v.
     origins, directions : (n, 3) float, mm and unit vectors.
     rims : of both faces, where these may not fill their rectangles.
@@ -104,18 +108,21 @@ def optiland_trace(
     ImportError : optiland is not installed.
     """
     landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
+    faces: list[tuple[OpticalForm, tuple[float, float] | None]] = [(front, None)]
+    if index is not None:
+        faces = [(front, (1.0, index)), (rear, (index, 1.0))]
     with _numpy_backend():
         for first in range(0, len(origins), AT_ONCE):
             lit = np.arange(first, min(first + AT_ONCE, len(origins)))
             points, onward, weight = origins[lit], directions[lit], np.ones(len(lit))
-            for k, (surface, indices) in enumerate(((front, (1.0, index)), (rear, (index, 1.0)))):
+            for k, (surface, indices) in enumerate(faces):
                 points, onward, transmittance = _through(surface, points, onward, indices)
                 passes, weight = transmittance > 0, weight * transmittance
                 if rims:
                     passes[passes] = rims[k].holds(points[passes, :2])
                 points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
             ends, meets, _ = last_step(points, onward, target)
-            arrives = (onward[:, 2] > 0) & meets
+            arrives = meets if index is None else meets & (onward[:, 2] > 0)
             landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
     return LandingPoints(landing, flux)
 
@@ -170,9 +177,9 @@ def _conic_geometry(conic: PlacedConic) -> Plane | StandardGeometry:
 
 
 def _through(
-    surface: OpticalForm, points: Rows, directions: Rows, indices: tuple[float, float]
+    surface: OpticalForm, points: Rows, directions: Rows, indices: tuple[float, float] | None
 ) -> tuple[Rows, Rows, Rows]:
-    """Return (points, directions, transmittance) of rays behind a face.
+    """Return (points, directions, transmittance) of rays behind a face, or of those that it reflects.
 
     Rays that do not pass have the transmittance 0 and the direction NaN.
     """
@@ -239,9 +246,10 @@ def _meeting(
 
 
 def _refracted(
-    geometry: BaseGeometry, points: Rows, directions: Rows, indices: tuple[float, float]
+    geometry: BaseGeometry, points: Rows, directions: Rows, indices: tuple[float, float] | None
 ) -> tuple[Rows, Rows]:
-    """Return (directions, transmittance) behind a face, 0 where totally reflected.
+    """Return (directions, transmittance) behind a face, 0 where totally reflected; without indices those of a
+    mirror.
 
     T = n_2 cos(t) / (n_1 cos(i)) (|t_s|^2 + |t_p|^2) / 2, with t_s and t_p from optiland.
     """
@@ -251,6 +259,9 @@ def _refracted(
     rays = _rays(points, directions)
     geometry.localize(rays)
     normals = nx, ny, nz = geometry.surface_normal(rays)
+    if indices is None:
+        rays.reflect(nx, ny, nz)
+        return np.column_stack([rays.L, rays.M, rays.N]), np.ones(len(points))
     rays.refract(nx, ny, nz, *indices)
     onward = np.column_stack([rays.L, rays.M, rays.N])
     before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.refraction import bent
+from optics.light.refraction import ShapedSurface
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.sources import corner_flux
@@ -37,7 +37,8 @@ STEP = 1e-4  # radians, and slopes, of central differences: both their errors ar
 class LandingShifts:
     """Means over the flux of dX by what turns light, (2, 2), mm or degrees per radian or slope.
 
-    variation : the standard deviation of `rear` over the lens, relative to its mean.
+    front, rear : slopes of the surfaces; of a mirror those of its face, and nothing.
+    variation : the standard deviation of that of the last surface over it, relative to its mean.
     """
 
     beam: Floats
@@ -48,7 +49,7 @@ class LandingShifts:
 
 @dataclass(frozen=True, eq=False)
 class _Rear:
-    """Light where it meets the rear: u (2, n, m), z (n, m), slopes (2, n, m), a (2, n, m), flux (n, m)."""
+    """Light at the last surface: u (2, n, m), z (n, m), slopes (2, n, m), a (2, n, m), flux (n, m)."""
 
     u: Floats
     z: Floats
@@ -58,22 +59,25 @@ class _Rear:
 
 
 def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> LandingShifts:
-    """Return the LandingShifts of a path through a lens.
+    """Return the LandingShifts of a path through a lens, or by a mirror.
 
     system : without blur, of a source without extent.
     """
     cells = system.source.cells((CELLS, CELLS))
     s, t = (v.ravel() for v in np.meshgrid(cells.s, cells.t, indexing="ij"))
     rays = cells.at(s, t, corner_flux(cells.emitted).ravel())
+    last = len(path.surfaces) - 1
+    shaped = ShapedSurface.of(path, last)
 
     def at_rear(turn: Sequence[float] = (0.0, 0.0), front: Sequence[float] = (0.0, 0.0)) -> _Rear:
-        erring = path.with_slope_errors((np.reshape(front, (2, 1)) if any(front) else None, None))
+        errors = [np.reshape(front, (2, 1)) if any(front) else None, None]
+        erring = path.with_slope_errors(errors) if last else path
         x, y, _ = rays.direction
         x, y = x + turn[0], y + turn[1]
         turned = replace(rays, direction=np.stack([x, y, np.sqrt(1 - x * x - y * y)]))
         tracer = Tracer(backend, erring, turned)
         with backend.dr.suspend_grad():
-            hits, direction, flux = tracer.at(1)
+            hits, direction, flux = tracer.at(last)
         every = backend.dr.zeros(backend.Float, turned.flux.size)
 
         def grid(*values: object) -> Floats:
@@ -85,9 +89,9 @@ def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> 
 
     here = at_rear()
     inside_by_beam = _by_change(here, lambda d: at_rear(turn=d))
-    inside_by_front = _by_change(here, lambda d: at_rear(front=d))
-    by_inside = _differences(lambda d: _landing(path, here, here.a + d, here.slopes))
-    by_rear = _differences(lambda d: _landing(path, here, here.a, here.slopes + d))
+    inside_by_front = _by_change(here, lambda d: at_rear(front=d)) if last else np.zeros_like(inside_by_beam)
+    by_inside = _differences(lambda d: _landing(shaped, here, here.a + d, here.slopes))
+    by_rear = _differences(lambda d: _landing(shaped, here, here.a, here.slopes + d))
     known = here.flux > 0
     for field in (inside_by_beam, inside_by_front, by_inside, by_rear):
         known &= np.isfinite(field).all(axis=(0, 1))
@@ -98,10 +102,10 @@ def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> 
 
     rear = mean(by_rear)
     spread = np.sqrt((np.square(by_rear[:, :, known] - rear[:, :, None]) @ flux).sum())
+    front = mean(np.einsum("ij...,jk...->ik...", by_inside, inside_by_front))
     return LandingShifts(
         mean(np.einsum("ij...,jk...->ik...", by_inside, inside_by_beam)),
-        mean(np.einsum("ij...,jk...->ik...", by_inside, inside_by_front)),
-        rear,
+        *((front, rear) if last else (rear, front)),
         float(spread / np.linalg.norm(rear)),
     )
 
@@ -128,11 +132,8 @@ def _differences(landing: Callable[[Floats], Floats]) -> Floats:
     return np.stack([(landing(d) - landing(-d)) / (2 * STEP) for d in steps], axis=1)
 
 
-def _landing(path: LightPath, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
+def _landing(shaped: ShapedSurface, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
     """Return where light lands, (2, n, m): mm, or degrees in the far field."""
     along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
-    point = path.surfaces[1].pose.points((*here.u, here.z))
     with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
-        leaving, _ = bent(False, (path.media[1].index, 1.0), along, list(slopes))
-        landed = path.receiver.land(point, leaving)
-    return np.array([landed.u, landed.v])
+        return np.array(shaped.landing((*here.u, here.z), along, list(slopes)))

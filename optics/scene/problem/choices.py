@@ -6,7 +6,7 @@ ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of op
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 
 _ONE_LENS = "there is one element, a lens or a mirror: [[element]] says where it lies"
-_BARE = "lenses are bare: their surfaces have no coating"
+_BARE = "a coating is a share of the light at any angle: lens.front.reflectance and lens.rear.reflectance"
 _ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
 # the program learns leaves this table, as a test of it says
