@@ -1,9 +1,9 @@
 """How the time of loss and gradient grows: with rays, pixels, degrees of freedom, levels of refinement and
-cores, and that of tracing with surfaces.
+cores.
 
 The pearl problem with the pixel window; each row carries the time and, last of its kind, the observed
-exponent.  The surfaces are nearly plane sheets, all with a sag, in the light of a point: what happens at one
-must not be done again for those behind.
+exponent.  Last comes tracing alone over nearly plane sheets, all with a sag, in the light of a point: what
+happens at one must not be done again for those behind.
 
 Run: thbcad bench scaling
 """
