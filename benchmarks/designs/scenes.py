@@ -2,7 +2,7 @@
 
 A mirror in a beam at 45 degrees; the same before a point; a lens whose screen is turned towards it and away
 from it, where it meets total reflection unless both of its faces bend the light; and a column as screen.
-Seconds are those of the whole command `thbcad design`, with its checks, wall time and processor time.
+Seconds are those of the whole command `thbcad design`, with its checks.
 
 Run: thbcad bench scenes
 """
@@ -10,7 +10,6 @@ Run: thbcad bench scenes
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -108,19 +107,11 @@ def _problem(scene: Scene, folder: Path) -> Path:
 
 
 def _designed(title: str, scene: Scene, folder: Path) -> list[Row]:
-    before = _used()
     run = run_design(_problem(scene, folder), folder / "design", must_pass=False)
     return [
         rel_l2_row(f"{title}: rel_l2", run.metrics, limit=scene.wanted),
         Row("  whole design", run.seconds, "s"),
-        Row("  processor time", _used() - before, "s"),
     ]
-
-
-def _used() -> float:
-    """Return the processor time of all processes that were started and have ended, s."""
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def _refused(folder: Path) -> list[Row]:
