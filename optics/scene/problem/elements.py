@@ -86,7 +86,7 @@ class Face:
     )
     freeform: Freeform | None = option(Freeform(), note="false in place of this table is the conic alone")
     radius: float | str = radius_option("auto takes it from the light")
-    conic: float | str = conic_option()
+    conic: float | str = conic_option(-1.0)
     slope_rms: float = slope_rms_option()
 
 

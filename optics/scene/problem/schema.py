@@ -179,10 +179,10 @@ def radius_option(automatic: str) -> Any:
     return option(inf, infinite=True, size=RADII, note=note, auto=True)
 
 
-def conic_option() -> Any:
-    """Return the option of a surface's conic constant."""
+def conic_option(usual: float = 0.0) -> Any:
+    """Return the option of a surface's conic constant.  usual : where nothing is said."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
-    return option(0.0, size=(0, GREATEST_CONIC), note=note, auto=True)
+    return option(usual, size=(0, GREATEST_CONIC), note=note, auto=True)
 
 
 def slope_rms_option() -> Any:
