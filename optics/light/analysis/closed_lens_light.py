@@ -85,8 +85,6 @@ def _replicate(
         plane,
         threshold=ROULETTE,
         roulette=rng,
-        absorption=system.absorption,
-        coats=system.problem.optic.coats,
     )
     tracer = Tracer(backend, path, rays)
     with backend.dr.suspend_grad():

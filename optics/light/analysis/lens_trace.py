@@ -84,8 +84,6 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
         system.solid(lens),
         rays,
         plane,
-        absorption=system.absorption,
-        coats=system.problem.optic.coats,
     )
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)

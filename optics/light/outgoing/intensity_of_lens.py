@@ -66,8 +66,6 @@ def outgoing_intensity(
                 plane,
                 threshold=ROULETTE,
                 roulette=rng,
-                absorption=system.absorption,
-                coats=system.problem.optic.coats,
             ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES

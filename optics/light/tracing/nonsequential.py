@@ -38,10 +38,13 @@ from thbcad.outlines import Outline
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens.
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens, and
+    what takes light on all ways to it.
 
     stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
     absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
+    absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
+    coats : as of `ClosedLens`.
     """
 
     receiver: Receiver
@@ -49,12 +52,22 @@ class TargetArea:
     stops: tuple[Stop, ...] = ()
     clear: tuple[Outline | None, ...] = ()
     absorbing_wall: bool = False
+    absorption: float = 0.0
+    coats: Coats = BARE
 
     @classmethod
     def of(cls, path: LightPath, half_width: tuple[float, float]) -> TargetArea:
-        """Return what lies around the lens of a path."""
-        clear = tuple(surface.clear for surface in path.surfaces)
-        return cls(path.receiver, half_width, path.stops, clear, path.absorbing_wall)
+        """Return the rectangle on the receiver of a path through front and rear."""
+        front, rear = path.surfaces
+        return cls(
+            path.receiver,
+            half_width,
+            path.stops,
+            (front.clear, rear.clear),
+            path.absorbing_wall,
+            path.media[1].absorption,
+            (front.share, rear.share),
+        )
 
     @property
     def blocks(self) -> bool:
@@ -104,8 +117,6 @@ def trace_nonsequential(
     bounces: int = 64,
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
-    absorption: float = 0.0,
-    coats: Coats = BARE,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -114,11 +125,9 @@ def trace_nonsequential(
     Both drop branches into the fate `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
-    absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
-    coats : as of `ClosedLens`.
     """
     require_rays(rays)
-    solid = ClosedLens(backend, lens, coats)
+    solid = ClosedLens(backend, lens, target.coats)
     n = len(rays.flux)
     by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
 
@@ -127,9 +136,9 @@ def trace_nonsequential(
 
     def dimmed(branches: Branches, path: Floats) -> Branches:
         """Return branches behind paths, mm, and account for what glass absorbs there."""
-        if not absorption:
+        if not target.absorption:
             return branches
-        kept = np.where(branches.inside, np.exp(-absorption * path), 1.0)
+        kept = np.where(branches.inside, np.exp(-target.absorption * path), 1.0)
         account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
         return replace(branches, flux=branches.flux * kept)
 

@@ -86,9 +86,12 @@ def test_the_shift_by_decentre_is_that_of_traced_rays(tmp_path, backend):
 
 
 def test_a_ripple_turns_light_like_a_prism_of_its_slope(tmp_path, backend):
-    _, lens, shifts = started(tmp_path, backend, WIDE)
+    """On a plane rear, which all light meets at right angles; on a bent one by about as much."""
+    plate = loaded(tmp_path, WIDE | {"lens.rear.radius": np.inf})
     slope = np.arctan(2 * np.pi * 1e-3 / 3.0)
-    prism = 60 * np.tan(np.arcsin(lens.index * np.sin(slope)) - slope)
+    prism = 60 * np.tan(np.arcsin(plate.lens.index * np.sin(slope)) - slope)
+    assert sensitivity(plate, plate.lens, backend).ripple == pytest.approx(prism, rel=1e-4)
+    _, _, shifts = started(tmp_path, backend, WIDE)
     assert shifts.ripple == pytest.approx(prism, rel=0.1)
 
 

@@ -90,10 +90,10 @@ def test_files_render_visibly_by_both_cameras_and_name_a_sampler(mi, make):
     sensors = read.sensors()
     assert len(sensors) == 2
     assert [sensor.sampler().sample_count() for sensor in sensors] == [256, 16]
-    light = np.array(mi.render(read, sensor=0, spp=16))[..., 0]
+    light = np.array(mi.render(read, sensor=0, spp=64))[..., 0]
     lit = system.target.light > 0.5
     assert 0.3 < light[lit].mean() < 1.2
-    overview = np.array(mi.render(read, sensor=1, spp=4))[..., 0]
+    overview = np.array(mi.render(read, sensor=1, spp=16))[..., 0]
     seen = overview > 0.1
     assert 0.02 < seen.mean() < 0.9
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))

@@ -65,7 +65,7 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
         trace_nonsequential(
             load_backend("double"),
             lens,
-            single_rays(system.optical.source.rays((48, 48)), lens),
+            single_rays(system.optical.source.rays((64, 64)), lens),
             TargetArea(receiver_at(66.0), (20.0, 20.0)),
         ).fates
     )

@@ -89,6 +89,24 @@ def test_a_surface_that_refracts_from_a_point_to_a_point_is_a_cartesian_oval(med
     np.testing.assert_allclose(surface.landing(points, incoming, found), 0.0, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("index", [1.0, 1.33, 1.5, 1.8])
+def test_slopes_send_light_in_the_directions_that_were_asked_for(index):
+    """Out of glass, or by a mirror (index 1), to the far field: in degrees, 1e-13 in radians."""
+    rng = np.random.default_rng(3)
+    mirror = index == 1
+    along, leaving = (np.append(rng.uniform(-s, s, (2, 500)), np.ones((1, 500)), 0) for s in (0.2, 0.3))
+    along /= np.linalg.norm(along, axis=0)
+    wanted = np.degrees(np.arctan(leaving[:2]))
+    if mirror:
+        surface = shaped("reflect", (AIR, AIR), FarField(Pose.at(rotation_vector=(0.0, np.pi, 0.0))))
+    else:
+        surface = shaped("refract", (Medium(index), AIR), FarField())
+    found, possible = surface.slopes(np.zeros((3, 500)), along, wanted)
+    assert possible.mean() > 0.5
+    landed = np.array(surface.landing(np.zeros((3, 500)), along, found))
+    np.testing.assert_allclose(landed[:, possible], wanted[:, possible], rtol=0, atol=np.degrees(2e-13))
+
+
 def test_light_that_cannot_be_sent_there_is_told():
     """Glass turns light by less than 48.2 degrees, and a receiver takes none from behind."""
     along = np.array([0.0, 0.0, 1.0])

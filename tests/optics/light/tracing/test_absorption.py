@@ -132,8 +132,8 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
     """Normal incidence with all reflections: T^2 u / (1 - R^2 u^2) passes, where u = exp(-a d)."""
     one = np.ones(1)
     rays = Rays(np.array([[0.3], [0.2], [-1.0]]), np.array([[0.0], [0.0], [1.0]]), one)
-    plane = TargetArea(receiver_at(TARGET_Z), (20.0, 20.0))
-    result = trace_nonsequential(backend, WINDOW, rays, plane, threshold=1e-15, absorption=A)
+    plane = TargetArea(receiver_at(TARGET_Z), (20.0, 20.0), absorption=A)
+    result = trace_nonsequential(backend, WINDOW, rays, plane, threshold=1e-15)
     r, u = 0.04, np.exp(-A * 6.0)
     passing = (1 - r) ** 2 * u / (1 - r**2 * u**2)
     assert result.fates.on_target == pytest.approx(passing, rel=1e-13)

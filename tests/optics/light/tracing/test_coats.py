@@ -33,9 +33,7 @@ def test_all_reflections_of_a_coated_plate_are_a_geometric_series(coated, backen
     plate = coated.lens.with_rear(coated.lens.front)
     rays = Rays(np.array([[0.5], [0.3], [-20.0]]), np.array([[0.0], [0.0], [1.0]]), np.ones(1))
     area = TargetArea.of(coated.path(coated.lens), (1e3, 1e3))
-    found = trace_nonsequential(
-        backend, plate, rays, area, bounces=40, threshold=0.0, coats=coated.problem.optic.coats
-    )
+    found = trace_nonsequential(backend, plate, rays, area, bounces=40, threshold=0.0)
     assert found.fates.onto == pytest.approx(0.996 * 0.75 / (1 - 0.004 * 0.25), rel=1e-12)
 
 

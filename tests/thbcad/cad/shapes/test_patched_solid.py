@@ -79,8 +79,8 @@ LENSES = {
         1.5,
     ),
     "conics": Lens(
-        FreeformSurface((3.1, 3), Conic(-80.0, 0.0), sag(corner())),
-        FreeformSurface((2.9, 3), Conic(-120.0, -2.5), sag(disk(levels=2))),
+        FreeformSurface((3.1, 3), Conic(-40.0, 0.0), sag(corner())),
+        FreeformSurface((2.9, 3), Conic(-60.0, -2.5), sag(disk(levels=2))),
         4.0,
         1.5,
     ),
