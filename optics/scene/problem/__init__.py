@@ -18,6 +18,16 @@ if TYPE_CHECKING:
         Placed as Placed,
     )
     from optics.scene.problem.key_changes import assignment as assignment
+    from optics.scene.problem.lens_schema import (
+        FINEST_AUTO as FINEST_AUTO,
+        Freeform as Freeform,
+        Front as Front,
+        LensSpec as LensSpec,
+        Optic as Optic,
+        Rear as Rear,
+        base_of as base_of,
+        freedom_of as freedom_of,
+    )
     from optics.scene.problem.problem_record import Problem as Problem, load_problem as load_problem
     from optics.scene.problem.run_schema import (
         Export as Export,
@@ -29,18 +39,10 @@ if TYPE_CHECKING:
         per_level as per_level,
     )
     from optics.scene.problem.schema import (
-        FINEST_AUTO as FINEST_AUTO,
         SUN as SUN,
-        Freeform as Freeform,
-        Front as Front,
-        LensSpec as LensSpec,
-        Optic as Optic,
-        Rear as Rear,
         Source as Source,
         StopSpec as StopSpec,
         Target as Target,
-        base_of as base_of,
-        freedom_of as freedom_of,
     )
     from optics.scene.problem.starting_problems import commented_problem as commented_problem
     from optics.scene.problem.toml_records import AUTO as AUTO, problem_to_toml as problem_to_toml

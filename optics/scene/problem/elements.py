@@ -6,22 +6,19 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
-from optics.scene.problem.schema import (
-    FARTHEST,
-    LONGEST,
-    SHORTEST,
+from optics.scene.problem.lens_schema import (
     BodySpec,
     Freeform,
     Front,
     LensSpec,
     Optic,
     Rear,
-    Rows,
     conic_option,
     outline_option,
     radius_option,
     slope_rms_option,
 )
+from optics.scene.problem.schema import FARTHEST, LONGEST, SHORTEST, Rows
 from optics.scene.problem.toml_records import option
 
 METALS = {"aluminium": 0.88}  # reflectance of clean metal in visible light, at any angle

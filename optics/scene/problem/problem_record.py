@@ -14,20 +14,11 @@ from typing import Any
 from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.key_changes import with_changes
+from optics.scene.problem.lens_schema import LensSpec, Optic
 from optics.scene.problem.required_apertures import require_apertures
 from optics.scene.problem.required_target import require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.scene.problem.schema import (
-    LEAST_FLUX,
-    SHORTEST,
-    SOURCES,
-    LensSpec,
-    Optic,
-    Rows,
-    Source,
-    StopSpec,
-    Target,
-)
+from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, Rows, Source, StopSpec, Target
 from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from optics.base.runtime import UserError
-from optics.scene.problem.schema import Optic, StopSpec
+from optics.scene.problem.lens_schema import Optic
+from optics.scene.problem.schema import StopSpec
 from optics.scene.problem.toml_records import AUTO
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from optics.scene.problem.lens_schema import Freeform, Front, LensSpec, Rear
 from optics.scene.problem.problem_record import Problem
-from optics.scene.problem.schema import Freeform, Front, LensSpec, Rear, Source, Target
+from optics.scene.problem.schema import Source, Target
 from optics.scene.problem.toml_records import AUTO, problem_to_toml
 
 FAR_FIELD: dict[str, Any] = {
