@@ -102,9 +102,8 @@ class TransportStart:
             self._weight = self._light.weight
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
-        shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
+        shaped = shaped_along(backend, path, path.shaped, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
         self._weight = np.ones(self._cells)  # the slopes go on where no light is
         if not shaped.light.parallel:

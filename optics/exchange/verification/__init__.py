@@ -20,7 +20,8 @@ if TYPE_CHECKING:
         tracer_by_optiland as tracer_by_optiland,
     )
     from optics.exchange.verification.prescription import prescription_checks as prescription_checks
-    from optics.exchange.verification.reference_tracer import last_step as last_step, trace_step as trace_step
+    from optics.exchange.verification.rays_behind import RaysBehind as RaysBehind, last_step as last_step
+    from optics.exchange.verification.reference_tracer import trace_step as trace_step
     from optics.exchange.verification.solid_text import whole_checks as whole_checks
     from optics.exchange.verification.step_checks import (
         differing_numbers as differing_numbers,

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.occt_tracer import occt_trace
+from optics.exchange.verification.occt_tracer import Crossed, occt_through
+from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -20,10 +22,7 @@ from optics.exchange.verification.step_file import (
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared, index_of
-from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
-from optics.scene.sources import Rays
+from optics.exchange.verification.trace_comparison import compared, crossed_by
 from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -54,23 +53,16 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    path = system.own_path(lens)
-    by_occt = tracer_by_occt(file, index_of(path), path.receiver)
-    difference = compared(system, lens, backend, RAYS, by_occt)
+    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     made = system.solid(lens)
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
 
 
-def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Callable[[Rays], LandingPoints]:
-    """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
-    optical, shape = optical_faces(file.text), file.solid.shape
-
-    def trace(rays: Rays) -> LandingPoints:
-        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
-
-    return trace
+def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[RaysBehind], RaysBehind]:
+    """Return the trace of rays through a file as `occt_through`; the text of the file is read first."""
+    optical = optical_faces(file.text)
+    return partial(occt_through, file.solid.shape, optical, crossed=crossed)
 
 
 def text_checks(solid: Brep, made: Solid) -> list[Check]:
