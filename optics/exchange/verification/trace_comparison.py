@@ -65,7 +65,8 @@ def compared(
 ) -> Comparison:
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
-    Fixed elements before and behind the lens are traced by scipy, with their prescriptions.  Of a body for a mould only rays count that its walls and rounded edges surely leave.
+    Fixed elements before and behind the lens are traced by scipy, with their prescriptions.  Of a body for a
+    mould only rays count that its walls and rounded edges surely leave.
 
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
     other : takes rays through the lens, in its frame.

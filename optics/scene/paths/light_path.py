@@ -158,7 +158,7 @@ class LightPath:
 
     @property
     def throw(self) -> float:
-        """From the vertex of the shaped surface on to the middle of the receiver, mm; inf to the far field."""
+        """From the shaped surface on to the middle of the receiver, mm; inf to the far field."""
         if self.receiver.far_field:
             return inf
         *between, last = [surface.pose.shift for surface in self.surfaces[self.shaped :]]
@@ -220,7 +220,7 @@ class LightPath:
         return replace(path, stops=()) if path.stops else path
 
     def held(self, clear: Mapping[int, Outline]) -> LightPath:
-        """Return the path through surfaces of which a holder leaves at most these outlines free, by number."""
+        """Return the path through surfaces of which a holder leaves at most these outlines free."""
         pairs = enumerate(self.surfaces)
         return self._with(s if s.clear or k not in clear else replace(s, clear=clear[k]) for k, s in pairs)
 

@@ -64,7 +64,7 @@ class Problem:
     lens: LensSpec | None = option(None, note="the one lens, on the axis, its front vertex at 0")
     element: tuple[Placed, ...] = option((), note="lenses and mirrors anywhere, in place of [lens]")
     path: tuple[PathSpec, ...] = option(
-        (), note="the faces that light meets; left out all elements in their order"
+        (), note="the faces that light meets; [] is all elements in their order"
     )
     target: Target = option()
     stop: tuple[StopSpec, ...] = option((), note="what absorbs light beside the lens; any number of them")

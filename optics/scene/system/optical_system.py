@@ -202,7 +202,7 @@ class OpticalSystem:
         return indexing_material(self.problem)
 
     def media_at(self, nm: float) -> tuple[Medium, ...]:
-        """Return the media of the path with their indices at a wavelength, nm, as absorbing as at the source's.
+        """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
 
         Raises
         ------
