@@ -39,7 +39,7 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:
     """Return how small the faces might be in their outlines."""
     shapes = (surface.shape for surface in system.path(system.lens).surfaces)
-    sizes = {face.name: shape.half_width for face, shape in zip(system.problem.faces_met, shapes)}
+    sizes = {name: shape.half_width for name, shape in zip(system.problem.face_names, shapes)}
     sides = [f"{name} {_by(half)} mm of {_by(sizes[name])}" for name, half in expected.least.items()]
     return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
 

@@ -154,13 +154,15 @@ class TransportStart:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
         (UNIFORM_DETAIL where uniform light is asked for).
 
-        That is e (n - 1) throw in pixels, or 2 e throw by a mirror, with e^2 what another level takes off the
-        mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
+        That is e |n - n'| throw in pixels, 2 n e throw where it reflects, with e^2 what another level takes
+        off the mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        turned = 2.0 if self._system.reflects else self._lens.index - 1
-        moved = turned * self._system.path(self._lens).lever / min(target.screen().pitch)
+        path = self._system.path(self._lens)
+        before, behind = (medium.index for medium in path.media[path.shaped : path.shaped + 2])
+        reflects = path.surfaces[path.shaped].kind == "reflect"
+        moved = (2 * before if reflects else abs(before - behind)) * path.lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])

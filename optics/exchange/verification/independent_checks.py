@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import Crossed, occt_through
 from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.reference_tracer import fixed_face
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -22,7 +23,7 @@ from optics.exchange.verification.step_file import (
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared, crossed_by
+from optics.exchange.verification.trace_comparison import compared
 from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -57,6 +58,12 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     made = system.solid(lens)
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
+
+
+def crossed_by(system: OpticalSystem) -> list[Crossed]:
+    """Return the faces of what is designed as OCCT is to meet them, ideally coated where they reflect."""
+    path = system.path(system.lens).without_coats()
+    return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
 
 def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[RaysBehind], RaysBehind]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.occt_tracer import Crossed
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import (
     OpticalFaces,
@@ -108,12 +107,6 @@ def _by_others(
     along = RaysBehind(single.origin.T, single.direction.T, np.asarray(single.flux, dtype=float))
     met = other(through_faces(before, along, path.stops).posed(system.pose.inverse()))
     return through_faces(behind, met.posed(system.pose), path.stops).landing(path.receiver, path.stops)
-
-
-def crossed_by(system: OpticalSystem) -> list[Crossed]:
-    """Return the faces of what is designed as OCCT is to meet them, ideally coated where they reflect."""
-    path = system.path(system.lens).without_coats()
-    return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
 
 def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:

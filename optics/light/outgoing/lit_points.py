@@ -73,12 +73,12 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
     found = LitPoints.of(system, lens, backend, rays)
     least: dict[str, tuple[float, float]] = {}
     shapes = (surface.shape for surface in system.path(lens).surfaces)
-    for face, surface, points in zip(system.problem.faces_met, shapes, found.points):
+    for name, surface, points in zip(system.problem.face_names, shapes, found.points):
         hx, hy = np.array(surface.half_width) * float(surface.outline.gauge(*points).max(initial=0.0))
         if surface.outline.is_rectangle:  # of which both sides are free
             hx, hy = np.abs(points).max(axis=1, initial=0.0)
-        x, y = least.get(face.name, (0.0, 0.0))  # of a face that is met twice
-        least[face.name] = max(x, float(hx)), max(y, float(hy))
+        x, y = least.get(name, (0.0, 0.0))  # of a face that is met twice
+        least[name] = max(x, float(hx)), max(y, float(hy))
     return least
 
 

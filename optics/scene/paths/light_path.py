@@ -159,11 +159,15 @@ class LightPath:
     @property
     def throw(self) -> float:
         """From the shaped surface on to the middle of the receiver, mm; inf to the far field."""
+        return self.throw_of(self.shaped)
+
+    def throw_of(self, surface: int) -> float:
+        """Return how far it is from the vertex of a surface on to the middle of the receiver, mm."""
         if self.receiver.far_field:
             return inf
-        *between, last = [surface.pose.shift for surface in self.surfaces[self.shaped :]]
-        ways = [b - a for a, b in pairwise([*between, last])]
-        ways.append(np.array(self.receiver.toward(last, 0.0, 0.0)))
+        vertices = [s.pose.shift for s in self.surfaces[surface:]]
+        ways = [b - a for a, b in pairwise(vertices)]
+        ways.append(np.array(self.receiver.toward(vertices[-1], 0.0, 0.0)))
         return float(sum(np.linalg.norm(way) for way in ways))
 
     @property

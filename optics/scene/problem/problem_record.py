@@ -101,6 +101,12 @@ class Problem:
         """
         return faces_met(self.optics, self.path[0] if self.path else None)
 
+    @property
+    def face_names(self) -> tuple[str, ...]:
+        """What sentences call the faces that light meets: "rear" of a lone lens, else "L1.rear"."""
+        lone = len(self.optics) == 1
+        return tuple(f.optic.face_name(f.face) if lone else f.name for f in self.faces_met)
+
     def with_optic(self, of: Optic | None = None, **changes: Any) -> Problem:
         """Return a variation with other values of keys of an element.  of : None is the one that is free."""
         if self.lens:

@@ -34,6 +34,8 @@ from thbcad.poses import Pose
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
+STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
+
 
 @dataclass(frozen=True, eq=False)
 class OpticalSystem:
@@ -104,6 +106,11 @@ class OpticalSystem:
         """The faces of the element that is designed, by their numbers along the path."""
         optic = self.problem.optic
         return {k: face for k, face in enumerate(self.problem.faces_met) if face.optic is optic}
+
+    @property
+    def shaped_face(self) -> FaceMet:
+        """The face that a transport map shapes."""
+        return next(face for face in self.own_faces.values() if face.face == self.shaped)
 
     def held(self, path: LightPath, clear: tuple[Outline, Outline]) -> LightPath:
         """Return a path of which a holder of the designed element leaves these of front and rear free."""
@@ -282,7 +289,12 @@ class OpticalSystem:
     @property
     def lens_on_axis(self) -> bool:
         """Whether light goes through a lens on the axis, with its front vertex at 0."""
-        return self.pose.is_identity and not self.reflects and not self.fixed
+        return self.pose.is_identity and self.lone_lens
+
+    @property
+    def lone_lens(self) -> bool:
+        """Whether there is one lens, through which light goes by its front and its rear."""
+        return [(face.face, face.reflects) for face in self.problem.faces_met] == STRAIGHT
 
     @cached_property
     def parallel(self) -> bool:
@@ -296,7 +308,12 @@ class OpticalSystem:
         The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
         a lens, but may meet the walls of a body.
         """
-        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
+        return self.all_ways and not (self.parallel and self.body is None)
+
+    @property
+    def all_ways(self) -> bool:
+        """Whether light can be followed by all ways: of a lens alone, to a target that is not far."""
+        return self.lone_lens and not self.target.far_field
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
