@@ -255,14 +255,16 @@ class OpticalSystem:
         if isinstance(optic, MirrorElement):
             face = clear[0] if clear else None
             return tuple(
-                LightPath.by_mirror(lens, optic.share, pose, target.receiver, self.stops, face)
+                LightPath.by_mirror(lens, optic.share, pose, target.receiver, self.stops, face).named(
+                    optic.faces
+                )
                 for target in self.targets
             )
         black = optic.wall == "absorbing"
         return tuple(
             LightPath.through(
                 lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
-            )
+            ).named(optic.faces)
             for target in self.targets
         )
 
