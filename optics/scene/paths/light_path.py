@@ -60,6 +60,7 @@ class Surface:
         all rays alike, or (2, n).
     height_error : by which its points move too; traces carry no derivatives then.
     clear : what a holder leaves free of it, which blocks light beside; None is all.
+    name : of its element and face in a scene, such as "M1.face".
     """
 
     shape: FreeformSurface
@@ -70,6 +71,7 @@ class Surface:
     slope_error: Floats | None = None
     height_error: HeightError | None = None
     clear: Outline | None = None
+    name: str = ""
 
     @property
     def open(self) -> Outline:
@@ -227,6 +229,12 @@ class LightPath:
         """Return the path through surfaces of which a holder leaves at most these outlines free."""
         pairs = enumerate(self.surfaces)
         return self._with(s if s.clear or k not in clear else replace(s, clear=clear[k]) for k, s in pairs)
+
+    def named(self, names: Iterable[str]) -> LightPath:
+        """Return the path over surfaces with these names."""
+        return self._with(
+            s if s.name == name else replace(s, name=name) for s, name in zip(self.surfaces, names)
+        )
 
     def with_stops_moved(self, motion: Pose) -> LightPath:
         """Return the path with its stops elsewhere.  motion : in the frame of the path."""

@@ -107,6 +107,12 @@ class Problem:
         lone = len(self.optics) == 1
         return tuple(f.optic.face_name(f.face) if lone else f.name for f in self.faces_met)
 
+    @property
+    def surface_names(self) -> tuple[str, ...]:
+        """What fates of light call the surfaces of the path; a lens alone on the axis has its own words."""
+        names = ["" if self.lens else face.name for face in self.faces_met]
+        return tuple(name and name + " again" * names[:k].count(name) for k, name in enumerate(names))
+
     def with_optic(self, of: Optic | None = None, **changes: Any) -> Problem:
         """Return a variation with other values of keys of an element.  of : None is the one that is free."""
         if self.lens:

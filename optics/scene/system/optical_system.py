@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
@@ -267,6 +267,13 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
+    def with_target(self, **changes: Any) -> OpticalSystem:
+        """Return the system with other values of keys of the target that change neither lens nor picture."""
+        other = OpticalSystem(replace(self.problem, target=replace(self.problem.target, **changes)), self.aim)
+        other.__dict__["lens"] = self.lens
+        other.target.__dict__["light"] = self.target.light
+        return other
+
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
         """Return the paths of the source's own wavelength over all elements, one to each target.
 
@@ -274,10 +281,12 @@ class OpticalSystem:
         """
         optic, media = self.problem.optic, self.media_at(self.problem.source.wavelength)
         lenses = {id(fixed): blank for fixed, blank in self.fixed} | {id(optic): lens}
-        surfaces = tuple(surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met)
+        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath(surfaces, media, target.receiver, stops=self.stops, absorbing_wall=black)
+            LightPath(tuple(surfaces), media, target.receiver, stops=self.stops, absorbing_wall=black).named(
+                self.problem.surface_names
+            )
             for target in self.targets
         )
 

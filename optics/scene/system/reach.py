@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Optic, Placed
+from optics.scene.system.geometry_search import nearest_geometry
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.placed_faces import pose_of
 from optics.scene.system.stops import lens_heights
@@ -19,6 +20,8 @@ from thbcad.lens import Lens
 
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
 FAR = 1e9  # mm, of points of the far field
+GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
+LITTLE = 0.01  # of the light
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -160,10 +163,49 @@ def require_reachable(system: OpticalSystem) -> None:
 
     Raises
     ------
-    UserError : names the share of the light, or the angle needed and the one that the index allows.
+    UserError : names the share of the light, the angle needed and the one that the index allows, and the
+        nearest geometry that works.
     """
-    if system.shaped_face is not system.problem.faces_met[-1]:
-        return  # what stands behind turns the light
+    if fault := _fault(system):
+        found = " or ".join(nearest_geometry(system, can_be_lit))
+        raise UserError(f"{fault}, such as by {found}" if found else fault)
+
+
+def can_be_lit(system: OpticalSystem) -> bool:
+    """Return whether light reaches all that is to be lit, and grazes neither the target nor the lens.
+
+    Raises
+    ------
+    UserError : the target cuts the lens.
+    """
+    if not system.target.far_field:
+        require_clear_of_lens(system)
+    if not _shaped_last(system):
+        return True
+    points, normals, _ = _asked(system)
+    way = points - np.array([[0.0], [0.0], [0.0 if system.reflects else system.lens.thickness]])
+    least = GRAZING * np.linalg.norm(way, axis=0)
+    clear = ((way * normals).sum(axis=0) > least) & (np.abs(way[2]) > least)
+    return bool(clear.all()) and not _fault(system)
+
+
+def _shaped_last(system: OpticalSystem) -> bool:
+    """Return whether nothing turns the light behind the face that is shaped."""
+    return system.shaped_face is system.problem.faces_met[-1]
+
+
+def _fault(system: OpticalSystem) -> str:
+    """Return what light does not reach, and a remedy in words; "" where it reaches all."""
+    if not _shaped_last(system):
+        return ""
+    points, normals, share = _asked(system)
+    return _unlit(system, points, normals, share) or (
+        _too_far(system, points, share) if system.parallel else ""
+    )
+
+
+def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
+    """Return points of the target that are to be lit, (3, n), its normals there, and shares of the light."""
     target, screen = system.target, system.target.screen()
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
@@ -173,13 +215,14 @@ def require_reachable(system: OpticalSystem) -> None:
     points = FAR * normals
     if not target.far_field:
         points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
-    _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
-    if system.parallel:
-        _require_gentle(system, points)
+    return points, normals, light[rows, columns] / light.sum()
 
 
-def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, share: Floats) -> None:
-    """Refuse points (3, n) that no light of the rear meets from before.  share : of the light, (n,)."""
+def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats) -> str:
+    """Return what is wrong with points (3, n) that no light of the rear meets from before.
+
+    share : of the light, (n,).
+    """
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
     nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
@@ -188,28 +231,36 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
     named = _named(system.problem.optic)
     if before.any():
         towards = "-z" if system.reflects else "+z"
-        raise UserError(
-            f"{share[before].sum():.0%} of the light is asked for beside {named} or behind where "
+        return (
+            f"{_percent(share[before])} of the light is asked for beside {named} or behind where "
             f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
             "move target.position or turn target.tilt there"
         )
     if behind.any():
-        raise UserError(
-            f"{share[behind].sum():.0%} of the light is asked for where the target shows {named} its back; "
+        return (
+            f"{_percent(share[behind])} of the light is asked for where the target shows {named} its back; "
             "light goes through a target along its own +z: turn it by target.tilt, or make it smaller"
         )
+    return ""
 
 
-def _require_gentle(system: OpticalSystem, points: Floats) -> None:
-    """Refuse points (3, n) farther aside from a parallel beam than a plane front and a rear can send it."""
+def _too_far(system: OpticalSystem, points: Floats, share: Floats) -> str:
+    """Return what is wrong with points (3, n) farther aside from a parallel beam than a plane front and a
+    rear can send it.  share : of the light, (n,)."""
     lens, (x, y, z) = system.problem.optic, points
     beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
     aside = np.max([np.maximum(np.abs(a) - b, 0) for a, b in zip((x, y), beam)], axis=0)
-    needed = np.degrees(np.arctan2(aside, z - lens.thickness).max())
+    needed = np.degrees(np.arctan2(aside, z - lens.thickness))
     most = np.degrees(np.arccos(1 / lens.known_index))
-    if needed >= most:
-        raise UserError(
-            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
-            f"{lens.known_index:g} bends rays by less than {most:.1f} degrees; "
-            f"{system.problem.target.gentler}"
-        )
+    if needed.max() < most:
+        return ""
+    return (
+        f"{_percent(share[needed >= most])} of the light is asked for up to {needed.max():.1f} degrees aside "
+        f"from the beam, but a surface of index {lens.known_index:g} bends rays by less than {most:.1f} "
+        f"degrees before it reflects them totally; {system.problem.target.gentler}"
+    )
+
+
+def _percent(shares: Floats) -> str:
+    """Return a sum of shares in words."""
+    return f"{share:.0%}" if (share := shares.sum()) > LITTLE else f"less than {LITTLE:.0%}"

@@ -1,6 +1,7 @@
 """The faces that light meets: every element in its order, or as [[path]] names them, and what is refused."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -103,12 +104,13 @@ def test_a_path_that_light_cannot_take_is_one_sentence(elements, faces, words):
 
 
 def test_one_path_of_elements_can_be_named():
+    whole = problem([FIXED, FREE])
     with pytest.raises(UserError, match=r"got 2 tables; keep one"):
-        Problem(**vars(problem([FIXED, FREE])) | {"path": [{"faces": ["M1"]}] * 2})
-    lens = {"lens": {"index": 1.5, "thickness": 5, **SIDES, "rear": {"half_width": SIZE}}, "element": ()}
-    target = {"target": {"kind": "tophat", "distance": 60, "half_width": SIZE, "pixels": (16, 16)}}
+        replace(whole, path=2 * ({"faces": ["L1.front", "L1.rear", "M1"]},))
+    lens = {"index": 1.5, "thickness": 5, **SIDES, "rear": {"half_width": SIZE}}
+    target = {"kind": "tophat", "distance": 60, "half_width": SIZE, "pixels": (16, 16)}
     with pytest.raises(UserError, match=r"got 1 tables beside \[lens\]"):
-        Problem(**vars(problem([FREE])) | lens | target | {"path": [{"faces": ["M1"]}]})
+        replace(whole, lens=lens, element=(), target=target, path=({"faces": ["M1"]},))
 
 
 def test_from_the_free_element_on_counts_the_throw():
