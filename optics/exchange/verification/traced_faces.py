@@ -129,7 +129,7 @@ class FaceRim:
         self._slack = MEETS * float(np.ptp(points[:, 0]))
 
     def holds(self, points: Floats) -> NDArray[np.bool_]:
-        """Return which points, (n, 2), lie within the curve or on it; Newton's method asks about those near."""
+        """Return which points, (n, 2), lie within the curve or on it, those near it by Newton's method."""
         at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
         radii = np.hypot(*points.T)
         inside: NDArray[np.bool_] = radii < SURE * np.minimum(self._radii[at], self._radii[at - 1])
