@@ -59,7 +59,7 @@ class Cells:
         Corners (0, 0), (0, 1), (1, 0), (1, 1).  For those beside a region stand points just inside its rim.
         """
         vectors = corners(self.coefficients)
-        if self.region is None or not self._crossed.size:
+        if self.region is None:
             return vectors, np.ones(vectors.shape[1:], bool)
         (s, t), moved, counts = self.region.points(self.box, self._crossed)
         p, q = (n - 1 for n in self.coefficients.shape[1:3])
@@ -89,7 +89,7 @@ class Cells:
     def most(self, values: Floats) -> Floats:
         """Return the most that a convex function of the vectors reaches in every cell, (n,), by its values at
         the coefficients, (p + 1, q + 1, n)."""
-        if self.region is None or not self._crossed.size:
+        if self.region is None:
             most: Floats = values.max(axis=(0, 1))
             return most
         return self.region.most(values, self.box, self._crossed)

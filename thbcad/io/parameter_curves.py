@@ -254,7 +254,7 @@ def _crossings(points: Callable[[Floats], Floats], breaks: Floats, lines: Sequen
         middle = (low + high) / 2
         beyond = (points(middle)[every, column] > target) == rising
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.r_[known, high]
+    return np.concatenate([known, high])
 
 
 def _image_points(image: ParameterCurve, t: Floats, derivative: Order = 0) -> Floats:
