@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from thbcad.hierarchy.levels import DyadicAxis as DyadicAxis
     from thbcad.hierarchy.mesh_picture import mesh_lines as mesh_lines, space_rows as space_rows
     from thbcad.hierarchy.multilevel_basis import MultilevelBasis as MultilevelBasis
-    from thbcad.hierarchy.support_rectangles import (
+    from thbcad.hierarchy.restriction import (
         intervals as intervals,
         least_norm as least_norm,
         whole_cells as whole_cells,

@@ -6,17 +6,15 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.lens.cuts import (
+        Flange as Flange,
         aperture_volume as aperture_volume,
+        flanged_volume as flanged_volume,
         polygon_volume as polygon_volume,
         require_aperture as require_aperture,
-        require_polygon as require_polygon,
-        walls_of as walls_of,
-    )
-    from thbcad.lens.flange import (
-        Flange as Flange,
-        flanged_volume as flanged_volume,
         require_clear as require_clear,
+        require_polygon as require_polygon,
         rim_heights as rim_heights,
+        walls_of as walls_of,
     )
     from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
     from thbcad.lens.graph_pieces import segment as segment

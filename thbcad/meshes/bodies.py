@@ -23,8 +23,7 @@ from thbcad.lens import (
     tessellated,
     walls_of,
 )
-from thbcad.meshes.outline_plans import plan_within, unit_plan
-from thbcad.meshes.plans import bounds_of, on_surfaces
+from thbcad.meshes.plans import bounds_of, on_surfaces, plan_within, unit_plan
 from thbcad.meshes.polygon_bodies import polygon_mesh
 from thbcad.meshes.tapered_bodies import tapered_mesh
 from thbcad.outlines import UPRIGHT, Outline

@@ -22,8 +22,7 @@ from thbcad.lens import (
     require_apart,
     rim_indices,
 )
-from thbcad.meshes.outline_plans import plan_error, turning, unit_plan
-from thbcad.meshes.plans import Bounds, bounds_of, on_surfaces, too_many
+from thbcad.meshes.plans import Bounds, bounds_of, on_surfaces, plan_error, too_many, turning, unit_plan
 from thbcad.outlines import Outline
 
 

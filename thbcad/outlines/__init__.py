@@ -5,9 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.outlines.area_quadrature import (
+    from thbcad.outlines.outline_integrals import (
+        UPRIGHT as UPRIGHT,
+        Shape as Shape,
         area_rule as area_rule,
+        cross as cross,
         integral_inside as integral_inside,
+        walled_volume as walled_volume,
     )
     from thbcad.outlines.pieces import (
         LEAST_SIZE as LEAST_SIZE,
@@ -28,11 +32,5 @@ if TYPE_CHECKING:
         rim_curve as rim_curve,
     )
     from thbcad.outlines.rounded_rectangle import RELATIVE as RELATIVE, Outline as Outline
-    from thbcad.outlines.wall_volumes import (
-        UPRIGHT as UPRIGHT,
-        Shape as Shape,
-        cross as cross,
-        walled_volume as walled_volume,
-    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.sags.conic import Conic as Conic, meridian as meridian
-    from thbcad.sags.conic_curve import ConicCurve as ConicCurve, axes as axes
     from thbcad.sags.graphs import (
         CONIC_TOLERANCE as CONIC_TOLERANCE,
         conic_graph as conic_graph,
@@ -18,8 +17,10 @@ if TYPE_CHECKING:
     )
     from thbcad.sags.placed_conic import (
         NOT_BOUNDED as NOT_BOUNDED,
+        ConicCurve as ConicCurve,
         ConicSection as ConicSection,
         PlacedConic as PlacedConic,
+        axes as axes,
         patch_numbers as patch_numbers,
     )
     from thbcad.sags.polynomial_sag import (

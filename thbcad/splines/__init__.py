@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.splines.bspline_curve import BSplineCurve as BSplineCurve
-    from thbcad.splines.bspline_surface import BSplineSurface as BSplineSurface
+    from thbcad.splines.bsplines import BSplineCurve as BSplineCurve, BSplineSurface as BSplineSurface
     from thbcad.splines.interpolation import (
         Function as Function,
         evaluate as evaluate,

@@ -6,13 +6,11 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.exchange.verification.independent_checks import (
+        occt_trace as occt_trace,
         text_and_occt_checks as text_and_occt_checks,
         tracer_by_occt as tracer_by_occt,
     )
     from optics.exchange.verification.lone_file import bare_checks as bare_checks
-    from optics.exchange.verification.occt_tracer import (
-        occt_trace as occt_trace,
-    )
     from optics.exchange.verification.optiland_tracer import (
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.occt_tracer import occt_trace
+from optics.exchange.verification.reference_tracer import last_step
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -25,6 +25,7 @@ from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
+from thbcad.cad.exchange import face_hits
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
 from thbcad.moulds import lens_of
@@ -33,9 +34,65 @@ from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
+    from thbcad.cad.exchange import TopoDS_Shape
     from thbcad.moulds import MouldedBody, Solid
 
+
 Rows = NDArray[np.float64]
+
+
+def occt_trace(
+    solid: TopoDS_Shape,
+    optical: tuple[int, int],
+    origins: Rows,
+    directions: Rows,
+    index: float | None,
+    target: Receiver,
+) -> LandingPoints:
+    """Trace rays of 1 W through the front and the rear of a solid, by OCCT's intersections.
+
+    index : None is a mirror, whose front reflects all.
+
+    optical : indices of front and rear among the faces.
+    origins, directions : (n, 3) float, mm and unit vectors.
+    """
+    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
+    points, onward = origins, directions
+    lit, weight = np.arange(len(origins)), np.ones(len(origins))
+    for face, eta in zip(optical, (None,) if index is None else (1 / index, index)):
+        hits = face_hits(solid, points, onward)
+        if eta is None:
+            across = np.einsum("ij,ij->i", onward, hits.normals)
+            onward, transmittance = onward - 2 * across[:, None] * hits.normals, np.ones(len(onward))
+        else:
+            onward, transmittance = _refracted(onward, hits.normals, eta)
+            transmittance = np.where(onward[:, 2] > 0, transmittance, 0.0)
+        passes = (hits.faces == face) & (transmittance > 0)
+        points, onward, lit = hits.points[passes], onward[passes], lit[passes]
+        weight = weight[passes] * transmittance[passes]
+    ends, meets, _ = last_step(points, onward, target)
+    landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
+    return LandingPoints(landing, flux)
+
+
+def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, Rows]:
+    """Return (directions, transmittance) by Snell's law and Fresnel's equations, 0 where totally reflected.
+
+    With the cosines a and b of the angles to the normal before and behind the face,
+    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
+
+    eta : index before / index behind.  normals : to either side.
+    """
+    cosine = np.einsum("ij,ij->i", directions, normals)
+    normals, before = normals * np.sign(cosine)[:, None], np.abs(cosine)
+    square = 1 - eta**2 * (1 - before**2)
+    passes = square > 0
+    behind = np.sqrt(np.where(passes, square, 1.0))
+    onward = eta * directions + (behind - eta * before)[:, None] * normals
+    r_s = (eta * before - behind) / (eta * before + behind)
+    r_p = (before - eta * behind) / (before + eta * behind)
+    return onward, np.where(passes, 1 - (r_s**2 + r_p**2) / 2, 0.0)
+
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane

@@ -9,8 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
-from optics.interface.sweeps.sweep_tables import cell, columns
+from optics.interface.sweeps.sweep_rows import Sweep, SweepRow, cell, columns
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST_PICTURES = 1000  # in the table: about 5 kB each

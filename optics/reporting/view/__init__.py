@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.reporting.view.drawn_rays import scene_paths as scene_paths
-    from optics.reporting.view.drawn_stops import stop_rims as stop_rims
+    from optics.reporting.view.drawn_rays import scene_paths as scene_paths, stop_rims as stop_rims
     from optics.reporting.view.glass_camera import lens_sight as lens_sight, photograph as photograph
     from optics.reporting.view.photo_room import photo_caption as photo_caption
     from optics.reporting.view.scene_layout import (

@@ -8,19 +8,17 @@ if TYPE_CHECKING:
     from optics.tolerancing.machining.blur_of_cusps import (
         CuspBlur as CuspBlur,
         CuspLight as CuspLight,
+        LandingResponse as LandingResponse,
         cusp_blur as cusp_blur,
+        landing_response as landing_response,
         light_with_cusps as light_with_cusps,
+        traced_points as traced_points,
     )
     from optics.tolerancing.machining.findings import (
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
         tool_findings as tool_findings,
-    )
-    from optics.tolerancing.machining.response_to_slopes import (
-        LandingResponse as LandingResponse,
-        landing_response as landing_response,
-        traced_points as traced_points,
     )
     from optics.tolerancing.machining.tool_order import ToolOrder as ToolOrder
     from optics.tolerancing.machining.tool_words import tool_data as tool_data, tool_lines as tool_lines

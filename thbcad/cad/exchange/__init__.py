@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.exchange.evaluated_faces import FaceNodes as FaceNodes, face_nodes as face_nodes
+    from thbcad.cad.exchange.face_points import (
+        FaceNodes as FaceNodes,
+        face_hits as face_hits,
+        face_nodes as face_nodes,
+        step_solid as step_solid,
+    )
     from thbcad.cad.exchange.front_and_rear import conic_faces as conic_faces, optical_form as optical_form
     from thbcad.cad.exchange.handover import (
         GLASS as GLASS,
@@ -29,7 +34,6 @@ if TYPE_CHECKING:
         write_faces as write_faces,
     )
     from thbcad.cad.exchange.part_triangles import face_triangles as face_triangles, part_mesh as part_mesh
-    from thbcad.cad.exchange.ray_faces import face_hits as face_hits, step_solid as step_solid
     from thbcad.cad.exchange.reading import (
         OCCT_ERRORS as OCCT_ERRORS,
         brep_shape as brep_shape,

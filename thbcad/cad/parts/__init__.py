@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.mount_solids import mounted_part as mounted_part
     from thbcad.cad.parts.numbers_of_surfaces import surface_numbers as surface_numbers
     from thbcad.cad.parts.operations import cut as cut, join as join
-    from thbcad.cad.parts.own_surfaces import exact_part as exact_part
     from thbcad.cad.parts.part_topology import (
         inner_wires as inner_wires,
         outline_segments as outline_segments,
@@ -28,6 +27,10 @@ if TYPE_CHECKING:
         rim_faces as rim_faces,
     )
     from thbcad.cad.parts.search import PlacedLens as PlacedLens, placed_lens as placed_lens
-    from thbcad.cad.parts.writing import placed_step as placed_step, write_step as write_step
+    from thbcad.cad.parts.writing import (
+        exact_part as exact_part,
+        placed_step as placed_step,
+        write_step as write_step,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

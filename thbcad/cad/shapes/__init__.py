@@ -15,14 +15,13 @@ if TYPE_CHECKING:
         spline_curve as spline_curve,
         spline_surface as spline_surface,
     )
-    from thbcad.cad.shapes.part import Part as Part
     from thbcad.cad.shapes.patched_solid import patched_part as patched_part
     from thbcad.cad.shapes.plain_solid import (
         lens_part as lens_part,
         lens_solid as lens_solid,
         part_between as part_between,
     )
-    from thbcad.cad.shapes.topology import NAMES as NAMES
+    from thbcad.cad.shapes.topology import NAMES as NAMES, Part as Part
     from thbcad.cad.shapes.trimmed_solid import (
         polygon_part as polygon_part,
         trimmed_part as trimmed_part,

@@ -1,8 +1,12 @@
-"""Vertices, edges and faces of solids, made once and shared, so that shells are closed by construction."""
+"""Vertices, edges and faces of solids, made once and shared, so that shells are closed by construction, and
+the solid whose faces have names, as CAD files show them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
@@ -22,10 +26,27 @@ from OCP.TopoDS import (
 )
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve
-from thbcad.cad.shapes.part import Part
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Side, rim_parameter
 from thbcad.splines import UNIT, BSplineSurface
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A solid and its faces in the order in which they were added.
+
+    solid : TopoDS_Solid, mm
+    names : of the faces; the first word says what a face is: front, rear, edge or flange
+    faces : TopoDS_Face, as they lie in the solid (orientation included)
+    """
+
+    solid: TopoDS_Solid
+    names: Sequence[str]
+    faces: Sequence[TopoDS_Face]
+
 
 NAMES = ("front", "rear", *(side.name for side in SIDES))
 

@@ -12,8 +12,8 @@ import optics
 from optics.base.runtime import UserError
 from optics.exchange.results import fingerprint
 from optics.interface.sweeps import metric_plots, running, sweep_folder
-from optics.interface.sweeps.contact_sheet import _texts
 from optics.interface.sweeps.running import run_sweep
+from optics.interface.sweeps.sweep_pictures import _texts
 from optics.interface.sweeps.sweep_rows import SweepRow
 from optics.interface.sweeps.sweep_store import open_store
 from tests.optics.interface.sweeps.cases import (
