@@ -13,11 +13,8 @@ if TYPE_CHECKING:
         mitsuba_backend as mitsuba_backend,
     )
     from optics.exchange.mitsuba.mesh import LensMesh as LensMesh
-    from optics.exchange.mitsuba.mesh_tracer import (
-        MeshTracer as MeshTracer,
-        mesh_irradiance as mesh_irradiance,
-        mesh_pipeline as mesh_pipeline,
-    )
+    from optics.exchange.mitsuba.mesh_engine import lens_mesh as lens_mesh
+    from optics.exchange.mitsuba.mesh_tracer import MeshTracer as MeshTracer
     from optics.exchange.mitsuba.scene import (
         REFLECTANCE as REFLECTANCE,
         camera_irradiance as camera_irradiance,
