@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.mitsuba.engine_choice import mitsuba_engine as mitsuba_engine
+    from optics.exchange.mitsuba.engines import lens_mesh as lens_mesh, mitsuba_engine as mitsuba_engine
     from optics.exchange.mitsuba.integrator import exact_integrator as exact_integrator, register as register
     from optics.exchange.mitsuba.loading import (
         current_mitsuba as current_mitsuba,
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
         mitsuba_backend as mitsuba_backend,
     )
     from optics.exchange.mitsuba.mesh import LensMesh as LensMesh
-    from optics.exchange.mitsuba.mesh_engine import lens_mesh as lens_mesh
     from optics.exchange.mitsuba.mesh_tracer import MeshTracer as MeshTracer
     from optics.exchange.mitsuba.scene import (
         REFLECTANCE as REFLECTANCE,
