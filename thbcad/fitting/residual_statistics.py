@@ -33,6 +33,9 @@ AROUND = 12  # neighbours that an outlier differs from: on a grid those within t
 BESIDE = 4  # neighbours that missing detail moves together: on a grid those one step away
 CUT = 4.685 / 0.6745  # medians of |r|: 4.685 normal standard deviations, an efficiency of 95 %
 CHANCE = 3.0  # standard deviations: one of 700 fits to noise seems to lack detail
+TOGETHER = 24  # clumps of five among 3 % outliers at random meet up to 17 at a time; more show a shape
+FEWEST = 5  # good samples: one more than those whose plane leaves them something
+BEYOND = 2.0  # times the others' distance: 1.4 at the corner of a step; of noise 4 or 5 standard deviations
 
 
 def places(u: Floats, v: Floats) -> Floats:
@@ -101,11 +104,6 @@ def are_noise(residuals: Floats, near: Integers) -> bool:
     squares = float(np.sum(residuals**2))
     together = float(np.sum(residuals * residuals[near].mean(axis=1)))
     return together <= CHANCE * float(np.sqrt(2 / (near.size * residuals.shape[1]))) * squares
-
-
-TOGETHER = 24  # clumps of five among 3 % outliers at random meet up to 17 at a time; more show a shape
-FEWEST = 5  # good samples: one more than those whose plane leaves them something
-BEYOND = 2.0  # times the others' distance: 1.4 at the corner of a step; of noise 4 or 5 standard deviations
 
 
 def biweights(residuals: Floats, values: Floats, points: Floats, near: Integers, least: float) -> Floats:

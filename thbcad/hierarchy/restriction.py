@@ -28,6 +28,8 @@ from thbcad.checks import Floats, Integers
 from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level
 
+GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
+
 
 def least_norm(leaves: NDArray[np.bool_], norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
     """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2,
@@ -70,9 +72,6 @@ def intervals(spans: int) -> Integers:
     """Return all (start, stop) with 0 <= start < stop <= spans, shortest first."""
     pairs = np.array(list(combinations(range(spans + 1), 2)))
     return pairs[np.argsort(pairs[:, 1] - pairs[:, 0], kind="stable")]
-
-
-GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
 
 
 def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:

@@ -15,6 +15,8 @@ from thbcad.lens.rims import SIDES, rim, rim_pieces, ruled_edges
 from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline, Polygon, rim_curve, walled_volume
 from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
+NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
+
 
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Outline:
     """Return the ellipse of an aperture within both surfaces: every outline holds those in its half-widths.
@@ -91,9 +93,6 @@ def polygon_volume(lens: Lens, corners: object) -> float:
     ValueError : as `require_polygon`.
     """
     return walled_volume(lens.graphs(), lens.thickness, require_polygon(lens, corners))
-
-
-NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from thbcad.splines import BSplineSurface, Integrand, gauss_rule
 
 TURNS = np.linspace(0, np.pi / 2, 9)  # of a corner: a rule of 6 nodes on each errs by less than 1e-12
 ROWS = 512  # of nodes of whole cells, at once
+UPRIGHT = (1.0, 1.0)
 
 
 def integral_inside(f: Integrand, outline: Outline, x: Floats, y: Floats, count: int) -> float:
@@ -75,9 +76,6 @@ def area_rule(
     half = half[strip, piece][:, None]
     across, area = breaks[strip, piece][:, None] + half * (1 + nodes), size[strip][:, None] * half * parts
     return np.repeat(at[strip], count), across.ravel(), area.ravel()
-
-
-UPRIGHT = (1.0, 1.0)
 
 
 class Shape(Protocol):

@@ -19,6 +19,9 @@ COLOURS = np.array(  # from low to high, dark to bright; equal steps between the
 )
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PALETTE = 3  # the PNG type of pixels that are numbers of colours
+LONGEST = 260.0  # pixels: the longer side of a picture
+SLIMMEST = 0.25  # of the longer side: the shorter one, at least
+STYLE = "display:flex;flex-wrap:wrap;gap:1em;align-items:center;font:13px/1.4 system-ui,sans-serif"
 
 
 def map_element(values: Floats, width: float, height: float) -> str:
@@ -54,11 +57,6 @@ def _png(levels: NDArray[np.uint8]) -> bytes:
         len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
         for name, data in chunks
     )
-
-
-LONGEST = 260.0  # pixels: the longer side of a picture
-SLIMMEST = 0.25  # of the longer side: the shorter one, at least
-STYLE = "display:flex;flex-wrap:wrap;gap:1em;align-items:center;font:13px/1.4 system-ui,sans-serif"
 
 
 def frame_size(width: float, height: float) -> tuple[float, float]:

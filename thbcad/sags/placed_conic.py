@@ -22,6 +22,11 @@ from thbcad.sags.conic import Conic
 from thbcad.splines import KnotVector, NURBSSurface
 
 Order = Literal[0, 1]  # of a derivative
+FARTHEST = 1e4  # half-widths from vertex to centre: sums of both keep 1e-11 half-widths
+LEAST_WEIGHT = 0.1  # of a patch; at zero a pole is infinitely far away
+ROOM = 1 + 1e-3  # of a patch: its sides stay clear of the rims
+NOT_BOUNDED = (np.inf, np.inf)
+FRAME = (0.0, 0.0, 1.0, 1.0, 0.0, 0.0)  # normal and first direction of planes
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +83,6 @@ def axes(placement: Floats) -> Floats:
     across = first - (first @ axis) * axis
     across = across / np.linalg.norm(across)
     return np.stack([across, np.cross(axis, across), axis])
-
-
-FARTHEST = 1e4  # half-widths from vertex to centre: sums of both keep 1e-11 half-widths
-LEAST_WEIGHT = 0.1  # of a patch; at zero a pole is infinitely far away
-ROOM = 1 + 1e-3  # of a patch: its sides stay clear of the rims
-NOT_BOUNDED = (np.inf, np.inf)
-FRAME = (0.0, 0.0, 1.0, 1.0, 0.0, 0.0)  # normal and first direction of planes
 
 
 def patch_numbers(surface: NURBSSurface) -> Floats:

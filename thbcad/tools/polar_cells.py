@@ -46,6 +46,8 @@ MIXED: tuple[Term, ...] = (  # rho z_rho_theta
 )
 PLAIN: tuple[tuple[Term, ...], ...] = tuple(((1, 0, 0, k),) for k in range(5))
 ROWS = (*PLAIN, ROUND_SLOPE, RADIAL_SLOPE, ROUND, RADIAL, MIXED)
+TURN_ROUNDINGS = 24  # of a cosine and a sine, the products with them, and their sum
+SAFE = 1 + 64 * EPS  # more than the roundings of any product here
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +128,6 @@ def _times(axis: int, block: Floats, ends: Floats) -> Floats:
     result[1:] += weight * ends[1] * block
     moved: Floats = np.moveaxis(result, 0, axis)
     return moved
-
-
-TURN_ROUNDINGS = 24  # of a cosine and a sine, the products with them, and their sum
-SAFE = 1 + 64 * EPS  # more than the roundings of any product here
 
 
 @dataclass(frozen=True, eq=False)

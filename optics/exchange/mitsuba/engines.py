@@ -39,6 +39,7 @@ from thbcad.splines import KnotVector
 PER_SPAN = 2  # least vertices per knot span of the finest level, in each direction
 FEWEST = 448  # spaces between the vertices, in each direction
 INSIDE = 1 - 1e-6  # of the half-width: a ray on the rim itself could miss the mesh in single precision
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +91,6 @@ def _within(rays: RayGrid | Rays, lens: Lens) -> RayGrid | Rays:
         lines.append(line)
     x, y = lines
     return replace(rays, x=x, y=y)
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

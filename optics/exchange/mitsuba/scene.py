@@ -28,6 +28,11 @@ FIELD = 40.0  # degrees, of the camera, where the lens leaves room
 NEAREST = 0.9  # of the distance from the screen to the lens: the camera is not farther away
 WIDE = (640, 480)  # pixels of the camera that sees lens and screen
 FLAT = 1e-6  # relative difference of a pixel's sides
+REFLECTANCE = 2.0**-7  # of the screen
+VERTICES = (449, 449)
+BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}  # on both sides
+DEPTH = 16  # most vertices of a light path
+TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 
 
 def square_pixels(screen: Screen) -> None:
@@ -111,13 +116,6 @@ def overview_camera(mi: ModuleType, screen: Screen, z: float, lens: Lens) -> dic
             "rfilter": {"type": "box"},
         },
     }
-
-
-REFLECTANCE = 2.0**-7  # of the screen
-VERTICES = (449, 449)
-BLACK = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}  # on both sides
-DEPTH = 16  # most vertices of a light path
-TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 
 
 def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:

@@ -39,6 +39,11 @@ if TYPE_CHECKING:
 
 
 Rows = NDArray[np.float64]
+RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
+ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
+ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
+FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
+ALONG = 33  # points of an edge that are compared
 
 
 def occt_trace(
@@ -92,13 +97,6 @@ def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, Rows]
     r_s = (eta * before - behind) / (eta * before + behind)
     r_p = (before - eta * behind) / (before + eta * behind)
     return onward, np.where(passes, 1 - (r_s**2 + r_p**2) / 2, 0.0)
-
-
-RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
-ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
-ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
-FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
-ALONG = 33  # points of an edge that are compared
 
 
 def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:

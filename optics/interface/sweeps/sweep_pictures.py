@@ -14,6 +14,10 @@ from optics.interface.sweeps.sweep_rows import DONE, Sweep, SweepRow, cell
 MOST = 400  # pictures: 20 x 20 still fit on a screen
 TILE, LINE, GAP = 96, 11, 6  # pixels: of a picture, of a line of text below it, between them
 MOST_LETTERS = 18  # of a line: a tile is no wider
+Line = list[tuple[Any, float]]
+MOST_LINES = 8  # of a plot: more have no place in its legend
+ROUNDING, TINY = 1e-9, 1e-12  # differences of metrics that say nothing: relative, and of parts of the flux
+MOST_WORDS = 20  # values of a key without numbers: labels below the axis
 
 
 def contact_sheet(sweep: Sweep) -> bytes | None:
@@ -45,13 +49,6 @@ def _texts(names: list[str], row: SweepRow) -> list[str]:
     """Return a line for every varied key: the value, numbers with six digits, and of its name what fits."""
     values = [f"{v:.6g}" if isinstance(v, float) else str(cell(v))[:MOST_LETTERS] for v in row.values]
     return [f"{name[: max(0, MOST_LETTERS - 1 - len(v))]} {v}".strip() for name, v in zip(names, values)]
-
-
-Line = list[tuple[Any, float]]
-
-MOST_LINES = 8  # of a plot: more have no place in its legend
-ROUNDING, TINY = 1e-9, 1e-12  # differences of metrics that say nothing: relative, and of parts of the flux
-MOST_WORDS = 20  # values of a key without numbers: labels below the axis
 
 
 def metric_plots(sweep: Sweep) -> dict[str, bytes]:

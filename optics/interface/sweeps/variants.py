@@ -18,6 +18,7 @@ from optics.scene.problem import Problem, assignment
 
 MOST_VALUES = 100_000  # of one key
 FILE_KEYS = ("target.image", "source.image", "source.file")  # whose values are paths
+MOST = 1_000_000  # variants: their checks alone take half an hour
 
 
 def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
@@ -64,9 +65,6 @@ def _range(name: str, start: Decimal, stop: Decimal, count: Decimal) -> list[Any
     ):
         return [int(value) for value in values]
     return [float(value) for value in values]
-
-
-MOST = 1_000_000  # variants: their checks alone take half an hour
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ NANOMETRES, MICROMETRES = 1e6, 1e3  # of a millimetre
 SMALL = 1e-3  # mm: smaller errors are shown in nm
 CUT = 99.8  # per cent of the pixels within the scale of the change: single ones would darken all others
 PANEL = (4.0, 4.2)  # inches
+STEPS = 1800  # of the angle, 0.05 degrees
 
 
 def height_error_figure(built: AsBuilt) -> bytes:
@@ -156,9 +157,6 @@ def two_lights_figure(
     for panel, shown in zip(axes, draw_pictures(axes, panels, screen.half_width, screen.unit)):
         figure.colorbar(shown, ax=panel, label=density.shown, shrink=0.8)
     return png_bytes(figure)
-
-
-STEPS = 1800  # of the angle, 0.05 degrees
 
 
 def fresnel_figure(backend: Backend, index: float) -> bytes:

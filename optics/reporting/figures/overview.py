@@ -31,6 +31,8 @@ Picture = tuple[str, NDArray[np.floating[Any]], str, float, float]
 
 SIZE, DPI = (11.0, 3.4), 80
 SHOWN = ("rel_l2_debiased", "psnr_db", "ssim", "efficiency", "stray", "dof", "evaluations")  # metrics
+WIDE, HIGH = 3.6, 3.2  # inches, of a picture
+DECADES = 3  # of the colours of gradients
 
 
 def relative_light(measurement: Measurement) -> tuple[Floats, Floats, Floats, float]:
@@ -107,10 +109,6 @@ def overview_html(
         f'<img src="data:image/png;base64,{png}" style="max-width:100%"><table><tr>{cells}</tr></table>'
         + (f"<ul>{said}</ul>" if said else "")
     )
-
-
-WIDE, HIGH = 3.6, 3.2  # inches, of a picture
-DECADES = 3  # of the colours of gradients
 
 
 def level_figure(

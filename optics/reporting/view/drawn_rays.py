@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 BUNDLE = (8, 8)  # rays
 FAR = 4.0  # half-widths of the last surface behind it, to where rays to the far field are drawn
+AROUND = 1.25  # half-widths of a hole, or of the lens: so large plates without end are drawn
+POINTS = 65  # of an ellipse
 
 
 def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
@@ -96,10 +98,6 @@ def _on_stops(stops: Iterable[Stop], start: Array, end: Array) -> Array:
 def _rows(values: Iterable[Any], n: int) -> Array:
     """Return arrays of the device, or numbers, as rows of n numbers."""
     return np.stack([np.zeros(n) + (v.numpy() if hasattr(v, "numpy") else v) for v in values])
-
-
-AROUND = 1.25  # half-widths of a hole, or of the lens: so large plates without end are drawn
-POINTS = 65  # of an ellipse
 
 
 def stop_rims(system: OpticalSystem, lens: Lens) -> list[list[Array]]:

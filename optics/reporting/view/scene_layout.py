@@ -30,6 +30,15 @@ SAMPLES = 9  # of a picture in each direction
 # what is worth how much beside room for the target: room for the source, which is seen through, a picture
 # that is upright and reads right, the face of a mirror, a way of light that is long and leads to the right
 SOURCE, UPRIGHT, FACE, LEG, LEADS = 0.5, 0.5, 0.5, 0.5, 0.1
+RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where a lens on the axis is seen
+# half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
+CLEAR = 1.7
+# in the same half-widths: shorter and longer throws are drawn longer and shorter
+SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
+LONG = 3.0
+FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
+BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
+BENDS = 25  # points of a curved target in each direction
 
 
 def best_view(
@@ -69,17 +78,6 @@ def _apart(right: Array, up: Array, pair: Sequence[Array]) -> Array:
     sizes = [float(np.ptp(part, axis=1).max()) for part in pair]
     room = (one.min(axis=-1) - other.max(axis=-1)).max(axis=0)
     return np.clip(room / max(min(sizes), LEAST * max(sizes)), -1.0, FREE)
-
-
-RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where a lens on the axis is seen
-# half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
-CLEAR = 1.7
-# in the same half-widths: shorter and longer throws are drawn longer and shorter
-SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
-LONG = 3.0
-FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
-BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
-BENDS = 25  # points of a curved target in each direction
 
 
 @dataclass(frozen=True, eq=False)

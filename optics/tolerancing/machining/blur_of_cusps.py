@@ -37,6 +37,8 @@ Floats = NDArray[np.float64]
 
 SURFACES = ("front", "rear")
 TILT = 1e-5  # of the central differences: their error is its square, 1e-10, times the third derivative
+CELLS_PER_PIXEL, LEAST_CELLS = 3, 257  # in each direction
+PHASES_PER_PIXEL, LEAST_PHASES, MOST_PHASES = 2, 4, 32  # of the blur where it is widest
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +111,6 @@ def crossings(path: LightPath, backend: Backend, name: str, rays: RayGrid | Rays
 def slope_errors(name: str, error: Floats | None) -> SlopeErrors:
     """Return errors of the slopes of one surface, None is none."""
     return [error if name == surface else None for surface in SURFACES]
-
-
-CELLS_PER_PIXEL, LEAST_CELLS = 3, 257  # in each direction
-PHASES_PER_PIXEL, LEAST_PHASES, MOST_PHASES = 2, 4, 32  # of the blur where it is widest
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,15 @@ MISSING = re.compile(r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\
 DECIMAL_COMMA = re.compile(r"\d,\d+\s*;|;\s*[-+]?\d+,\d")
 EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
 SEPARATORS = str.maketrans(",;\t", "   ")
+Unit = Literal["m", "mm", "um", "nm"]
+Kind = Literal["heights", "errors"]
+MILLIMETRES: dict[str, float] = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+GRID_UNITS = (1.0, 10.0, 25.4, 1000.0)  # mm, of the unit flag of a grid sag file
+TURNS = (0, 90, 180, 270)
+LEAST_POINTS = 100  # fewer say nothing of a freeform surface
+LEAST_INSIDE = 0.5  # of the points lie on the surface, else the frame or the unit is another one
+LEAST_EXTENT = 0.02  # of the surface's width
+FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
 
 
 def read_text(path: str | Path) -> str:
@@ -148,18 +157,6 @@ def _numbers(row: str, columns: int) -> list[float] | None:
     except ValueError:
         return None
     return numbers if len(numbers) == columns else None
-
-
-Unit = Literal["m", "mm", "um", "nm"]
-Kind = Literal["heights", "errors"]
-
-MILLIMETRES: dict[str, float] = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
-GRID_UNITS = (1.0, 10.0, 25.4, 1000.0)  # mm, of the unit flag of a grid sag file
-TURNS = (0, 90, 180, 270)
-LEAST_POINTS = 100  # fewer say nothing of a freeform surface
-LEAST_INSIDE = 0.5  # of the points lie on the surface, else the frame or the unit is another one
-LEAST_EXTENT = 0.02  # of the surface's width
-FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from thbcad.cad.shapes import TOLERANCE
 from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
 
+FARTHEST = 1e9  # mm along a ray
+
 
 @dataclass(frozen=True, eq=False)
 class FaceNodes:
@@ -56,9 +58,6 @@ def face_nodes(shape: TopoDS_Shape, number: int, u: ArrayLike, v: ArrayLike) -> 
     normals = np.cross(jet[..., 3:6], jet[..., 6:])
     outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
     return FaceNodes(jet[..., :3], outward * normals / np.linalg.norm(normals, axis=-1, keepdims=True))
-
-
-FARTHEST = 1e9  # mm along a ray
 
 
 @dataclass(frozen=True, eq=False)

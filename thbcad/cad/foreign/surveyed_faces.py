@@ -59,6 +59,8 @@ GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
 STEP = 1e-6  # of two samples' distance: a greatest value errs by its square
 SMOOTH = 1e-3  # rad between normals on a common edge: one surface that was split
+TOLERANCE = 1e-6  # mm: rays through the rim count
+FARTHEST = 1e6  # mm along a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,10 +242,6 @@ def _is_smooth(edge: TopoDS_Edge, first: TopoDS_Face, second: TopoDS_Face) -> bo
         low, high = BRep_Tool.Range_s(edge, face)
         normals.append(_point_and_normal(face, *curve.Value((low + high) / 2).Coord())[1])
     return float(np.linalg.norm(normals[0] - normals[1])) < SMOOTH
-
-
-TOLERANCE = 1e-6  # mm: rays through the rim count
-FARTHEST = 1e6  # mm along a line
 
 
 def axial_heights(faces: Sequence[SurveyedFace], frame: Pose, x: Floats, y: Floats) -> Floats:

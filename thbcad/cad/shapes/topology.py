@@ -33,6 +33,8 @@ from thbcad.splines import UNIT, BSplineSurface
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
+NAMES = ("front", "rear", *(side.name for side in SIDES))
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -46,9 +48,6 @@ class Part:
     solid: TopoDS_Solid
     names: Sequence[str]
     faces: Sequence[TopoDS_Face]
-
-
-NAMES = ("front", "rear", *(side.name for side in SIDES))
 
 
 def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
