@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.reference_tracer import last_step
+from optics.exchange.verification.reference_tracer import last_step, refract
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -21,6 +21,7 @@ from optics.exchange.verification.step_file import (
     text_volume_check,
 )
 from optics.exchange.verification.trace_comparison import compared, index_of
+from optics.exchange.verification.traced_faces import dot
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
@@ -66,11 +67,11 @@ def occt_trace(
     lit, weight = np.arange(len(origins)), np.ones(len(origins))
     for face, eta in zip(optical, (None,) if index is None else (1 / index, index)):
         hits = face_hits(solid, points, onward)
+        across = dot(onward, hits.normals)
         if eta is None:
-            across = np.einsum("ij,ij->i", onward, hits.normals)
             onward, transmittance = onward - 2 * across[:, None] * hits.normals, np.ones(len(onward))
         else:
-            onward, transmittance = _refracted(onward, hits.normals, eta)
+            onward, transmittance = refract(onward, np.sign(across)[:, None] * hits.normals, eta)
             transmittance = np.where(onward[:, 2] > 0, transmittance, 0.0)
         passes = (hits.faces == face) & (transmittance > 0)
         points, onward, lit = hits.points[passes], onward[passes], lit[passes]
@@ -78,25 +79,6 @@ def occt_trace(
     ends, meets, _ = last_step(points, onward, target)
     landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
     return LandingPoints(landing, flux)
-
-
-def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, Rows]:
-    """Return (directions, transmittance) by Snell's law and Fresnel's equations, 0 where totally reflected.
-
-    With the cosines a and b of the angles to the normal before and behind the face,
-    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
-
-    eta : index before / index behind.  normals : to either side.
-    """
-    cosine = np.einsum("ij,ij->i", directions, normals)
-    normals, before = normals * np.sign(cosine)[:, None], np.abs(cosine)
-    square = 1 - eta**2 * (1 - before**2)
-    passes = square > 0
-    behind = np.sqrt(np.where(passes, square, 1.0))
-    onward = eta * directions + (behind - eta * before)[:, None] * normals
-    r_s = (eta * before - behind) / (eta * before + behind)
-    r_p = (before - eta * behind) / (before + eta * behind)
-    return onward, np.where(passes, 1 - (r_s**2 + r_p**2) / 2, 0.0)
 
 
 def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:

@@ -21,6 +21,7 @@ from optics.exchange.verification.traced_faces import (
     Floats,
     Meetings,
     ParametricFace,
+    dot,
 )
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import LightPath, Stop
@@ -81,12 +82,12 @@ def trace_step(
         if opening is not None:
             met &= _inside(opening, points[:, 0], points[:, 1])
         if k == 0:
-            met &= _passes(stops, start, onward, np.where(met, _dot(points - start, onward), np.inf))
+            met &= _passes(stops, start, onward, np.where(met, dot(points - start, onward), np.inf))
         if eta is None:
-            directions = directions - 2 * _dot(directions, normals)[:, None] * normals
+            directions = directions - 2 * dot(directions, normals)[:, None] * normals
             transmittance = np.ones(len(points))
         else:
-            directions, transmittance = _refract(directions, normals, eta)
+            directions, transmittance = refract(directions, normals, eta)
             met &= directions[:, 2] > 0
         share = shares[k]
         weight *= np.where(met & (transmittance > 0), transmittance if share is None else share, 0.0)
@@ -124,7 +125,7 @@ def _round(
     centred = points - (0.0, 0.0, radius)
     some = [0, 1, 2] if sphere else [0, 2]
     p, d = centred[:, some], directions[:, some]
-    a, b, c = _dot(d, d), _dot(p, d), _dot(p, p) - radius**2
+    a, b, c = dot(d, d), dot(p, d), dot(p, p) - radius**2
     met = b * b > a * c
     length = (-b - np.sign(radius) * np.sqrt(np.where(met, b * b - a * c, 1.0))) / a
     x, y, z = (centred + length[:, None] * directions).T / radius
@@ -195,30 +196,36 @@ def _newton(
     size = np.abs(face.high - face.low).max()
     for _ in range(NEWTON_STEPS):
         s, su, sv = face.jet(uv)
-        f, g = _dot(a, s - points), _dot(b, s - points)
-        fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
+        f, g = dot(a, s - points), dot(b, s - points)
+        fu, fv, gu, gv = dot(a, su), dot(a, sv), dot(b, su), dot(b, sv)
         determinant = fu * gv - fv * gu
         step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
         uv = np.clip(uv - step, face.low, face.high)
         if np.abs(step).max(initial=0.0) < NEWTON_TOLERANCE * size:
             break
     s, su, sv = face.jet(uv)
-    distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
+    distance = np.hypot(dot(a, s - points), dot(b, s - points))
     normals = np.cross(su, sv)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals *= np.sign(normals[:, 2:])
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
     near = MEETS * face.width
-    met = (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+    met = (distance < near) & (dot(s - points, directions) >= -near) & (dot(normals, directions) > 0)
     return s, normals, met
 
 
-def _refract(
-    directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
-    cos_i = _dot(directions, normals)
+def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Floats]:
+    """Return (directions, transmittance) by the vector form of Snell's law and Fresnel's equations.
+
+    T = 0 where light is totally reflected, and where the normals do not point along the rays.
+
+    With the cosines a and b of the angles to the normal before and behind the face,
+    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
+
+    eta : index before / index behind.
+    """
+    cos_i = dot(directions, normals)
     square = 1 - eta**2 * (1 - cos_i**2)
     passes = (square > 0) & (cos_i > 0)
     cos_t = np.sqrt(np.where(passes, square, 1.0))
@@ -226,7 +233,3 @@ def _refract(
     rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
     rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
     return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)

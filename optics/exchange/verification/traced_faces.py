@@ -57,7 +57,7 @@ class ConicFace:
                     ahead
                     & np.all(abs(point[:, :2]) <= self._half + MEETS * self.width, axis=1)
                     & (normal[:, 2] > 0)
-                    & (_dot(normal, directions) > 0)
+                    & (dot(normal, directions) > 0)
                 )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
         met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
@@ -68,8 +68,8 @@ class ConicFace:
     def _roots(self, points: Floats, directions: Floats) -> list[Floats]:
         """Return both roots of a t^2 + 2 b t + e = 0, without cancellation and after a step of Newton's."""
         c, scaled = self._curvature, self._scale * directions
-        a = c * _dot(scaled, directions)
-        b = c * _dot(scaled, points) - directions[:, 2]
+        a = c * dot(scaled, directions)
+        b = c * dot(scaled, points) - directions[:, 2]
         e = self._excess(points)
         q = -(b + np.copysign(np.sqrt(b * b - a * e), b))
         roots = [e / q, q / a]
@@ -77,7 +77,7 @@ class ConicFace:
 
     def _excess(self, points: Floats) -> Floats:
         """Return c (x^2 + y^2 + (1 + K) z^2) - 2 z."""
-        excess: Floats = self._curvature * _dot(self._scale * points, points) - 2 * points[:, 2]
+        excess: Floats = self._curvature * dot(self._scale * points, points) - 2 * points[:, 2]
         return excess
 
     def _normals(self, points: Floats) -> Floats:
@@ -146,7 +146,8 @@ class FaceRim:
         return inside
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return the products of rows, (n,)."""
     dots: Floats = np.einsum("ij,ij->i", a, b)
     return dots
 
