@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.moulds.body_options import BodyOptions as BodyOptions
+    from thbcad.moulds.body_walls import BodyOptions as BodyOptions
     from thbcad.moulds.drafted_walls import DraftedWall as DraftedWall, Foot as Foot
     from thbcad.moulds.inserts import FACES as FACES, Insert as Insert
     from thbcad.moulds.moulded_body import MouldedBody as MouldedBody, Solid as Solid, lens_of as lens_of

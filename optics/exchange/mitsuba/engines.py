@@ -21,7 +21,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
 from optics.exchange.mitsuba.integrator import light_integrator
@@ -33,13 +32,13 @@ from optics.light.engines import SOFT_RIM, Engine, ExactEngine, Film, LightModel
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.splines import KnotVector
 
 PER_SPAN = 2  # least vertices per knot span of the finest level, in each direction
 FEWEST = 448  # spaces between the vertices, in each direction
 INSIDE = 1 - 1e-6  # of the half-width: a ray on the rim itself could miss the mesh in single precision
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

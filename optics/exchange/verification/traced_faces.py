@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Floats = NDArray[np.float64]
 Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it

@@ -17,10 +17,9 @@ from optics.exchange.results import (
     run_lock,
     writable_folder,
 )
-from optics.interface.sweeps.sweep_page import sweep_page
-from optics.interface.sweeps.sweep_pictures import contact_sheet, metric_plots, plot_name
 from optics.interface.sweeps.sweep_rows import Sweep, csv_text, parquet_bytes
 from optics.interface.sweeps.sweep_store import SweepStore, open_store
+from optics.interface.sweeps.sweep_views import contact_sheet, metric_plots, plot_name, sweep_page
 from optics.scene.problem import Problem
 from thbcad.io import json_text, write_files, write_text
 

@@ -31,8 +31,11 @@ if TYPE_CHECKING:
         overview_figure as overview_figure,
         overview_html as overview_html,
     )
-    from optics.reporting.figures.scene_figure import scene_view as scene_view
-    from optics.reporting.figures.solid_figure import draw_solid as draw_solid, solid_views as solid_views
+    from optics.reporting.figures.scene_figure import (
+        draw_solid as draw_solid,
+        scene_view as scene_view,
+        solid_views as solid_views,
+    )
     from optics.reporting.figures.tolerance_figures import (
         change_figure as change_figure,
         cost_figure as cost_figure,

@@ -19,7 +19,7 @@ from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
 from optics.reporting.figures.overview import relative_light
-from optics.reporting.figures.solid_figure import LENS
+from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import within_foot
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from optics.light.analysis import Measurement, counted_ways
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 
-Floats = NDArray[np.float64]
 # title, light, colours, and the ends of their scale
 Picture = tuple[str, NDArray[np.floating[Any]], str, float, float]
 

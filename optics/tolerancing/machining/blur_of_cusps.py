@@ -29,11 +29,10 @@ from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining.tool_order import ToolOrder
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface
 from thbcad.tools import Cusps, ball_cusps, nose_cusps
-
-Floats = NDArray[np.float64]
 
 SURFACES = ("front", "rear")
 TILT = 1e-5  # of the central differences: their error is its square, 1e-10, times the third derivative

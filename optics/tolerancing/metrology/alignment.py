@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.poses import Pose
-
-Floats = NDArray[np.float64]
 
 MOST_STEPS = 50  # five are usual; more where the form error is large beside the motion
 KEPT = 0.9  # of the points stay over the surface while they are fitted

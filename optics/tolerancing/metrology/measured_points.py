@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
-
-Floats = NDArray[np.float64]
 
 MOST_BYTES = 1 << 28  # 256 MB: 4 million rows of 64 characters, more than MOST_POINTS can use
 MOST_POINTS = 2_000_000  # their matrix of 16 functions each takes 0.4 GB

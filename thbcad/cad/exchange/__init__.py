@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         face_nodes as face_nodes,
         step_solid as step_solid,
     )
-    from thbcad.cad.exchange.front_and_rear import conic_faces as conic_faces, optical_form as optical_form
     from thbcad.cad.exchange.handover import (
         GLASS as GLASS,
         library as library,
@@ -46,6 +45,8 @@ if TYPE_CHECKING:
     from thbcad.cad.exchange.solid_file import (
         SolidFile as SolidFile,
         SolidState as SolidState,
+        conic_faces as conic_faces,
+        optical_form as optical_form,
         solid_volume as solid_volume,
         spline_faces as spline_faces,
     )

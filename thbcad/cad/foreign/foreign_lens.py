@@ -17,8 +17,7 @@ from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
-from thbcad.cad.foreign.lens_frame import lens_axes
-from thbcad.cad.foreign.optical_surface import OpticalFace, optical_face
+from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, axial_heights, continued, surveyed
 from thbcad.checks import Floats

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.face_measures import (
         edge_deviation as edge_deviation,
         face_deviation as face_deviation,
+        inner_wires as inner_wires,
+        outline_segments as outline_segments,
+        own_edges as own_edges,
         projected_area as projected_area,
+        rim_faces as rim_faces,
     )
     from thbcad.cad.parts.faces_in_regions import (
         edges_within as edges_within,
@@ -20,12 +24,6 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.mount_solids import mounted_part as mounted_part
     from thbcad.cad.parts.numbers_of_surfaces import surface_numbers as surface_numbers
     from thbcad.cad.parts.operations import cut as cut, join as join
-    from thbcad.cad.parts.part_topology import (
-        inner_wires as inner_wires,
-        outline_segments as outline_segments,
-        own_edges as own_edges,
-        rim_faces as rim_faces,
-    )
     from thbcad.cad.parts.search import PlacedLens as PlacedLens, placed_lens as placed_lens
     from thbcad.cad.parts.writing import (
         exact_part as exact_part,
