@@ -77,21 +77,18 @@ class ConicFace:
 
     def _excess(self, points: Floats) -> Floats:
         """Return c (x^2 + y^2 + (1 + K) z^2) - 2 z."""
-        excess: Floats = self._curvature * dot(self._scale * points, points) - 2 * points[:, 2]
-        return excess
+        return self._curvature * dot(self._scale * points, points) - 2 * points[:, 2]
 
     def _normals(self, points: Floats) -> Floats:
         """Return unit normals; on the sheet through the vertex they point to +z."""
         normals = UP - self._curvature * self._scale * points
-        unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        return unit
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""
         square = (np.clip(points, -self._half, self._half) ** 2).sum(axis=1)
         c = self._curvature
-        heights: Floats = c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
-        return heights
+        return c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
 
     def _behind(self, points: Floats, directions: Floats) -> NDArray[np.bool_]:
         """Return which rays come into the face's box above the face: they pass its rim."""
@@ -104,8 +101,7 @@ class ConicFace:
         ends = np.where(directions == 0, [[[-np.inf]], [[np.inf]]], ends)
         enters = np.maximum(ends.min(axis=0).max(axis=1), 0.0)
         here = points + enters[:, None] * directions
-        behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
-        return behind
+        return here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
 
 
 class FaceRim:
@@ -142,14 +138,12 @@ class FaceRim:
                 r = np.maximum(np.hypot(x, y), TINY)
                 meets = abs(x * b - y * a) <= self._slack * r  # not where Newton's method is held at an end
                 reach[own] = np.maximum(reach[own], np.where(meets, (a * x + b * y) / r, 0.0))
-        inside: NDArray[np.bool_] = np.hypot(*points.T) <= reach + self._slack
-        return inside
+        return np.hypot(*points.T) <= reach + self._slack
 
 
 def dot(a: Floats, b: Floats) -> Floats:
     """Return the products of rows, (n,)."""
-    dots: Floats = np.einsum("ij,ij->i", a, b)
-    return dots
+    return np.einsum("ij,ij->i", a, b)
 
 
 class ParametricFace:

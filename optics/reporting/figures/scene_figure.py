@@ -218,13 +218,10 @@ def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], paths: Sequence[RayPa
 
 def _stop(axes: Axes, scene: Scene, rims: Sequence[Array]) -> None:
     """Draw a stop as a thin plate.  rims : as of `stop_rims`."""
-    shape = Path.make_compound_path(*(Path(scene(rim).T, closed=True) for rim in map(_closed, rims)))
+    closed = (np.concatenate([rim, rim[:, :1]], axis=1) for rim in rims)
+    shape = Path.make_compound_path(*(Path(scene(rim).T, closed=True) for rim in closed))
     order = 3.5 if scene.nearer(rims[-1]) else 1.6
     axes.add_patch(PathPatch(shape, facecolor=INK, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order))
-
-
-def _closed(rim: Array) -> Array:
-    return np.concatenate([rim, rim[:, :1]], axis=1)
 
 
 def _wider(box: Array, margin: float) -> Array:

@@ -196,8 +196,7 @@ class _Linear:
 
     @property
     def _seen(self) -> NDArray[np.bool_]:
-        seen: NDArray[np.bool_] = self.values > BLIND * self.values[0]
-        return seen
+        return self.values > BLIND * self.values[0]
 
     def step(self, damping: float) -> Pose:
         """Return the step of least squares.  damping : in the greatest singular value."""
