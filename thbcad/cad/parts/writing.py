@@ -82,7 +82,7 @@ def write_step(
         is moved, a placement of the file moves it.  Other faces are as OCCT has them.
     product : names and material for the file; None is Product().  A material without an index gets the index
         of the lens.
-    schema : AP242, AP214 or AP203.
+    schema : AP242 or AP214.
     lens : of the part; a `LensPart` and the Workplane of `workplane` know their own.
 
     Raises
