@@ -20,6 +20,12 @@ MARK = 9.0  # mm of a section mark beyond the outline
 SPACING = 3.0  # mm between the lines of a hatching
 
 Marks = list[Stroke | Label]
+PAPER = (420.0, 297.0)  # mm, A3
+MARGINS = (20.0, 10.0)  # mm: left for binding, and all others
+BAND = 44.0  # mm, height of the tables
+TITLE = 160.0  # mm, width of the title block
+ROW = 5.5  # mm
+LONGEST = 44  # characters of a text in a cell
 
 
 def dimension(points: Floats, level: float, axis: int, text: str) -> Marks:
@@ -96,14 +102,6 @@ def hatching(outline: Floats) -> list[Stroke]:
         for low, high in zip(x[::2], x[1::2]):
             lines.append(line(turn @ [low, row], turn @ [high, row], style=Style.HATCH))
     return lines
-
-
-PAPER = (420.0, 297.0)  # mm, A3
-MARGINS = (20.0, 10.0)  # mm: left for binding, and all others
-BAND = 44.0  # mm, height of the tables
-TITLE = 160.0  # mm, width of the title block
-ROW = 5.5  # mm
-LONGEST = 44  # characters of a text in a cell
 
 
 def tables(lens: Lens, product: Product, scale: float, bound: float, outlines: tuple[str, str]) -> Marks:

@@ -23,6 +23,10 @@ Line = list[tuple[Any, float]]
 MOST_LINES = 8  # of a plot: more have no place in its legend
 ROUNDING, TINY = 1e-9, 1e-12  # differences of metrics that say nothing: relative, and of parts of the flux
 MOST_WORDS = 20  # values of a key without numbers: labels below the axis
+PAGE = Path(__file__).with_name("sweep_page.html")
+MOST_PICTURES = 1000  # in the table: about 5 kB each
+WORDY = ("sentence", "verdict", "notes")  # columns of sentences
+MARK = re.compile("TITLE|SUMMARY|HEAD|BODY|PLOTS")
 
 
 def contact_sheet(sweep: Sweep) -> bytes | None:
@@ -122,12 +126,6 @@ def _varies(numbers: list[float]) -> bool:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-PAGE = Path(__file__).with_suffix(".html")
-MOST_PICTURES = 1000  # in the table: about 5 kB each
-WORDY = ("sentence", "verdict", "notes")  # columns of sentences
-MARK = re.compile("TITLE|SUMMARY|HEAD|BODY|PLOTS")
 
 
 def sweep_page(sweep: Sweep, title: str, plots: Mapping[str, bytes]) -> str:
