@@ -17,8 +17,12 @@ if TYPE_CHECKING:
         optiland_trace as optiland_trace,
         tracer_by_optiland as tracer_by_optiland,
     )
-    from optics.exchange.verification.prescription import prescription_checks as prescription_checks
     from optics.exchange.verification.reference_tracer import last_step as last_step, trace_step as trace_step
+    from optics.exchange.verification.same_design import (
+        fresh_export_checks as fresh_export_checks,
+        prescription_checks as prescription_checks,
+        same_surface as same_surface,
+    )
     from optics.exchange.verification.solid_text import whole_checks as whole_checks
     from optics.exchange.verification.step_checks import (
         differing_numbers as differing_numbers,
@@ -38,10 +42,6 @@ if TYPE_CHECKING:
         state_checks as state_checks,
         text_volume_check as text_volume_check,
         volume_check as volume_check,
-    )
-    from optics.exchange.verification.text_comparison import (
-        fresh_export_checks as fresh_export_checks,
-        same_surface as same_surface,
     )
     from optics.exchange.verification.trace_comparison import light_checks as light_checks
 

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
         read_brep as read_brep,
         read_iges as read_iges,
     )
-    from thbcad.cad.exchange.iges_writing import brep_text as brep_text
     from thbcad.cad.exchange.loose_splines import (
         read_curves as read_curves,
         read_faces as read_faces,
         write_curves as write_curves,
         write_faces as write_faces,
     )
+    from thbcad.cad.exchange.occt_texts import brep_text as brep_text, compact as compact, silence as silence
     from thbcad.cad.exchange.part_triangles import face_triangles as face_triangles, part_mesh as part_mesh
     from thbcad.cad.exchange.reading import (
         OCCT_ERRORS as OCCT_ERRORS,
@@ -56,6 +56,5 @@ if TYPE_CHECKING:
         read_step as read_step,
         step_bytes as step_bytes,
     )
-    from thbcad.cad.exchange.step_writing import compact as compact, silence as silence
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -17,8 +17,8 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from thbcad.cad.exchange.occt_texts import silence
 from thbcad.cad.exchange.reading import faces_of, step_shape
-from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep

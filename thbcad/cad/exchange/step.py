@@ -28,9 +28,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
 
+from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
-from thbcad.cad.exchange.step_writing import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens, Product, face_colour, require_line

@@ -32,6 +32,7 @@ from OCP.XCAFDoc import (
 from tests.thbcad.cases import LENSES, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, write_step
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
+from thbcad.cad.exchange.occt_texts import silence
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
 from thbcad.cad.exchange.step import (
@@ -40,7 +41,6 @@ from thbcad.cad.exchange.step import (
     read_step,
     step_bytes,
 )
-from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, face_colour, optical_forms
