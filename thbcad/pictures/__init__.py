@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.pictures.svg_pictures import (
+    from .svg_pictures import (
         card as card,
         frame_size as frame_size,
         interval_text as interval_text,
