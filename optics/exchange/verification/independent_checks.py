@@ -35,8 +35,8 @@ from thbcad.splines import UNIT, BSplineSurface
 if TYPE_CHECKING:
     from thbcad.moulds import MouldedBody, Solid
 
-Rows = NDArray[np.float64]
 
+Rows = NDArray[np.float64]
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
 ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
@@ -101,7 +101,9 @@ def text_checks(solid: Brep, made: Solid) -> list[Check]:
 def _other_walls(faces: Sequence[BrepFace], lens: Lens) -> int:
     """Return how many of the edge faces, or of their numbers, are not those of the lens."""
     if lens.taper != UPRIGHT:
-        return _other_ruled(faces, lens)
+        ruled = zip(faces, ruled_edges(lens))
+        off = sum(differing_numbers(face.surface, wall) for face, wall in ruled)
+        return abs(len(faces) - len(edge_names(lens))) + off
     pieces = lens.rear.outline.pieces
     if lens.rear.outline.is_rectangle:
         return _other_planes(faces, lens)
@@ -138,14 +140,6 @@ def _stands_on(face: BrepFace, piece: RimPiece) -> bool:
         return False
     conic = swept.curve.conic
     return (*conic.placement[0, :2], *conic.sizes) == (*piece.centre, *sorted(piece.semi_axes, reverse=True))
-
-
-def _other_ruled(faces: Sequence[BrepFace], lens: Lens) -> int:
-    """Return how many numbers of the edge faces differ from the ruled faces between the rims."""
-    off = abs(len(faces) - len(edge_names(lens)))
-    for face, ruled in zip(faces, ruled_edges(lens)):
-        off += differing_numbers(face.surface, ruled)
-    return off
 
 
 def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:

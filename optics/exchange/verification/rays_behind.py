@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.exchange.verification.traced_faces import Floats
+from optics.exchange.verification.traced_faces import dot
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import Stop
 from optics.scene.receivers import Cylinder, Receiver, Sphere
+from thbcad.checks import Floats
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
@@ -72,7 +73,7 @@ def _round(
     centred = points - (0.0, 0.0, radius)
     some = [0, 1, 2] if sphere else [0, 2]
     p, d = centred[:, some], directions[:, some]
-    a, b, c = _dot(d, d), _dot(p, d), _dot(p, p) - radius**2
+    a, b, c = dot(d, d), dot(p, d), dot(p, p) - radius**2
     met = b * b > a * c
     length = (-b - np.sign(radius) * np.sqrt(np.where(met, b * b - a * c, 1.0))) / a
     x, y, z = (centred + length[:, None] * directions).T / radius
@@ -106,7 +107,3 @@ def inside(outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
         ]
         within &= beyond[0] ** 2 + beyond[1] ** 2 <= 1
     return within
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)

@@ -22,6 +22,7 @@ from optics.exchange.verification.traced_faces import (
     FaceRim,
     Meetings,
     ParametricFace,
+    dot,
 )
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import AIR, LightPath, Stop
@@ -101,12 +102,12 @@ def through_faces(faces: Sequence[FileFace], rays: RaysBehind, stops: Sequence[S
             met &= inside(face.opening, own[:, 0], own[:, 1])
         points = face.pose.points(own.T).T
         if stops and face.in_air:
-            met &= passes(stops, start, onward, np.where(met, _dot(points - start, onward), np.inf))
+            met &= passes(stops, start, onward, np.where(met, dot(points - start, onward), np.inf))
         passing = np.ones(len(points))
         if face.eta is not None:
-            refracted, passing = _refract(along, normals, face.eta)
+            refracted, passing = refract(along, normals, face.eta)
         if face.reflects:
-            along = along - 2 * _dot(along, normals)[:, None] * normals
+            along = along - 2 * dot(along, normals)[:, None] * normals
             passing = passing if face.eta is None else 1 - passing
         else:
             along = refracted
@@ -199,30 +200,38 @@ def _newton(
     size = np.abs(face.high - face.low).max()
     for _ in range(NEWTON_STEPS):
         s, su, sv = face.jet(uv)
-        f, g = _dot(a, s - points), _dot(b, s - points)
-        fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
+        f, g = dot(a, s - points), dot(b, s - points)
+        fu, fv, gu, gv = dot(a, su), dot(a, sv), dot(b, su), dot(b, sv)
         determinant = fu * gv - fv * gu
         step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
         uv = np.clip(uv - step, face.low, face.high)
         if np.abs(step).max(initial=0.0) < NEWTON_TOLERANCE * size:
             break
     s, su, sv = face.jet(uv)
-    distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
+    distance = np.hypot(dot(a, s - points), dot(b, s - points))
     normals = np.cross(su, sv)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals *= np.sign(normals[:, 2:])
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
     near = MEETS * face.width
-    met = (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+    met = (distance < near) & (dot(s - points, directions) >= -near) & (dot(normals, directions) > 0)
     return s, normals, met
 
 
-def _refract(
+def refract(
     directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
-    cos_i = _dot(directions, normals)
+    """Return (directions, transmittance) by the vector form of Snell's law and Fresnel's equations.
+
+    T = 0 where light is totally reflected, and where the normals do not point along the rays.
+
+    With the cosines a and b of the angles to the normal before and behind the face,
+    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
+
+    eta : index before / index behind.
+    """
+    cos_i = dot(directions, normals)
     square = 1 - eta**2 * (1 - cos_i**2)
     passes = (square > 0) & (cos_i > 0)
     cos_t = np.sqrt(np.where(passes, square, 1.0))
@@ -230,7 +239,3 @@ def _refract(
     rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
     rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
     return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)

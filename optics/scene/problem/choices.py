@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of optimizer.engine
+ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 
 _KINDS = (

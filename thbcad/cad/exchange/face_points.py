@@ -1,4 +1,6 @@
-"""Rays and the faces of an OCCT shape: their first intersection, as OCCT computes it."""
+"""Points and normals of the faces of an OCCT shape, as OCCT computes them: over a grid of their parameters,
+and where rays first meet them.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,47 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from thbcad.cad.exchange.reading import step_shape
-from thbcad.cad.exchange.step_writing import silence
+from thbcad.cad.exchange.occt_texts import silence
+from thbcad.cad.exchange.reading import faces_of, step_shape
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
 
 FARTHEST = 1e9  # mm along a ray
+
+
+@dataclass(frozen=True, eq=False)
+class FaceNodes:
+    """Points (n_u, n_v, 3) in mm and outward unit normals (n_u, n_v, 3) of a face."""
+
+    points: Floats
+    normals: Floats
+
+
+def face_nodes(shape: TopoDS_Shape, number: int, u: ArrayLike, v: ArrayLike) -> FaceNodes:
+    """Return the FaceNodes of the surface under a face, at the parameters u x v, (n_u,) and (n_v,), or at
+    pairs of them, (n_u, n_v) both.
+
+    About 10 microseconds per node.
+
+    number : of the face in the shape, from 0.
+    """
+    face = faces_of(shape)[number]
+    evaluate = BRep_Tool.Surface_s(face).D1
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    a, b = (np.asarray(row, dtype=np.float64) for row in (u, v))
+    pairs = np.stack(np.broadcast_arrays(*((a[:, None], b) if a.ndim == 1 else (a, b))), axis=-1)
+    rows = []
+    for line in pairs.tolist():
+        row = []
+        for a, b in line:
+            evaluate(a, b, point, along_u, along_v)
+            row.append(point.Coord() + along_u.Coord() + along_v.Coord())
+        rows.append(np.array(row))
+    jet = np.stack(rows)
+    normals = np.cross(jet[..., 3:6], jet[..., 6:])
+    outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    return FaceNodes(jet[..., :3], outward * normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,19 +1,23 @@
-"""STEP text from OCCT models: process-wide settings, silence, every number as the shortest text that reads
-back to the same bits.
+"""STEP, IGES and BREP text from OCCT models: process-wide settings, silence, every number as the shortest
+text, or with every digit, that reads back to the same bits.
 
-Text beyond ASCII is encoded as ISO 10303-21 wants it.
+Text beyond ASCII is encoded in STEP as ISO 10303-21 wants it.
 """
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.IGESData import IGESData_IGESWriter
+from OCP.IGESBasic import IGESBasic_Name
+from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
+from OCP.IGESData import IGESData_IGESEntity, IGESData_IGESWriter
+from OCP.IGESSolid import IGESSolid, IGESSolid_Face, IGESSolid_ManifoldSolid
 from OCP.Interface import Interface_InterfaceModel, Interface_Protocol, Interface_Static
 from OCP.Message import Message
 from OCP.StepAP214 import StepAP214
@@ -22,6 +26,7 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopoDS import TopoDS_Shape
+from OCP.TopTools import TopTools_FormatVersion
 
 from thbcad.lens import Product
 
@@ -157,3 +162,66 @@ def _encoded(beyond: re.Match[str]) -> str:
     wide = max(beyond[0]) > "\uffff"
     digits = "".join(f"{ord(c):0{8 if wide else 4}X}" for c in beyond[0])
     return f"\\X{4 if wide else 2}\\{digits}\\X0\\"
+
+
+IGES_STAMP = "20000101.000000"
+FACES, SOLID = 0, 1  # modes of OCCT's writer: loose trimmed surfaces, or a solid as entity 186
+
+
+def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequence[str] = ()) -> bytes:
+    """Return a shape as an IGES file in mm; the same shape gives the same bytes.
+
+    mode : FACES or SOLID.  product : its name, author and organization stand in the file, in ASCII, "?" for
+        other characters.
+    face_names : of the faces of a SOLID in their order.
+
+    Raises
+    ------
+    RuntimeError : OCCT refuses the shape.
+    """
+    IGESControl_Controller.Init_s()
+    silence()
+    writer = IGESControl_Writer("MM", mode)
+    if not writer.AddShape(shape):
+        raise RuntimeError(f"OCCT could not translate {product.name} to IGES")
+    writer.ComputeModel()
+    model = writer.Model()
+    if face_names:
+        entities = [model.Value(k) for k in range(1, model.NbEntities() + 1)]
+        for solid in (e for e in entities if isinstance(e, IGESSolid_ManifoldSolid)):
+            _name(writer, solid, product.name)
+        faces = [e for e in entities if isinstance(e, IGESSolid_Face)]
+        for face, name in zip(faces, face_names, strict=True):
+            _name(writer, face, name)
+    head = model.GlobalSection()
+    for setter, value in (
+        (head.SetAuthorName, product.author),
+        (head.SetCompanyName, product.organization),
+        (head.SetFileName, product.name),
+        (head.SetSendName, "thbcad"),
+    ):
+        setter(_ascii(value))
+    for setter in (head.SetDate, head.SetLastChangeDate):
+        setter(TCollection_HAsciiString(IGES_STAMP))
+    model.SetGlobalSection(head)
+    return printed(IGESData_IGESWriter(model), IGESSolid.Protocol_s())
+
+
+def brep_text(shape: TopoDS_Shape) -> bytes:
+    """Return a shape as a BREP file."""
+    buffer = io.BytesIO()
+    BRepTools.Write_s(shape, buffer, False, False, TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1)
+    return buffer.getvalue()
+
+
+def _name(writer: IGESControl_Writer, entity: IGESData_IGESEntity, name: str) -> None:
+    """Name an entity: a name property (entity 406, form 15) and, of 8 characters, the label."""
+    property_ = IGESBasic_Name()
+    property_.Init(1, _ascii(name))
+    entity.AddProperty(property_)
+    writer.AddEntity(property_)
+    entity.SetLabel(_ascii(name[:8]))
+
+
+def _ascii(text: str) -> TCollection_HAsciiString:
+    return TCollection_HAsciiString(text.encode("ascii", "replace").decode("ascii"))

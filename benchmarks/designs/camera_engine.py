@@ -1,6 +1,6 @@
-"""The engine "mitsuba-ptracer": Mitsuba's particle tracer, a diffuse screen, and a camera (thesis 5.2.2).
+"""An engine for benches: Mitsuba's particle tracer, a diffuse screen, and a camera (thesis 5.2.2).
 
-It is offered for the study of that way.  The light paths are random: an irradiance has noise, and so has
+The light paths are random: an irradiance has noise, and so has
 every derivative.  A derivative has other paths than its picture, so that it is right in the mean; see
 `thbcad bench engines` for the cosine of the angle between such a gradient and the exact one.  The optimiser
 that averages over steps is Adam.  Other coefficients have other paths, the same ones always the same.
@@ -17,6 +17,7 @@ half-width.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, pi
@@ -26,13 +27,18 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from optics import design, load_problem
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
-from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
-from optics.exchange.mitsuba.mesh import LensMesh
-from optics.exchange.mitsuba.mesh_engine import lens_mesh
-from optics.exchange.mitsuba.scene import REFLECTANCE, scene_dictionary
-from optics.exchange.mitsuba.surface_vertices import Jet
+from optics.exchange.mitsuba import (
+    REFLECTANCE,
+    LensMesh,
+    current_mitsuba,
+    lens_mesh,
+    load_mitsuba,
+    mitsuba_backend,
+    scene_dictionary,
+)
 from optics.light.engines import Film
 from optics.scene.receivers import GaussianWindow, Screen, filter_image
 from optics.scene.system import OpticalSystem
@@ -45,6 +51,18 @@ WIDER = 2  # times the target in each direction
 # with it a derivative takes three times as long
 TRACER = {"type": "ptracer", "max_depth": 4}
 LAST = 1 << 31  # of the seeds
+
+
+def camera_engine(threads: int = 0) -> CameraEngine:
+    """Return the engine in Mitsuba's mono variant.
+
+    threads : of all Dr.Jit kernels, 0 for all cores.
+
+    Raises
+    ------
+    UserError : as `load_mitsuba`.
+    """
+    return CameraEngine(mitsuba_backend(load_mitsuba(threads=threads)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +173,7 @@ class CameraModel:
         )
         return image, self._cropped(_irradiance(change))
 
-    def _placed(self, coefficients: Sequence[Floats]) -> list[Jet]:
+    def _placed(self, coefficients: Sequence[Floats]) -> list[Any]:
         """Move the lens, and return the leaves by which its vertices can be derived."""
         leaves = self._mesh.leaves(self._mitsuba, coefficients)
         self._mesh.follow(self._mitsuba, self._parameters, leaves)
@@ -215,3 +233,12 @@ def wide_screen(screen: Screen) -> Screen:
 def _irradiance(picture: Any) -> Floats:
     """Return the irradiance of a picture; the camera sees +x on its left."""
     return pi / REFLECTANCE * np.array(picture, dtype=np.float64)[..., 0][:, ::-1]
+
+
+def main(problem: str, folder: str) -> None:
+    """Design the lens of a problem file into a result folder, as `thbcad design` does, by this engine."""
+    design(load_problem(problem), engine=camera_engine()).save(folder)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optics.reporting.figures import trace_figures
+from optics.reporting.figures import command_figures
 from optics.scene.photometry import units_of
 from optics.scene.receivers import FarField, Plane, Screen
 
@@ -24,10 +24,10 @@ def test_a_picture_of_light_has_its_unit_and_its_numbers(monkeypatch, flux, angu
         drawn.update(data=data, words=(unit, text), limits=limits)
         return b""
 
-    monkeypatch.setattr(trace_figures, "plane_figure", kept)
+    monkeypatch.setattr(command_figures, "plane_figure", kept)
     screen = Screen((20.0, 10.0), (4, 3), receiver=FarField() if angular else Plane())
     image = np.arange(12.0).reshape(3, 4)
-    trace_figures.irradiance_figure(image, screen, units_of(flux).density(angular))
+    command_figures.irradiance_figure(image, screen, units_of(flux).density(angular))
     np.testing.assert_allclose(drawn["data"], factor * image, rtol=1e-15)
     assert drawn["words"] == ("degrees" if angular else "mm", label)
     assert drawn["limits"] == pytest.approx((0, 11 * factor))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 pytest.importorskip("mitsuba")
 
-from optics.base.runtime import UserError
+from benchmarks.designs.camera_engine import camera_engine, wide_screen
+from optics.base.runtime import UserError, load_backend
 from optics.designing.optimisation import shape_lens
-from optics.exchange.mitsuba import mesh_engine
-from optics.exchange.mitsuba.camera_engine import wide_screen
-from optics.exchange.mitsuba.engine_choice import mitsuba_engine
-from optics.exchange.mitsuba.loading import load_mitsuba
+from optics.exchange.mitsuba import LensMesh, load_mitsuba
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, Screen
@@ -23,10 +23,16 @@ from thbcad.surfaces import THBSurface
 STUDY = {"target.pixels": [24, 24], "optimizer.window": "gaussian", "optimizer.rays_per_pixel": 8}
 
 
+@pytest.fixture(scope="module")
+def backend():
+    return load_backend("double", 1)
+
+
 @pytest.fixture(autouse=True)
 def mi(backend, monkeypatch):
     """Mitsuba on one thread, and meshes of 97 vertices in each direction."""
-    monkeypatch.setattr(mesh_engine, "FEWEST", 96)
+    small = partial(LensMesh.uniform, counts=(97, 97))
+    monkeypatch.setattr("benchmarks.designs.camera_engine.lens_mesh", small)
     threads = backend.dr.thread_count()
     yield load_mitsuba(threads=1)
     load_mitsuba(threads=threads)
@@ -38,7 +44,7 @@ def models(folder, backend, changes=None):
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 3), (121, 121), GaussianWindow(1.0))
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-ptracer", 1)
+    engines = ExactEngine(backend), camera_engine(1)
     return *(e.model(system, lens, film) for e in engines), [sag.coefficients for sag in lens.sags]
 
 
@@ -96,18 +102,18 @@ def test_the_camera_sees_twice_the_target_and_its_margin(margin):
         assert (count - padded) % 2 == 0
 
 
-def test_a_lens_without_reflections_is_refused(problem_file, backend):
-    system = OpticalSystem(load_problem(problem_file({"optimizer.fresnel": False})))
+def test_a_lens_without_reflections_is_refused(tmp_path):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, {"optimizer.fresnel": False})))
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
-        mitsuba_engine("mitsuba-ptracer", 1).model(system, system.lens, film)
+        camera_engine(1).model(system, system.lens, film)
 
 
 @pytest.mark.slow
-def test_a_whole_design_runs_through_all_levels(problem_file, backend):
+def test_a_whole_design_runs_through_all_levels(tmp_path, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
-    system = OpticalSystem(load_problem(problem_file(changes)))
-    _, state = shape_lens(system, backend, mitsuba_engine("mitsuba-ptracer", 1))
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    _, state = shape_lens(system, backend, camera_engine(1))
     fits = [row.fit for row in state.history]
     assert len({row.level for row in state.history}) == 3
     assert min(fits) <= fits[0]
