@@ -117,9 +117,9 @@ class Problem:
         """Return a variation with other values of keys of an element.  of : None is the one that is free."""
         if self.lens:
             return replace(self, lens=replace(self.lens, **changes))
-        changed = of or self.optic
-        pairs = zip(self.element, self.optics)
-        return replace(self, element=tuple(e.with_keys(**changes) if o is changed else e for e, o in pairs))
+        table = (of or self.optic).table
+        changed = (e.with_keys(**changes) if e.table == table else e for e in self.element)
+        return replace(self, element=tuple(changed))
 
     @property
     def throw(self) -> float:
