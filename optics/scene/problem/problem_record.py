@@ -199,6 +199,11 @@ def _require_one_optic(problem: Problem) -> None:
             f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
             'target.position, or target.surface = "far_field"'
         )
+    if problem.element and problem.target.position is None and not problem.target.far_field:
+        raise UserError(
+            "the key target.position is missing (mm, of the middle of the target); add it, or "
+            'target.surface = "far_field"'
+        )
     for k, element in enumerate(problem.element):
         if not element.name:
             raise UserError(f'element[{k}].name is missing; add one, such as name = "M1"')

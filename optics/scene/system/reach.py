@@ -17,6 +17,7 @@ from thbcad.checks import Floats
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
 FAR = 1e9  # mm, of points of the far field
 GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
+EDGE_ON = 1e-9  # of a cosine: light that meets an element so, along its face, never meets it
 LITTLE = 0.01  # of the light
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
@@ -55,7 +56,7 @@ def require_met(system: OpticalSystem) -> None:
     """
     back = system.pose.inverse()
     if system.source.from_afar:
-        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
+        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= EDGE_ON:
             raise UserError(
                 f"light along +z meets {_named(system)} from behind, or never; turn it by "
                 f"{system.problem.optic.key('tilt')} so that light comes from its own -z"
