@@ -47,8 +47,8 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
         )
 
 
-def require_met(system: OpticalSystem) -> None:
-    """Refuse a lens or a mirror that light meets from behind.
+def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
+    """Refuse a lens or a mirror that light meets from behind.  least : cosine of a beam's angle to its axis.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def require_met(system: OpticalSystem) -> None:
     """
     back = system.pose.inverse()
     if system.source.from_afar:
-        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= EDGE_ON:
+        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= least:
             raise UserError(
                 f"light along +z meets {_named(system)} from behind, or never; turn it by "
                 f"{system.problem.optic.key('tilt')} so that light comes from its own -z"
@@ -130,8 +130,10 @@ def can_be_lit(system: OpticalSystem) -> bool:
 
     Raises
     ------
-    UserError : the target cuts the lens.
+    UserError : the target cuts the lens, or light meets that from behind.
     """
+    if system.problem.element:
+        require_met(system, GRAZING)
     if not system.target.far_field:
         require_clear_of_lens(system)
     points, normals, _ = _asked(system)
