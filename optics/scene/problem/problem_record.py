@@ -230,6 +230,11 @@ def _require_elements(problem: Problem) -> None:
             f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
             'target.position, or target.surface = "far_field"'
         )
+    if problem.element and problem.target.position is None and not problem.target.far_field:
+        raise UserError(
+            "the key target.position is missing (mm, of the middle of the target); add it, or "
+            'target.surface = "far_field"'
+        )
     require_named_elements(problem.element)
     if len(problem.path) > 1 or (problem.path and problem.lens):
         raise UserError(

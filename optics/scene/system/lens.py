@@ -24,7 +24,7 @@ def base_lens(spec: Optic) -> Lens:
     try:
         return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
     except ValueError as error:
-        raise UserError(f"{spec.table}: {error}") from None
+        raise UserError(f"{spec.table}: {error}".replace("lens.", f"{spec.table}.")) from None
 
 
 def lens_product(problem: Problem) -> Product:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
@@ -267,9 +267,10 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
-    def with_target(self, **changes: Any) -> OpticalSystem:
-        """Return the system with other values of keys of the target that change neither lens nor picture."""
-        other = OpticalSystem(replace(self.problem, target=replace(self.problem.target, **changes)), self.aim)
+    def elsewhere(self, problem: Problem) -> OpticalSystem:
+        """Return the system of a problem that differs in where things lie; lens and picture are not made
+        again."""
+        other = OpticalSystem(problem, self.aim)
         other.__dict__["lens"] = self.lens
         other.target.__dict__["light"] = self.target.light
         return other

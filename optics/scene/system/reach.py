@@ -21,6 +21,7 @@ from thbcad.lens import Lens
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
 FAR = 1e9  # mm, of points of the far field
 GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
+EDGE_ON = 1e-9  # of a cosine: light that meets an element so, along its face, never meets it
 LITTLE = 0.01  # of the light
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
@@ -51,8 +52,10 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
         )
 
 
-def require_met(system: OpticalSystem) -> None:
+def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
     """Refuse an element that light would meet from behind: each comes from its own -z, from the one before.
+
+    least : cosine of a beam's angle to the axis of the first.
 
     Raises
     ------
@@ -62,7 +65,7 @@ def require_met(system: OpticalSystem) -> None:
     entered = [face.optic for k, face in enumerate(met) if not k or face.optic is not met[k - 1].optic]
     if system.source.from_afar:
         first = pose_of(entered[0]).inverse()
-        if first.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
+        if first.directions(np.array([0.0, 0.0, 1.0]))[2] <= least:
             raise UserError(
                 f"light along +z meets {_named(entered[0])} from behind, or never; turn it by "
                 f"{entered[0].key('tilt')} so that light comes from its own -z"
@@ -176,8 +179,10 @@ def can_be_lit(system: OpticalSystem) -> bool:
 
     Raises
     ------
-    UserError : the target cuts the lens.
+    UserError : the target cuts the lens, or light meets that from behind.
     """
+    if system.problem.element:
+        require_met(system, GRAZING)
     if not system.target.far_field:
         require_clear_of_lens(system)
     if not _shaped_last(system):
