@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import Check
 from optics.exchange.verification.traced_faces import FaceRim
 from thbcad.io import Brep, BrepFace, parse_brep, volume
-from thbcad.lens import Lens, OpticalForm, edge_names
+from thbcad.lens import Lens, OpticalForm, edge_names, optical_places
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
@@ -175,9 +175,9 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     ------
     ValueError : there are not two.
     """
-    names = [face.name for face in solid.faces]
-    if names.count("front") == names.count("rear") == 1:
-        return names.index("front"), names.index("rear")
+    places = optical_places([face.name for face in solid.faces])
+    if places is not None:
+        return places
     forms = {k: optical_form(solid, face) for k, face in enumerate(solid.faces)}
     centres = {k: _centre(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
     if len(centres) > 2:

@@ -1,6 +1,6 @@
 """A picture like a photograph: the lens as glass, and its light on a screen in a dark room.
 
-Rays of a camera go through the exact lens, with all refractions and reflections at its six faces.  What they
+Rays of a camera go through the exact lens, with all refractions and reflections at its faces.  What they
 meet behind it is an invented room; the light on the screen is the measured one.
 """
 

@@ -38,6 +38,7 @@ def lens_product(problem: Problem) -> Product:
         material=spec.material or (f"transparent, n = {glass:g}" if glass else "blank of a mirror"),
         density=spec.density,
         index=glass,
+        sides=(spec.face_name("front"), spec.face_name("rear")),
     )
 
 
