@@ -4,7 +4,6 @@ than it bends.  All is seen in the frame of the element."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 
 import numpy as np
 
@@ -121,9 +120,7 @@ def require_reachable(system: OpticalSystem) -> None:
     u, v = screen.centres[0][columns], screen.centres[1][rows]
     receiver = target.receiver.seen_from(system.pose)
     normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
-    points = FAR * normals
-    if not target.far_field:
-        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
+    points = FAR * normals if target.far_field else np.stack(np.broadcast_arrays(*receiver.points(u, v)))
     _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
     if system.parallel:
         _require_gentle(system, points)
@@ -133,7 +130,7 @@ def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, sh
     """Refuse points (3, n) that no light of the rear meets from before.  share : of the light, (n,)."""
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
-    nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
+    nearest = sum(np.minimum(a * n, b * n) for (a, b), n in zip(rear, normals))  # of the corners
     sign, end = (-1, high) if system.reflects else (1, low)
     before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
     if before.any():
