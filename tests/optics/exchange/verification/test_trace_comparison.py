@@ -71,7 +71,14 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         lens={"index": 1.5, "thickness": 6, "front": size, "rear": size, "outline": "round"},
         target={"kind": "tophat", "distance": 60, "half_width": (20, 20), "pixels": (16, 16)},
         stop=stops,
-    ).with_(**{"lens.clear_aperture": (7, 7), "lens.rear.radius": -40.0, "lens.rear.freeform.degree": 5, "stop.1.tilt": (40, 0, 0)})
+    ).with_(
+        **{
+            "lens.clear_aperture": (7, 7),
+            "lens.rear.radius": -40.0,
+            "lens.rear.freeform.degree": 5,  # a sphere by few poles
+            "stop.1.tilt": (40, 0, 0),
+        }
+    )
     system = solvable_system(problem)
     lens, path = system.lens, system.path(system.lens)
     write_step(lens, tmp_path / "lens.step")
