@@ -4,7 +4,7 @@ than it bends.  All is seen in the frame of the element."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,9 +217,7 @@ def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
     u, v = screen.centres[0][columns], screen.centres[1][rows]
     receiver = target.receiver.seen_from(system.pose)
     normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
-    points = FAR * normals
-    if not target.far_field:
-        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
+    points = FAR * normals if target.far_field else np.stack(np.broadcast_arrays(*receiver.points(u, v)))
     return points, normals, light[rows, columns] / light.sum()
 
 
@@ -230,7 +228,7 @@ def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats
     """
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
-    nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
+    nearest = sum(np.minimum(a * n, b * n) for (a, b), n in zip(rear, normals))  # of the corners
     sign, end = (-1, high) if system.reflects else (1, low)
     before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
     named = _named(system.problem.optic)

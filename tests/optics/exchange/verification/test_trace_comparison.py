@@ -82,7 +82,7 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         **{
             "lens.clear_aperture": (7, 7),
             "lens.rear.radius": -40.0,
-            "lens.rear.freeform.degree": 5,
+            "lens.rear.freeform.degree": 5,  # a sphere by few poles
             "stop.1.tilt": (40, 0, 0),
         }
     )
