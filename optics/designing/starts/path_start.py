@@ -33,6 +33,9 @@ COARSE, FINE = 2, 4  # levels of these fits, at most
 CELLS_PER_FUNCTION = 1.5  # in a direction, at least
 MOST_ROUNDS = 5
 CHANGE = 0.05  # of the light to ask for, relative to that wanted: with less another round does not pay
+# pixels that light lands beside its place, root mean square, from which on this is as uneven as the picture
+# (pearl on a screen turned by 71 degrees: the start's rel_l2 is 0.136 with fine bins and 0.195 without)
+FAR = 1.0
 MOVED = 1e-3  # of the surface's width: light that its new height moves by less is not traced again
 
 
@@ -105,8 +108,10 @@ def shaped_along(
         points, slopes = _jet(shape.with_sag(sag), light)
         landed = shaped.landing(points, light.direction, slopes)
         beside = [np.nan_to_num((a - b) / h) for a, b, h in zip(landed, sent, wanted.half)]
+        off = sum((d * n / 2) ** 2 for d, n in zip(beside, wanted.flux.shape))
+        far = bool(np.average(off, weights=flux) > FAR**2)
         before = asked
-        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux))
+        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux, far))
         p, q, r = light.direction
         aside = (sag.grid(light.x, light.y) - first) * np.hypot(p, q) / r
         moved = np.sqrt(np.average(aside**2, weights=flux)) / (2 * max(shape.half_width))
