@@ -6,7 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
-    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
+    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem, Own as Own
     from optics.scene.system.reach import require_lens_on_axis as require_lens_on_axis
     from optics.scene.system.soundness import (
         advice as advice,
