@@ -68,7 +68,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     spec = system.problem.optic
     front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
     rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
-    return OpticalSystem(system.problem.with_optic(front=front, rear=rear)), start
+    return replace(system, problem=system.problem.with_optic(front=front, rear=rear)), start
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
@@ -82,7 +82,7 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     asked, base = system.problem, base_of(_based(system.problem))
     widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
-        wide = solvable_system(_with_numbers(asked, base, widest))
+        wide = solvable_system(_with_numbers(asked, base, widest), system.own)
         if not wide.parallel:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
@@ -97,8 +97,8 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
             )
         light, slopes = start.rear_slopes()
         base = _nearest_base(asked, light, slopes, system.problem.throw)
-    based = solvable_system(_with_numbers(asked, base, widest))
-    return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
+    based = solvable_system(_with_numbers(asked, base, widest), system.own)
+    return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)), system.own)
 
 
 def _nearest_base(
