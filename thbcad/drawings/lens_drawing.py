@@ -69,7 +69,7 @@ def lens_sheet(
     top, low = _views(lens, chord) if cut is None else _cut_views(cut, chord)
     scale = _scale(top, low)
     placed = _placed(top, low, scale)
-    bound = max(view.bound for view in (*top, *low)) + DIGITS / scale
+    bound = float(max(view.bound for view in (*top, *low))) + DIGITS / scale
     sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
     sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", "")))
     for mark in (_captions, _hatched):

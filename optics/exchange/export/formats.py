@@ -148,9 +148,13 @@ def export(
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
         ("--cavity needs", body.cavity is not None, SOLIDS),
-        ("lens.body needs", body.is_moulded, (*SOLIDS, *OF_SURFACES)),
         # OCCT makes roundings of degree 12, which is read where faces have names
-        ("lens.body.edge_radius needs", body.rounded, ("step", *OF_SURFACES)),
+        ("lens.body.edge_radius needs", body.rounded, ("step", *MESHES, *OF_SURFACES)),
+        (
+            "a drawing shows the lens without lens.body, of lens.json of the result; lens.body needs",
+            body.is_moulded,
+            (*SOLIDS, *MESHES, *OF_SURFACES),
+        ),
         ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:

@@ -6,18 +6,19 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .independent_checks import (
-        occt_trace as occt_trace,
         text_and_occt_checks as text_and_occt_checks,
         tracer_by_occt as tracer_by_occt,
     )
     from .lone_file import bare_checks as bare_checks
+    from .occt_tracer import occt_trace as occt_trace
     from .optiland_tracer import (
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
         optiland_trace as optiland_trace,
         tracer_by_optiland as tracer_by_optiland,
     )
-    from .reference_tracer import last_step as last_step, trace_step as trace_step
+    from .rays_behind import RaysBehind as RaysBehind, last_step as last_step
+    from .reference_tracer import trace_step as trace_step
     from .same_design import (
         fresh_export_checks as fresh_export_checks,
         prescription_checks as prescription_checks,

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.reference_tracer import last_step, refract
+from optics.exchange.verification.occt_tracer import Crossed, occt_through
+from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.reference_tracer import fixed_face
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -19,13 +22,8 @@ from optics.exchange.verification.step_file import (
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared, index_of
-from optics.exchange.verification.traced_faces import dot
-from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
-from optics.scene.sources import Rays
+from optics.exchange.verification.trace_comparison import compared
 from optics.scene.system import OpticalSystem
-from thbcad.cad.exchange import face_hits
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -35,7 +33,6 @@ from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
-    from thbcad.cad.exchange import TopoDS_Shape
     from thbcad.moulds import MouldedBody, Solid
 
 
@@ -44,40 +41,6 @@ ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
 ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
 FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
 ALONG = 33  # points of an edge that are compared
-
-
-def occt_trace(
-    solid: TopoDS_Shape,
-    optical: tuple[int, int],
-    origins: Floats,
-    directions: Floats,
-    index: float | None,
-    target: Receiver,
-) -> LandingPoints:
-    """Trace rays of 1 W through the front and the rear of a solid, by OCCT's intersections.
-
-    index : None is a mirror, whose front reflects all.
-
-    optical : indices of front and rear among the faces.
-    origins, directions : (n, 3) float, mm and unit vectors.
-    """
-    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
-    points, onward = origins, directions
-    lit, weight = np.arange(len(origins)), np.ones(len(origins))
-    for face, eta in zip(optical, (None,) if index is None else (1 / index, index)):
-        hits = face_hits(solid, points, onward)
-        across = dot(onward, hits.normals)
-        if eta is None:
-            onward, transmittance = onward - 2 * across[:, None] * hits.normals, np.ones(len(onward))
-        else:
-            onward, transmittance = refract(onward, np.sign(across)[:, None] * hits.normals, eta)
-            transmittance = np.where(onward[:, 2] > 0, transmittance, 0.0)
-        passes = (hits.faces == face) & (transmittance > 0)
-        points, onward, lit = hits.points[passes], onward[passes], lit[passes]
-        weight = weight[passes] * transmittance[passes]
-    ends, meets, _ = last_step(points, onward, target)
-    landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
-    return LandingPoints(landing, flux)
 
 
 def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
@@ -90,23 +53,22 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    path = system.own_path(lens)
-    by_occt = tracer_by_occt(file, index_of(path), path.receiver)
-    difference = compared(system, lens, backend, RAYS, by_occt)
+    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     made = system.solid(lens)
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
 
 
-def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Callable[[Rays], LandingPoints]:
-    """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
-    optical, shape = optical_faces(file.text), file.solid.shape
+def crossed_by(system: OpticalSystem) -> list[Crossed]:
+    """Return the faces of what is designed as OCCT is to meet them, ideally coated where they reflect."""
+    path = system.path(system.lens).without_coats()
+    return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
-    def trace(rays: Rays) -> LandingPoints:
-        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
 
-    return trace
+def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[RaysBehind], RaysBehind]:
+    """Return the trace of rays through a file as `occt_through`; the text of the file is read first."""
+    optical = optical_faces(file.text)
+    return partial(occt_through, file.solid.shape, optical, crossed=crossed)
 
 
 def text_checks(solid: Brep, made: Solid) -> list[Check]:

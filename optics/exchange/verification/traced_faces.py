@@ -20,6 +20,7 @@ HALVINGS = 12  # of steps in which a ray may fall through the face, before Newto
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 STILL = 1e-12  # of a direction: components that count as zero
 RIM_SAMPLES = 257  # of an edge of a rim
+SURE = 0.99  # of the nearer of two samples: between them a rim bends by some 1e-5
 RIM_STEPS = 6  # of Newton's from the nearest of them: more than double precision needs
 UP = np.array([0.0, 0.0, 1.0])
 TINY = 1e-300
@@ -119,12 +120,20 @@ class FaceRim:
         angles = np.arctan2(points[:, 1], points[:, 0])
         order = np.argsort(angles)
         self._angles, self._t = angles[order], np.concatenate(spans)[order]
+        self._radii = np.hypot(*points[order].T)
         self._owner = np.repeat(np.arange(len(spans)), RIM_SAMPLES)[order]
         self._slack = MEETS * float(np.ptp(points[:, 0]))
 
     def holds(self, points: Floats) -> NDArray[np.bool_]:
-        """Return which points, (n, 2), lie within the curve or on it."""
+        """Return which points, (n, 2), lie within the curve or on it, those near it by Newton's method."""
         at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
+        radii = np.hypot(*points.T)
+        inside: NDArray[np.bool_] = radii < SURE * np.minimum(self._radii[at], self._radii[at - 1])
+        inside[~inside] = radii[~inside] <= self._reach(points[~inside], at[~inside]) + self._slack
+        return inside
+
+    def _reach(self, points: Floats, at: NDArray[np.int64]) -> Floats:
+        """Return how far the curve lies from the axis in the direction of points between samples, (n,)."""
         reach = np.zeros(len(points))
         for number, (edge, span) in enumerate(self._edges):
             for near in (at, at - 1):  # on either side of a corner another edge may be the one that is met
@@ -138,7 +147,7 @@ class FaceRim:
                 r = np.maximum(np.hypot(x, y), TINY)
                 meets = abs(x * b - y * a) <= self._slack * r  # not where Newton's method is held at an end
                 reach[own] = np.maximum(reach[own], np.where(meets, (a * x + b * y) / r, 0.0))
-        return np.hypot(*points.T) <= reach + self._slack
+        return reach
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -148,6 +148,7 @@ def _scene(options: Namespace) -> Outcome:
         f"render it with: mitsuba {out}, the light on the screen",
         f"or with: mitsuba -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
+        *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
     ]
     return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
 

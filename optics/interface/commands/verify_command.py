@@ -207,7 +207,9 @@ def _folder_checks(
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
     checks += limit_checks(problem, system.manufactured(lens))
-    if by_optiland and optiland_available():
+    if by_optiland and len(system.own_faces) > 2:
+        note("optiland does not trace the file: it traces no reflection inside a lens")
+    elif by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:
         note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")

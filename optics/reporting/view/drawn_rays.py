@@ -38,7 +38,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if system.target.far_field:
         path = path.onto(receiver_at(FAR * max(path.surfaces[-1].shape.half_width), path.leaving))
         half_width = np.inf, np.inf
-    if system.reflects:
+    if not system.lone_lens:
         found = sequential_paths(backend, path, rays, half_width)
     else:
         found = trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.exchange.verification.independent_checks import occt_trace, text_and_occt_checks
+from optics.exchange.verification.independent_checks import text_and_occt_checks
 from optics.exchange.verification.lone_file import _axis, bare_checks
+from optics.exchange.verification.occt_tracer import occt_trace
 from optics.exchange.verification.step_file import StepFile, optical_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
