@@ -192,16 +192,6 @@ class SolidState:
         return solid_volume(self.shape, VOLUME_TOLERANCE)
 
     @property
-    def default_volume(self) -> float:
-        """The volume in mm^3 by the default quadrature of OCCT, as other programs show it.
-
-        It takes few points per face: on rough faces it is off by up to 2.5e-4.
-        """
-        properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(self.shape, properties)
-        return properties.Mass()
-
-    @property
     def box(self) -> tuple[float, ...]:
         """The box of the shape by OCCT, (x, y, z, x, y, z) in mm: that of the poles, not the least one."""
         box = Bnd_Box()
