@@ -288,7 +288,7 @@ class OpticalSystem:
     def elsewhere(self, problem: Problem) -> OpticalSystem:
         """Return the system of a problem that differs in where things lie; lens and picture are not made
         again."""
-        other = OpticalSystem(problem, self.aim)
+        other = replace(self, problem=problem)
         other.__dict__["lens"] = self.lens
         other.target.__dict__["light"] = self.target.light
         return other
