@@ -104,9 +104,8 @@ class TransportStart:
             self._weight = self._light.weight
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
-        shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
+        shaped = shaped_along(backend, path, path.shaped, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
         self._places: Sequence[Floats] = shaped.places
         self._weight = np.ones(self._cells)  # the slopes go on where no light is
@@ -158,7 +157,7 @@ class TransportStart:
         """Return the share of the light that the surface loses, see `lost_share`, which sends it to the same
         places of a target that lies elsewhere; with what misses an element that is turned."""
         path, here = system.path(self._lens), self._system.path(self._lens)
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+        number = path.shaped
         sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
         places = [new / old * a for (new, old), a in zip(sides, self._places)]
         if np.array_equal(system.pose.rotation, self._system.pose.rotation):
@@ -172,13 +171,15 @@ class TransportStart:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
         (UNIFORM_DETAIL where uniform light is asked for).
 
-        That is e (n - 1) throw in pixels, or 2 e throw by a mirror, with e^2 what another level takes off the
-        mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
+        That is e |n - n'| throw in pixels, 2 n e throw where it reflects, with e^2 what another level takes
+        off the mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        turned = 2.0 if self._system.reflects else self._lens.index - 1
-        moved = turned * self._system.path(self._lens).lever / min(target.screen().pitch)
+        path = self._system.path(self._lens)
+        before, behind = (medium.index for medium in path.media[path.shaped : path.shaped + 2])
+        reflects = path.surfaces[path.shaped].kind == "reflect"
+        moved = (2 * before if reflects else abs(before - behind)) * path.lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])

@@ -115,7 +115,7 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         remedy = f"at most {STEEP:.0%} are with {options}" if options else system.problem.target.gentler
         notes.append(
             f"{expectation.reflected:.0%} of the light is reflected at "
-            f"{system.problem.optic.faces[-1] or 'the rear'}, which bends it far, and "
+            f"{system.problem.surface_names[-1] or 'the rear'}, which bends it far, and "
             f"{expectation.totally:.1%} totally; {remedy}, or let both surfaces bend it"
         )
     etendue = etendue_notes(system)

@@ -64,7 +64,7 @@ def trace(options: Namespace) -> Outcome:
     if system.lens_on_axis:
         contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
         contents["fresnel.png"] = fresnel_figure(exact, lens.index)
-    if not (system.reflects or system.target.far_field):
+    if system.all_ways:
         data["nonsequential"] = nonsequential(system, lens, exact)
     for name, content in contents.items():
         write_bytes(folder / name, content)

@@ -67,11 +67,6 @@ class LensElement(Placed, LensSpec):
     'element.L1.index'
     """
 
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """See `Optic`."""
-        return f"{self.name}.front", f"{self.name}.rear"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Face:
@@ -143,11 +138,6 @@ class MirrorElement(Placed, Optic):
     def share(self) -> float:
         """Of the light that it reflects."""
         return METALS[self.reflectance] if isinstance(self.reflectance, str) else self.reflectance
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """See `Optic`."""
-        return (f"{self.name}.face",)
 
     def face_name(self, name: str) -> str:
         """See `Optic`."""

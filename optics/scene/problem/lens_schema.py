@@ -219,11 +219,6 @@ class Optic:
         return name
 
     @property
-    def faces(self) -> tuple[str, ...]:
-        """What fates of light call the surfaces that it meets; a lens alone has its own words."""
-        return "", ""
-
-    @property
     def table(self) -> str:
         """Its name in dotted keys."""
         return "lens"
