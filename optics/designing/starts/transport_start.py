@@ -157,7 +157,7 @@ class TransportStart:
         """Return the share of the light that the surface loses, see `lost_share`, which sends it to the same
         places of a target that lies elsewhere; with what misses an element that is turned."""
         path, here = system.path(self._lens), self._system.path(self._lens)
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+        number = path.shaped
         sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
         places = [new / old * a for (new, old), a in zip(sides, self._places)]
         if np.array_equal(system.pose.rotation, self._system.pose.rotation):

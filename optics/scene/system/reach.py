@@ -179,10 +179,11 @@ def can_be_lit(system: OpticalSystem) -> bool:
 
     Raises
     ------
-    UserError : the target cuts the lens, or light meets that from behind.
+    UserError : the target cuts the lens, or light meets an element from behind, or elements overlap.
     """
     if system.problem.element:
         require_met(system, GRAZING)
+        require_apart(system)
     if not system.target.far_field:
         require_clear_of_lens(system)
     if not _shaped_last(system):
