@@ -14,12 +14,21 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import Floats, require_number, require_type
+from thbcad.drawings.annotations import (
+    BAND,
+    MARGINS,
+    PAPER,
+    Marks,
+    centre_line,
+    dimension,
+    hatching,
+    section_mark,
+    tables,
+)
 from thbcad.drawings.curves import Style, View
 from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
-from thbcad.drawings.dimensions import Marks, centre_line, dimension, hatching, section_mark
 from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, number
-from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
 from thbcad.drawings.views import plan_view, section_view, side_view
 from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
 

@@ -52,22 +52,10 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "ply": (ply_bytes, False),
     "glb": (glb_bytes, True),
 }
-SUFFIXES = {
-    "step": "step",
-    "stp": "step",
-    "iges": "iges",
-    "igs": "iges",
-    "brep": "brep",
-    "dat": "dat",
-    "xyz": "xyz",
-    "npz": "npz",
-    "svg": "svg",
-    "dxf": "dxf",
-}
-SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
 OF_SURFACES = ("dat", "xyz", "npz")
-FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+FORMATS = (*SOLIDS, *OF_SURFACES, *DRAWINGS, *MESHES)
+SUFFIXES = {name: name for name in FORMATS} | {"stp": "step", "igs": "iges"}
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Floats = NDArray[np.float64]
 Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
@@ -58,7 +58,7 @@ class ConicFace:
                     ahead
                     & np.all(abs(point[:, :2]) <= self._half + MEETS * self.width, axis=1)
                     & (normal[:, 2] > 0)
-                    & (_dot(normal, directions) > 0)
+                    & (dot(normal, directions) > 0)
                 )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
         met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
@@ -69,8 +69,8 @@ class ConicFace:
     def _roots(self, points: Floats, directions: Floats) -> list[Floats]:
         """Return both roots of a t^2 + 2 b t + e = 0, without cancellation and after a step of Newton's."""
         c, scaled = self._curvature, self._scale * directions
-        a = c * _dot(scaled, directions)
-        b = c * _dot(scaled, points) - directions[:, 2]
+        a = c * dot(scaled, directions)
+        b = c * dot(scaled, points) - directions[:, 2]
         e = self._excess(points)
         q = -(b + np.copysign(np.sqrt(b * b - a * e), b))
         roots = [e / q, q / a]
@@ -78,21 +78,18 @@ class ConicFace:
 
     def _excess(self, points: Floats) -> Floats:
         """Return c (x^2 + y^2 + (1 + K) z^2) - 2 z."""
-        excess: Floats = self._curvature * _dot(self._scale * points, points) - 2 * points[:, 2]
-        return excess
+        return self._curvature * dot(self._scale * points, points) - 2 * points[:, 2]
 
     def _normals(self, points: Floats) -> Floats:
         """Return unit normals; on the sheet through the vertex they point to +z."""
         normals = UP - self._curvature * self._scale * points
-        unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        return unit
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""
         square = (np.clip(points, -self._half, self._half) ** 2).sum(axis=1)
         c = self._curvature
-        heights: Floats = c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
-        return heights
+        return c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
 
     def _behind(self, points: Floats, directions: Floats) -> NDArray[np.bool_]:
         """Return which rays come into the face's box above the face: they pass its rim."""
@@ -105,8 +102,7 @@ class ConicFace:
         ends = np.where(directions == 0, [[[-np.inf]], [[np.inf]]], ends)
         enters = np.maximum(ends.min(axis=0).max(axis=1), 0.0)
         here = points + enters[:, None] * directions
-        behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
-        return behind
+        return here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
 
 
 class FaceRim:
@@ -154,9 +150,9 @@ class FaceRim:
         return reach
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    dots: Floats = np.einsum("ij,ij->i", a, b)
-    return dots
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return the products of rows, (n,)."""
+    return np.einsum("ij,ij->i", a, b)
 
 
 class ParametricFace:

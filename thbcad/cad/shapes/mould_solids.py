@@ -15,14 +15,11 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import form_of
-from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.rings import Ring, plane_face, wall_faces
 from thbcad.cad.shapes.tapered_wall import TaperedWall, drafted_faces
-from thbcad.cad.shapes.topology import closed_part, turned_face
+from thbcad.cad.shapes.topology import Part, closed_part, face_on, turned_face
 from thbcad.cad.shapes.trimmed_solid import trimmed_face, upright_face
-from thbcad.cad.shapes.walls import UprightWall
+from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
 from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
 
 # of OCCT's roundings: least angle between faces, then mm of spine, traces and splines in space and in the
