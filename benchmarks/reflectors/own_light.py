@@ -8,7 +8,7 @@ The unit vector (x, y, z) has the coordinates (u, v) = (x, y) / (1 + z), so that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import atan, degrees, sqrt
 from types import ModuleType
 from typing import Any
@@ -19,8 +19,10 @@ from optics.scene.receivers import DEGREES, Receiver, Triple
 from optics.scene.sources import LightSource, Rays, SourceCells, concentric
 from thbcad.certified import DIRECTIONS, Stack
 from thbcad.checks import Floats
+from thbcad.poses import Pose
 
 NODES = 3  # of Gauss-Legendre in a cell, in each direction
+BACKWARD = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))  # of light that a mirror sends back along -z
 AXIS = 0.0, 0.0
 ALL = 1 << 62  # rays at once
 
@@ -78,24 +80,22 @@ class StereographicPoint(LightSource):
         s, t = (a.ravel() for a in np.meshgrid(s, t, indexing="ij"))
         yield from self._rays(s, t, self.cells(counts).emitted.ravel()).slices(most)
 
-    def drawn(self, count: int, seed: int) -> Rays:
-        """Return rays at points of Sobol in s and t, each with the flux that is emitted there."""
-        from scipy.stats import qmc
-
-        s, t = 2 * qmc.Sobol(2, seed=seed).random(count).T - 1
-        flux = self._density(s, t)
-        return self._rays(s, t, flux * (self.flux / flux.sum()))
+    def toward(self, u: Floats, v: Floats) -> Rays:
+        """Return rays of the same flux in these directions."""
+        direction = np.stack(unit_vectors(u, v))
+        origin = np.zeros_like(direction)
+        origin[2] = -self.distance
+        flux = np.full(len(u), self.flux / len(u))
+        return Rays(origin, direction / np.linalg.norm(direction, axis=0), flux)
 
     def _density(self, s: Floats, t: Floats) -> Floats:
         w = np.maximum(np.abs(s), np.abs(t)) ** 2 if self.round else s * s + t * t
         return 1 / (1 + self.half**2 * w) ** 2
 
     def _rays(self, s: Floats, t: Floats, flux: Floats) -> Rays:
-        u, v = (self.half * a for a in (concentric(s, t) if self.round else (s, t)))
-        direction = np.stack(unit_vectors(u, v))
-        origin = np.zeros_like(direction)
-        origin[2] = -self.distance
-        return Rays(origin, direction / np.linalg.norm(direction, axis=0), flux)
+        return replace(
+            self.toward(*(self.half * a for a in (concentric(s, t) if self.round else (s, t)))), flux=flux
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,9 @@
 """How far light must move: the distance of Wasserstein between rays and a density on a grid.
 
-    W2^2 = max over g of  sum_k m_k min_j (|x_k - y_j|^2 - g_j) + sum_j f_j g_j
+    W2^2 = max over g of  sum_k m_k min_j (|x_k - y_j|^2 - g_j) + mean_j g_j
 
-for cells x_k of masses m_k and rays at y_j with flux f_j, both of sum 1.  Any g bounds it from below.  The
-cells of a ray are those nearest to it by |x - y_j|^2 - g_j.  Newton's method raises g: the Hessian is the
+for cells x_k of masses m_k, of sum 1, and rays at y_j, each of the same flux.  Any g bounds it from below.
+The cells of a ray are those nearest to it by |x - y_j|^2 - g_j.  Newton's method raises g: the Hessian is the
 Laplacian of the graph of rays that share borders, each weighted by its density over twice their distance.
 
 Source: J. Kitagawa, Q. Merigot, B. Thibert, Convergence of a Newton algorithm for semi-discrete optimal
@@ -26,14 +26,13 @@ CHANGE = 2e-4  # of the value: with less another step does not pay
 ALONE = 1e-3  # of the mean diagonal: what holds rays without a border
 
 
-def distance_to_density(rays: Floats, flux: Floats | None, half: float, density: Floats) -> float:
+def distance_to_density(rays: Floats, half: float, density: Floats) -> float:
     """Return a lower bound of W2 that is near to it.
 
-    rays : (n, 2).  flux : (n,), of any scale; None is the same for all.
+    rays : (n, 2), each of the same flux.
     density : (m, m), of any scale, on the cells of the square |x|, |y| <= half, index order x, y.
     """
-    flux = np.ones(len(rays)) if flux is None else flux
-    masses, flux, m = density / density.sum(), flux / flux.sum(), len(density)
+    masses, m = density / density.sum(), len(density)
     row = half * ((2 * np.arange(m) + 1) / m - 1)
     lit = masses > 0
     points = np.stack(np.meshgrid(row, row, indexing="ij"), axis=-1)[lit]
@@ -44,12 +43,12 @@ def distance_to_density(rays: Floats, flux: Floats | None, half: float, density:
         distance, which = tree.query(np.c_[points, np.zeros(len(points))])
         labels = np.full(masses.shape, -1)
         labels[lit] = which
-        return labels, float(masses[lit] @ (distance**2 - g.max()) + flux @ g)
+        return labels, float(masses[lit] @ (distance**2 - g.max()) + g.mean())
 
     g = np.zeros(len(rays))
     labels, bound = nearest(g)
     for _ in range(STEPS):
-        missing = flux - np.bincount(labels[lit], masses[lit], len(rays))
+        missing = 1 / len(rays) - np.bincount(labels[lit], masses[lit], len(rays))
         direction = spsolve(_hessian(rays, labels, masses, 2 * half / m), missing)
         step = 1.0
         while step >= LEAST_STEP:
