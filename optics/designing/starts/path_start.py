@@ -64,12 +64,13 @@ class ShapedLight:
     """What a picture asks of a surface.
 
     light : that meets it.  above : the slopes that its sag needs, (nx, ny) each, which go on without light.
-    bent : share of the light that slopes can send to where the map wants it.
+    bent : share of the light that slopes can send to where the map wants it.  places : u and v there.
     """
 
     light: RearLight
     above: list[Floats]
     bent: float
+    places: list[Floats]
 
 
 def shaped_along(
@@ -122,7 +123,7 @@ def shaped_along(
         if unchanged and grid == counts:
             break
         settled = settled or unchanged
-    return ShapedLight(light, above, float(np.average(possible, weights=flux)))
+    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent)
 
 
 def _halved(counts: tuple[int, int]) -> tuple[int, int]:

@@ -5,9 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.system.geometry_search import nearest_geometry as nearest_geometry
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
+    from optics.scene.system.lens_material import index_at as index_at
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
-    from optics.scene.system.reach import require_lens_on_axis as require_lens_on_axis
+    from optics.scene.system.placed_faces import TURNED as TURNED
+    from optics.scene.system.reach import (
+        can_be_lit as can_be_lit,
+        require_lens_on_axis as require_lens_on_axis,
+    )
     from optics.scene.system.soundness import (
         advice as advice,
         load_system as load_system,

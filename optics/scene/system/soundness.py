@@ -11,7 +11,12 @@ from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import Problem, freedom_of, load_problem
 from optics.scene.system.optical_system import OpticalSystem
-from optics.scene.system.reach import require_clear_of_lens, require_met, require_reachable
+from optics.scene.system.reach import (
+    require_apart,
+    require_clear_of_lens,
+    require_met,
+    require_reachable,
+)
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import require_places
 
@@ -86,6 +91,7 @@ def require_room(system: OpticalSystem) -> None:
     problem, lens, source = system.problem, system.lens, system.problem.source
     if problem.element:
         require_met(system)
+        require_apart(system)
         if not system.target.far_field:
             require_clear_of_lens(system)
         return
