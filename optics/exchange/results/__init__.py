@@ -22,7 +22,6 @@ if TYPE_CHECKING:
         FIGURES as FIGURES,
         FILES as FILES,
         ResultFolder as ResultFolder,
-        is_result_file as is_result_file,
         lens_of as lens_of,
         level_files as level_files,
     )
