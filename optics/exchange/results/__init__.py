@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .result_folder import (
         FIGURES as FIGURES,
         FILES as FILES,
+        SCENE as SCENE,
         ResultFolder as ResultFolder,
         lens_of as lens_of,
         level_files as level_files,

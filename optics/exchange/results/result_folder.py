@@ -39,6 +39,7 @@ FIGURES = tuple(
 # what says how good a result is, the record first: gone before the first new file is written
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
+SCENE = "scene.step"  # of all elements in their places
 PART_FILE = re.compile(r"[\w-]+\.step")  # of an element, or of the whole scene
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 FILES_OF_A_LEVEL = 3  # lens, arrays, picture
@@ -247,9 +248,10 @@ def is_result_file(name: str) -> bool:
 
 
 def part_files(problem: Problem) -> list[str]:
-    """Return the names of the STEP files of the fixed elements."""
+    """Return the names of the STEP files of the fixed elements, and of the scene where there are some."""
     pairs = zip(problem.element, problem.optics)
-    return [f"{element.name}.step" for element, optic in pairs if optic is not problem.optic]
+    fixed = [f"{element.name}.step" for element, optic in pairs if optic is not problem.optic]
+    return [*fixed, SCENE] if fixed else []
 
 
 def is_level_file(name: str) -> bool:

@@ -16,7 +16,7 @@ from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, veri
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
-from optics.exchange.results import ResultFolder, ResultWriter, level_files
+from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files
 from optics.exchange.verification import (
     ExportedStep,
     StepFile,
@@ -70,14 +70,18 @@ class _Exports:
         self._own, *self._fixed = (
             _Export(solids, part, system.problem, place(file)) for file, part in parts.items()
         )
-        self.left_out = self._own.left_out
+        self.left_out, self._scene = self._own.left_out, None
+        if self._fixed:
+            self.files.append(SCENE)
+            room = "optics.exchange.assemblies"
+            self._scene = solids.ask(room, "export_scene", OpticalSystem(system.problem), lens, place(SCENE))
 
     def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
         """Return the checks of all solids, and the file of the designed one as `_Export.checked`."""
         checks, step, file = self._own.checked()
         for fixed in self._fixed:
             checks += [replace(c, name=f"{fixed.part.name}: {c.name}") for c in fixed.checked()[0]]
-        return checks, step, file
+        return [*checks, *(self._scene.result() if self._scene else [])], step, file
 
 
 class _Export:

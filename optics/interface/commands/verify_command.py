@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, note, reading, verification
-from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.exchange.results import HASHES, SCENE, ResultFolder, hashes, require_own, writable_folder
 from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
@@ -212,6 +212,11 @@ def _folder_checks(
         with reading(own.path):
             own.read_lens()
         checks += fixed_part_checks(part, own, problem.verify)
+    if system.fixed:
+        from optics.exchange.assemblies import scene_checks  # few runs ask
+
+        with reading(folder.path / SCENE):
+            checks += scene_checks(system, lens, folder.path / SCENE)
     checks += limit_checks(problem, system.manufactured(lens))
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")

@@ -63,6 +63,7 @@ FILES = {
     "irradiance.npz": "irradiance and target as arrays with axes",
     "irradiance_16bit.png": "the irradiance, linear grey, pixel by pixel",
 }
+PARTS = {"scene.step": "all elements where they lie, as an assembly"}  # other solids
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     metrics, units = report.metrics, units_of(report.problem.source.unit)
     photo = [picture for name, picture in report.pictures.items() if name == FIRST]
-    listed = {**FILES, **{name: f"the solid of {name.removesuffix('.step')}" for name in report.parts}}
+    listed = {**FILES, **{name: PARTS.get(name, "the closed solid of that element") for name in report.parts}}
     files = "".join(f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in listed.items())
     return (
         f"{page_head(escape(report.problem.title))}{_banner(report)}"
