@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Optic
+from optics.scene.system.placed_faces import clear_aperture_of
 from thbcad.lens import Lens
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 if TYPE_CHECKING:
-    from thbcad.moulds import MouldedBody
+    from thbcad.moulds import MouldedBody, Solid
 
 
 def body_options(spec: Optic) -> BodyOptions | None:
@@ -21,6 +22,12 @@ def body_options(spec: Optic) -> BodyOptions | None:
         return None
     parting, land = (None if isinstance(z, str) else z for z in (spec.body.parting, spec.body.land))
     return BodyOptions(spec.body.draft, parting, spec.body.annulus, land, spec.body.edge_radius)
+
+
+def made_of(optic: Optic, lens: Lens) -> Solid:
+    """Return what an element's lens is made as: itself, or a body as `moulded`, which also raises."""
+    body = body_options(optic)
+    return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
 
 
 @lru_cache(maxsize=2)

@@ -21,7 +21,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, moulded
+from optics.scene.system.moulded import body_options, made_of
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
 from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
@@ -261,7 +261,7 @@ class OpticalSystem:
 
     def solid(self, lens: Lens) -> Solid:
         """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
-        return lens if self.body is None else moulded(lens, self.body, self.clear_aperture(lens))
+        return made_of(self.problem.optic, lens)
 
     def manufactured(self, lens: Lens) -> Manufacturability:
         """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
