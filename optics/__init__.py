@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.base.optimisers import (
+    from .base.optimisers import (
         LBFGS as LBFGS,
         Adam as Adam,
         GradientDescent as GradientDescent,
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         Optimiser as Optimiser,
         RMSProp as RMSProp,
     )
-    from optics.base.runtime import NumericalError as NumericalError, UserError as UserError
-    from optics.interface.api import (
+    from .base.runtime import NumericalError as NumericalError, UserError as UserError
+    from .interface.api import (
         Design as Design,
         Minimum as Minimum,
         Model as Model,
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
         monte_carlo as monte_carlo,
         tolerances as tolerances,
     )
-    from optics.interface.sweeps import Sweep as Sweep, SweepRow as SweepRow, sweep as sweep
-    from optics.scene.problem import (
+    from .interface.sweeps import Sweep as Sweep, SweepRow as SweepRow, sweep as sweep
+    from .scene.problem import (
         Export as Export,
         Freeform as Freeform,
         Front as Front,
@@ -52,6 +52,6 @@ if TYPE_CHECKING:
         Verify as Verify,
         load_problem as load_problem,
     )
-    from optics.tolerancing.machining import ToolOrder as ToolOrder
+    from .tolerancing.machining import ToolOrder as ToolOrder
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

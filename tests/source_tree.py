@@ -71,8 +71,9 @@ def imported(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{name(path)}: relative import"
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+            assert node.level == 0 or door_table(path), f"{name(path)}: relative import"
+            home = f"{module_of(path)}.{node.module}" if node.level else node.module
+            found |= {f"{home}.{alias.name}" for alias in node.names}
     for node in nodes(path) if path in IN_PACKAGES else ():
         if (
             isinstance(node, ast.Constant)
@@ -96,7 +97,10 @@ def door_table(path):
         n for n in tree(path).body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"
     )
     start = len(module_of(path)) + 1
-    return {node.module[start:]: [alias.asname for alias in node.names] for node in block.body}
+    return {
+        node.module[0 if node.level else start :]: [alias.asname for alias in node.names]
+        for node in block.body
+    }
 
 
 def module_in(dotted):

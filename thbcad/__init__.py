@@ -10,7 +10,7 @@ from thbcad.doors import lazy_door
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from thbcad.cad import (
+    from .cad import (
         ForeignLens as ForeignLens,
         read_curves as read_curves,
         read_faces as read_faces,
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
         write_faces as write_faces,
         write_step as write_step,
     )
-    from thbcad.certified import (
+    from .certified import (
         Enclosure as Enclosure,
         greatest_slope as greatest_slope,
         least_radii as least_radii,
         value_range as value_range,
     )
-    from thbcad.drawings import (
+    from .drawings import (
         lens_sheet as lens_sheet,
         plan_view as plan_view,
         section_view as section_view,
         side_view as side_view,
         write_drawing as write_drawing,
     )
-    from thbcad.fitting import (
+    from .fitting import (
         Fit as Fit,
         Samples as Samples,
         Underdetermined as Underdetermined,
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
-    from thbcad.hierarchy import THBSpace as THBSpace, common_refinement as common_refinement
-    from thbcad.io import (
+    from .hierarchy import THBSpace as THBSpace, common_refinement as common_refinement
+    from .io import (
         read_curve as read_curve,
         read_lens as read_lens,
         read_surface as read_surface,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
         write_lens as write_lens,
         write_surface as write_surface,
     )
-    from thbcad.lens import (
+    from .lens import (
         FreeformSurface as FreeformSurface,
         Lens as Lens,
         Manufacturability as Manufacturability,
@@ -61,10 +61,10 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         require_sound as require_sound,
     )
-    from thbcad.meshes import body_mesh as body_mesh, to_trimesh as to_trimesh
-    from thbcad.outlines import Outline as Outline
-    from thbcad.poses import Pose as Pose
-    from thbcad.sags import (
+    from .meshes import body_mesh as body_mesh, to_trimesh as to_trimesh
+    from .outlines import Outline as Outline
+    from .poses import Pose as Pose
+    from .sags import (
         Approximation as Approximation,
         Conic as Conic,
         PolynomialSag as PolynomialSag,
@@ -72,7 +72,7 @@ if TYPE_CHECKING:
         error_bounds as error_bounds,
         meridian as meridian,
     )
-    from thbcad.splines import (
+    from .splines import (
         BSplineCurve as BSplineCurve,
         BSplineSurface as BSplineSurface,
         KnotVector as KnotVector,
@@ -85,6 +85,6 @@ if TYPE_CHECKING:
         revolved as revolved,
         ruled as ruled,
     )
-    from thbcad.surfaces import THBSurface as THBSurface
+    from .surfaces import THBSurface as THBSurface
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__, public=True)

@@ -49,7 +49,7 @@ def lazy_door(
         whose file needs a package of an extra is a MissingPackage where that is missing.
     public : users look into it: a name whose file cannot be imported is a `stand_in`.
     """
-    homes = _homes(Path(path))
+    homes = _homes(Path(path), package)
 
     def load(name: str) -> Any:
         if name not in homes:
@@ -66,10 +66,10 @@ def lazy_door(
     return load, lambda: sorted(homes), sorted(homes)
 
 
-def _homes(door: Path) -> dict[str, str]:
-    """Return {name: module} of what the text of a door offers."""
+def _homes(door: Path, package: str) -> dict[str, str]:
+    """Return {name: module} of what the text of a door offers; its own files are named as `.file`."""
     return {
-        name: home
+        name: package + home if home.startswith(".") else home
         for home, names in IMPORT.findall(door.read_text("utf-8"))
         for name in OFFERED.findall(names)
     }
@@ -105,7 +105,7 @@ def stand_in(module: str, name: str) -> Any:
     once more, and so raises its ImportError.
     """
     while (file := _file(module)).name == "__init__.py":  # a door, which may lead to others
-        module = _homes(file)[name]
+        module = _homes(file, module)[name]
     tree = ast.parse(file.read_text("utf-8"))
     *_, node = (n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name)
 

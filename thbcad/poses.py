@@ -105,6 +105,17 @@ class Pose(Value):
             rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix()
         return cls(rotation, np.asarray(position, dtype=float))
 
+    @property
+    def tilt(self) -> tuple[float, float, float]:
+        """The degrees from which `tilted` makes the rotation; the last is 0 where many would do."""
+        r, level = self.rotation, np.hypot(self.rotation[0, 0], self.rotation[0, 1])
+        if level > ORTHOGONAL:
+            first, last = np.arctan2(-r[1, 2], r[2, 2]), np.arctan2(-r[0, 1], r[0, 0])
+        else:
+            first, last = np.arctan2(r[2, 1], r[1, 1]), 0.0
+        x, y, z = np.degrees([first, np.arctan2(r[0, 2], level), last]).tolist()
+        return x, y, z
+
     def __matmul__(self, first: Pose) -> Pose:
         """Return the motion that does another one first."""
         if not first.rotates:

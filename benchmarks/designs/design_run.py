@@ -45,18 +45,19 @@ def rel_l2_row(name: str, metrics: Mapping[str, Any], reference: str = "", limit
     )
 
 
-def run_design(problem: Path, folder: Path, must_pass: bool = True) -> DesignRun:
+def run_design(problem: Path, folder: Path, must_pass: bool = True, module: str = "") -> DesignRun:
     """Design the lens of a problem file into a result folder, with every check that `thbcad design` makes.
 
     must_pass : the lens must do its job too, or else it may miss the light asked for.
+    module : another program than the command, with the problem and the folder as its arguments.
 
     Raises
     ------
     CalledProcessError : the command refuses the problem, or a check fails.
     """
     start = perf_counter()
-    command = [sys.executable, "-m", "optics", "design", str(problem), "--out", str(folder), "--force"]
-    done = subprocess.run(command, capture_output=True)
+    words = [module, problem, folder] if module else ["optics", "design", problem, "--out", folder, "--force"]
+    done = subprocess.run([sys.executable, "-m", *map(str, words)], capture_output=True)
     seconds = perf_counter() - start
     if must_pass or done.returncode != LIGHT_MISSES:
         done.check_returncode()

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
+from benchmarks.designs.camera_engine import camera_engine
 from benchmarks.rows.row import median_seconds
 from optics.base.runtime import load_backend, peak_mb
 from optics.designing.optimisation import shape_lens, stage_objective, stages, transmitted_flux
@@ -27,6 +28,7 @@ from optics.scene.system import OpticalSystem
 from thbcad import read_lens
 
 REPEATS = 5
+PTRACER = "mitsuba-ptracer"  # the name of `camera_engine` in rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ def main(arguments: list[str]) -> None:
     problem, lens_file, name, file, whole, started = arguments
     system, lens = OpticalSystem(load_problem(problem)), read_lens(lens_file)
     backend = load_backend("double")
-    engine = engine_of(name, system, backend)
+    engine = camera_engine() if name == PTRACER else engine_of(name, system, backend)
     stage = stages(system, True)[-1]
     target = system.target.irradiance(stage.screen, transmitted_flux(system, backend))
     objective = stage_objective(system, lens, stage, target, engine)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.designs.engine_run import EngineRun, run_engine
+from benchmarks.designs.engine_run import PTRACER, EngineRun, run_engine
 from benchmarks.rows.row import Row
 from optics.base.runtime import load_backend
 from optics.designing.optimisation import shape_lens
@@ -35,7 +35,7 @@ from optics.scene.problem import Problem, load_problem, problem_to_toml
 from optics.scene.system import OpticalSystem
 from thbcad import Lens, write_lens
 
-EXACT, RENDERED, PTRACER = "exact", "mitsuba-exact", "mitsuba-ptracer"
+EXACT, RENDERED = "exact", "mitsuba-exact"
 ENGINES = (EXACT, RENDERED, "mitsuba-mesh", PTRACER)
 PEARL_LEVEL, PEARL_MERGE = 3, 2  # of five levels in the example; 128^2 pixels
 NEAR = 2  # iterations behind the start at which gradients are compared

@@ -125,7 +125,7 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
             if collimated
             else sampled_rays(case.system.problem.source, case.lens, sobol_points, count)
         )
-        tracer = MeshTracer(mesh, rays, case.system.problem.lens.thickness + case.system.problem.throw)
+        tracer = MeshTracer(mesh, rays, case.system.target.receiver)
         out.append(_point(case, truth, tracer.backend, tracer, "Mitsuba mesh + splat", rays.flux.size))
     return out
 

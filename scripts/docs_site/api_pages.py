@@ -91,6 +91,8 @@ def _table(door: Path) -> dict[str, list[str]]:
         if isinstance(node, ast.If):
             imports = [n for n in node.body if isinstance(n, ast.ImportFrom) and n.module]
             return {
-                ".".join(n.module.split(".")[start:]): [a.name for a in n.names] for n in imports if n.module
+                ".".join(n.module.split(".")[0 if n.level else start :]): [a.name for a in n.names]
+                for n in imports
+                if n.module
             }
     raise ValueError(f"{door} offers nothing")

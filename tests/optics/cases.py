@@ -156,7 +156,7 @@ def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"
 
 def alone(system, wavelength):
     """Return the system of a problem in light of one wavelength of a spectrum, with all of the flux."""
-    medium = wavelength.medium
+    medium = wavelength.media[1]
     light = {"source.spectrum": (), "source.wavelength": wavelength.nm, "lens.indices": ()}
     glass = {"lens.index": medium.index, "lens.absorption": medium.absorption, "lens.absorptions": ()}
     return OpticalSystem(system.problem.with_(**light, **glass))

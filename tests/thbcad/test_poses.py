@@ -68,6 +68,13 @@ def test_a_tilt_turns_about_own_axes_one_after_the_other(tilt, position):
 
 
 @given(pose=poses | shifts)
+def test_a_rotation_has_a_tilt_that_makes_it(pose):
+    """Also where the first and the last axis are one: a quarter turn about y."""
+    for one in (pose, Pose.tilted((0, 0, 0), (33.0, 90.0, -20.0)), Pose.tilted((0, 0, 0), (5.0, -90.0, 1.0))):
+        assert np.abs(Pose.tilted((0, 0, 0), one.tilt).rotation - one.rotation).max() < 1e-13
+
+
+@given(pose=poses | shifts)
 def test_triples_and_arrays_of_any_shape_are_taken_to_the_same_places(pose):
     for act in (pose.points, pose.directions):
         wanted = act(SOME)

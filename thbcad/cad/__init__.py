@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.exchange import (
+    from .exchange import (
         named_faces as named_faces,
         read_curves as read_curves,
         read_faces as read_faces,
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
         write_curves as write_curves,
         write_faces as write_faces,
     )
-    from thbcad.cad.foreign import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
-    from thbcad.cad.parts import (
+    from .foreign import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
+    from .parts import (
         LensPart as LensPart,
         cut as cut,
         join as join,

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.certified.bernstein_cells import (
+    from .bernstein_cells import (
         Orders as Orders,
         bernstein as bernstein,
         cell_bounds as cell_bounds,
         tensor_form as tensor_form,
     )
-    from thbcad.certified.convex_regions import (
+    from .convex_regions import (
         DIRECTIONS as DIRECTIONS,
         ConvexRegion as ConvexRegion,
         Stack as Stack,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         region_between as region_between,
         supports_of as supports_of,
     )
-    from thbcad.certified.extreme_values import (
+    from .extreme_values import (
         Assessment as Assessment,
         Enclosure as Enclosure,
         greatest as greatest,
@@ -30,22 +30,14 @@ if TYPE_CHECKING:
         reciprocal as reciprocal,
         value_range as value_range,
     )
-    from thbcad.certified.intervals import (
+    from .intervals import (
         MOST_BOXES as MOST_BOXES,
         Interval as Interval,
         positive as positive,
         range_over as range_over,
     )
-    from thbcad.certified.polynomial_cells import (
-        Cells as Cells,
-        corners as corners,
-        rounding as rounding,
-        within as within,
-    )
-    from thbcad.certified.slope_and_curvature import (
-        greatest_slope as greatest_slope,
-        least_radii as least_radii,
-    )
-    from thbcad.certified.spline_distances import distance_bounds as distance_bounds
+    from .polynomial_cells import Cells as Cells, corners as corners, rounding as rounding, within as within
+    from .slope_and_curvature import greatest_slope as greatest_slope, least_radii as least_radii
+    from .spline_distances import distance_bounds as distance_bounds
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -24,7 +24,7 @@ from thbcad.drawings.curves import (
     view_of_pieces,
 )
 from thbcad.drawings.cut_outlines import THINNEST, CutLens, box_of, intervals, ring_of, strips_of
-from thbcad.drawings.cut_silhouettes import GraphOverStrips
+from thbcad.drawings.envelopes import GraphOverStrips
 from thbcad.lens import ALLOWANCE, Lens
 from thbcad.outlines import Polygon
 

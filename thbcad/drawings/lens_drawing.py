@@ -14,12 +14,21 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import Floats, require_number, require_type
+from thbcad.drawings.annotations import (
+    BAND,
+    MARGINS,
+    PAPER,
+    Marks,
+    centre_line,
+    dimension,
+    hatching,
+    section_mark,
+    tables,
+)
 from thbcad.drawings.curves import Style, View
 from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
-from thbcad.drawings.dimensions import Marks, centre_line, dimension, hatching, section_mark
 from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, number
-from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
 from thbcad.drawings.views import plan_view, section_view, side_view
 from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
 
@@ -60,7 +69,7 @@ def lens_sheet(
     top, low = _views(lens, chord) if cut is None else _cut_views(cut, chord)
     scale = _scale(top, low)
     placed = _placed(top, low, scale)
-    bound = max(view.bound for view in (*top, *low)) + DIGITS / scale
+    bound = float(max(view.bound for view in (*top, *low))) + DIGITS / scale
     sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
     sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", "")))
     for mark in (_captions, _hatched):

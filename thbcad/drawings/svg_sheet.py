@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from xml.sax.saxutils import escape, quoteattr
 
+from thbcad.drawings.annotations import rounded_up
 from thbcad.drawings.curves import Style
 from thbcad.drawings.lens_drawing import strokes_of_views
 from thbcad.drawings.sheets import Label, Sheet, Stroke
-from thbcad.drawings.title_block import rounded_up
 
 WIDTHS = {  # mm (ISO 128-20)
     Style.OUTLINE: 0.5,

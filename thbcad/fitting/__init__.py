@@ -5,21 +5,21 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.fitting.adaptive_fit import Fit as Fit, fit as fit
-    from thbcad.fitting.continuation import Continuation as Continuation, cell_shares as cell_shares
-    from thbcad.fitting.height_fields import height_field_samples as height_field_samples
-    from thbcad.fitting.least_squares_fit import (
+    from .adaptive_fit import Fit as Fit, fit as fit
+    from .continuation import Continuation as Continuation, cell_shares as cell_shares
+    from .height_fields import height_field_samples as height_field_samples
+    from .least_squares_fit import (
         Samples as Samples,
         least_squares as least_squares,
         robust_weights as robust_weights,
     )
-    from thbcad.fitting.noisy_fit import NoisyFit as NoisyFit, fit_noisy as fit_noisy
-    from thbcad.fitting.normal_equations import Underdetermined as Underdetermined
-    from thbcad.fitting.quasi_interpolant import (
+    from .noisy_fit import NoisyFit as NoisyFit, fit_noisy as fit_noisy
+    from .normal_equations import Underdetermined as Underdetermined
+    from .quasi_interpolant import (
         quasi_interpolate as quasi_interpolate,
         quasi_interpolation as quasi_interpolation,
     )
-    from thbcad.fitting.slope_fit import (
+    from .slope_fit import (
         fit_slopes as fit_slopes,
         level_misfits as level_misfits,
         seen_functions as seen_functions,

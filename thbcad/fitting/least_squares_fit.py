@@ -10,8 +10,7 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import Floats, Integers, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
-from thbcad.fitting.outliers import biweights
-from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, places
+from thbcad.fitting.residual_statistics import AROUND, biweights, kept_share, neighbours, places
 from thbcad.fitting.smoothing_choice import RULES, Progress, Smoothing, chosen_smoothing
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface

@@ -27,8 +27,7 @@ from thbcad.checks import (
     require_type,
     require_unmasked,
 )
-from thbcad.hierarchy.admissibility import closure
-from thbcad.hierarchy.domains import MAX_LEVEL, Cells, Domains, checked_cells
+from thbcad.hierarchy.domains import MAX_LEVEL, Cells, Domains, checked_cells, closure
 from thbcad.hierarchy.levels import DyadicAxis, numbered
 from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.splines import KnotVector

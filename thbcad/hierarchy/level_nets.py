@@ -1,4 +1,5 @@
-"""The coefficients of a THB spline on every level, on that level's cells only.
+"""The coefficients of a THB spline on every level, on that level's cells only, and the B-splines that act on
+every leaf cell.
 
 G_l holds the coefficients, by the B-splines of level l, that the spline has on Omega_l less
 what deeper levels add:
@@ -11,8 +12,12 @@ with the coefficients G_l.  All weights are non-negative and sum to one: the ope
 at any depth.  A function of level l on Omega_l needs only coarser functions whose supports hold
 its own, and these act on Omega_(l-1): nothing is missing.
 
+(p + 1)(q + 1) B-splines of level l act on such a cell: local extraction and evaluation.
+
 Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines: the truncated basis for
-hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.
+hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.  M. Borden,
+M. Scott, J. Evans, T. Hughes, Isogeometric finite element data structures based on Bezier
+extraction, IJNME 87 (2011); thesis 3.6-3.9.
 """
 
 from __future__ import annotations
@@ -25,6 +30,7 @@ from scipy.sparse import csr_array, vstack
 
 from thbcad.checks import Floats, Integers, locked
 from thbcad.hierarchy.levels import Level
+from thbcad.splines import bezier_rows, blossom
 
 
 class Nets:
@@ -125,3 +131,46 @@ def _two_scale(coarse: Level, fine: Level) -> csr_array:
     return csr_array(
         (by_u.data[k_u] * by_v.data[k_v], columns, indptr), shape=(len(fine.keys), len(coarse.keys))
     )
+
+
+class LocalBasis:
+    """The local B-splines of all leaf cells, in the order of level, i, j.
+
+    blocks : (cells, p + 1, q + 1) int, where their coefficients sit in the nets on top of each other
+    """
+
+    def __init__(self, hierarchy: Sequence[Level]) -> None:
+        starts = np.cumsum([0] + [len(level.keys) for level in hierarchy])
+        self.blocks = locked(
+            np.concatenate([level.blocks(level.leaves) + start for level, start in zip(hierarchy, starts)])
+        )
+        self._knots = tuple(
+            np.concatenate([_knots_around(level, d) for level in hierarchy], axis=1) for d in (0, 1)
+        )
+
+    def values(
+        self, cell: Integers, u: Floats, v: Floats, derivative: tuple[int, int]
+    ) -> tuple[Floats, Floats]:
+        """Return the functions in u, (n, p + 1), and in v, (n, q + 1), that act at points of leaf cells.
+
+        cell : (n,) int, numbers of leaf cells.  u, v : (n,) float, points in them.  derivative : orders in u
+            and in v.
+        """
+        by_u, by_v = (
+            blossom(knots[:, cell], np.broadcast_to(x[:, None], (len(x), len(knots) // 2)), order)
+            for knots, x, order in zip(self._knots, (u, v), derivative)
+        )
+        return by_u, by_v
+
+    def bernstein(self, net: Floats) -> Floats:
+        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells,
+        p + 1, q + 1, ...)."""
+        by_u, by_v = (bezier_rows(knots) for knots in self._knots)
+        result: Floats = np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
+        return result
+
+
+def _knots_around(level: Level, direction: int) -> Floats:
+    """Return the knots on either side of every leaf cell of a level, (2p, cells)."""
+    spans, position = np.unique(level.leaves[:, direction], return_inverse=True)
+    return level.axes[direction].knots_around(level.number, spans)[:, position]

@@ -19,9 +19,8 @@ from scipy.sparse import csr_array, eye_array
 
 from thbcad.checks import Floats, Integers, require_orders
 from thbcad.hierarchy.hierarchical_mesh import HierarchicalMesh
-from thbcad.hierarchy.level_nets import Nets
+from thbcad.hierarchy.level_nets import LocalBasis, Nets
 from thbcad.hierarchy.levels import Level, make_level, numbered
-from thbcad.hierarchy.local_basis import LocalBasis
 from thbcad.hierarchy.mesh_picture import space_card
 from thbcad.hierarchy.restriction import require_restored, restriction
 from thbcad.hierarchy.tensor_embedding import Embedding

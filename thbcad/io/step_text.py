@@ -46,6 +46,7 @@ TOKEN = re.compile(
     rf"|(?P<string>{STRING})|\.(?P<enumeration>{KEYWORD})\.|(?P<keyword>{KEYWORD})|(?P<omitted>\$)|(?P<derived>\*))\s*+",
     re.ASCII,
 )
+REFERENCES = re.compile(rf"(?:#{NUMBER}\s*+,\s*+)++#{NUMBER}\s*+\)\s*+", re.ASCII)  # and nothing else
 
 
 class Reference(int):
@@ -257,6 +258,9 @@ class _Parser:
 
     def _rest(self, depth: int) -> list[Value]:
         """Return the parameters up to ")", behind "("."""
+        if row := REFERENCES.match(self._text, self._place):  # nets of poles are made of such lists
+            self._place = row.end()
+            return [Reference(number) for number in re.findall(r"\d++", row[0], re.ASCII)]
         values: list[Value] = []
         kind, text = self._next()
         if kind == "close":

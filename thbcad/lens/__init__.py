@@ -5,23 +5,21 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.lens.cuts import (
+    from .cuts import (
+        Flange as Flange,
         aperture_volume as aperture_volume,
+        flanged_volume as flanged_volume,
         polygon_volume as polygon_volume,
         require_aperture as require_aperture,
+        require_clear as require_clear,
         require_polygon as require_polygon,
+        rim_heights as rim_heights,
         walls_of as walls_of,
     )
-    from thbcad.lens.flange import (
-        Flange as Flange,
-        flanged_volume as flanged_volume,
-        require_clear as require_clear,
-        rim_heights as rim_heights,
-    )
-    from thbcad.lens.freeform_surface import FreeformSurface as FreeformSurface
-    from thbcad.lens.graph_pieces import segment as segment
-    from thbcad.lens.lens import Lens as Lens
-    from thbcad.lens.manufacture_bounds import (
+    from .freeform_surface import FreeformSurface as FreeformSurface
+    from .graph_pieces import segment as segment
+    from .lens import Lens as Lens
+    from .manufacture_bounds import (
         NM_PER_MM as NM_PER_MM,
         HeightRange as HeightRange,
         Manufacturability as Manufacturability,
@@ -29,13 +27,13 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         mass as mass,
     )
-    from thbcad.lens.product import (
+    from .product import (
         Product as Product,
         face_colour as face_colour,
         one_line as one_line,
         require_line as require_line,
     )
-    from thbcad.lens.rims import (
+    from .rims import (
         CORNERS as CORNERS,
         SIDES as SIDES,
         Corner as Corner,
@@ -55,11 +53,8 @@ if TYPE_CHECKING:
         ruled_edge as ruled_edge,
         ruled_edges as ruled_edges,
     )
-    from thbcad.lens.soundness import (
-        require_sound as require_sound,
-        require_sound_graphs as require_sound_graphs,
-    )
-    from thbcad.lens.triangulation import (
+    from .soundness import require_sound as require_sound, require_sound_graphs as require_sound_graphs
+    from .triangulation import (
         ALLOWANCE as ALLOWANCE,
         EDGES as EDGES,
         FRONT as FRONT,

@@ -1,5 +1,13 @@
 """Watertight meshes of a lens within an outline, its own or an elliptic aperture, with a flange or without,
 with a proven chord error; those of polygons are next door.
+
+Where front and rear differ in size they have one plan, scaled.  Of the rims F(w) and R(w) a wall is ruled, (1
+- v) F + v R.  With a bound M of |F''| and |R''| it lies within M d^2 / 8 of the bilinear patches between
+chords over d in w.
+
+A patch with the sides E and G = E + T lies within |N| / 4 max(1, |E|^2 / (E.G)) of its triangle over E, where
+N is the part of T across E: with T = a E + N and s' = (s + v a) / (1 + v a) points of triangle and patch
+differ by v (1 - s') N.  Likewise of the triangle over G.  T falls as the wall is cut into rows.
 """
 
 from __future__ import annotations
@@ -10,7 +18,9 @@ import numpy as np
 
 from thbcad.checks import Floats, require_number
 from thbcad.lens import (
+    EDGES,
     LEAST_CHORD,
+    MOST_TRIANGLES,
     SIDES,
     Flange,
     Lens,
@@ -23,13 +33,88 @@ from thbcad.lens import (
     tessellated,
     walls_of,
 )
-from thbcad.meshes.outline_plans import plan_within, unit_plan
-from thbcad.meshes.plans import bounds_of, on_surfaces
+from thbcad.meshes.plans import (
+    Bounds,
+    bounds_of,
+    on_surfaces,
+    plan_error,
+    plan_within,
+    too_many,
+    turning,
+    unit_plan,
+)
 from thbcad.meshes.polygon_bodies import polygon_mesh
-from thbcad.meshes.tapered_bodies import tapered_mesh
 from thbcad.outlines import UPRIGHT, Outline
 
 STEPS = ("front", "flange front", "flange side", "flange rear", "rear")  # of a wall with a flange
+
+
+def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation:
+    """Return a mesh of a lens with an outline; its faces have the names of `tessellated`.
+
+    lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
+
+    Raises
+    ------
+    ValueError : a chord error that needs more than 20 million triangles.
+    """
+    shapes = lens.front.outline, lens.rear.outline
+    bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes), shapes)
+    added = bounds.rounding(single)
+    plan, bound, chords = _plan(shapes, bounds, chord - added)
+    front, rear = on_surfaces(lens, *((plan * shape.half_width).reshape(-1, 2) for shape in shapes))
+    cells = len(plan) - 1
+    ring = rim_indices(*plan.shape[:2])
+    rows, twist = 1, np.inf
+    while chords + twist > chord - added:
+        levels = front[ring] + (np.arange(rows + 1) / rows)[:, None, None] * (rear - front)[ring]
+        twist = _twist(levels)
+        needed = 4 * cells * (cells + 2 * rows)
+        if needed > MOST_TRIANGLES or chords >= chord - added:
+            raise too_many(chord)
+        rows = max(rows + 1, int(np.ceil(rows * min(twist / (chord - added - chords), MOST_TRIANGLES))))
+    vertices = np.concatenate([front, rear, *levels[1:-1]])
+    if single:
+        vertices = vertices.astype(np.float32).astype(np.float64)
+    triangles, strips = closed_triangles(cells, cells, len(levels) - 1)
+    require_apart(vertices, triangles)
+    faces = np.where(strips < EDGES[0], strips, EDGES[0] + (strips - EDGES[0]) % len(EDGES))
+    return Tessellation(vertices, triangles, faces, max(bound, chords + twist) + added)
+
+
+def _plan(shapes: tuple[Outline, Outline], bounds: Bounds, chord: float) -> tuple[Floats, float, float]:
+    """Return the unit plan with the fewest cells that keep a chord error, on the walls but for their twist
+    half of it, and both errors."""
+    bend = max(max(shape.corners) * turning(shape) ** 2 for shape in shapes) * (1 + bounds.slope)
+    speed = max(max(shape.corners) * turning(shape) for shape in shapes)
+    cells = 1
+    while 4 * cells**2 <= MOST_TRIANGLES:
+        plan = unit_plan(shapes[1], cells)
+        pairs = zip(bounds.bends, shapes)
+        bound = max(plan_error(bends, plan * shape.half_width) for bends, shape in pairs)
+        bound += bend / cells**2 / 2
+        chords = (bend + bounds.bend * speed**2) / cells**2 / 2
+        if max(bound, 2 * chords) <= chord:
+            return plan, bound, chords
+        much = max(bound, 2 * chords) / chord if chord > 0 else 4.0
+        cells = max(cells + 1, int(np.ceil(cells * np.sqrt(much))))
+    raise too_many(chord)
+
+
+def _twist(levels: Floats) -> float:
+    """Return how far the bilinear patches between rings lie from their triangles at most, mm.
+
+    levels : (rows + 1, n, 3)
+    """
+    sides = np.roll(levels, -1, axis=1) - levels
+    greatest = 0.0
+    for own, other in ((sides[:-1], sides[1:]), (sides[1:], sides[:-1])):
+        square, along = (own**2).sum(axis=-1), (own * other).sum(axis=-1)
+        if (along <= 0).any():
+            return np.inf
+        across = np.linalg.norm(other - own * (along / square)[..., None], axis=-1)
+        greatest = max(greatest, float((across / 4 * np.maximum(1.0, square / along)).max()))
+    return greatest
 
 
 def body_mesh(

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.moulds.body_options import BodyOptions as BodyOptions
-    from thbcad.moulds.drafted_walls import DraftedWall as DraftedWall, Foot as Foot
-    from thbcad.moulds.inserts import FACES as FACES, Insert as Insert
-    from thbcad.moulds.moulded_body import MouldedBody as MouldedBody, Solid as Solid, lens_of as lens_of
-    from thbcad.moulds.rounded_edges import rounded_off as rounded_off
-    from thbcad.moulds.shrinkage import (
+    from .body_walls import BodyOptions as BodyOptions
+    from .drafted_walls import DraftedWall as DraftedWall, Foot as Foot
+    from .inserts import FACES as FACES, Insert as Insert
+    from .moulded_body import MouldedBody as MouldedBody, Solid as Solid, lens_of as lens_of
+    from .rounded_edges import rounded_off as rounded_off
+    from .shrinkage import (
         UNCHANGED as UNCHANGED,
         Factors as Factors,
         enlarged as enlarged,

@@ -11,8 +11,13 @@ import numpy as np
 
 from thbcad.certified import greatest_slope, minimum, value_range
 from thbcad.lens import Lens, require_sound, segment
-from thbcad.moulds.body_options import BodyOptions
-from thbcad.moulds.body_walls import inner_wall, least_support, middle_of_rims, outline_and_smaller
+from thbcad.moulds.body_walls import (
+    BodyOptions,
+    inner_wall,
+    least_support,
+    middle_of_rims,
+    outline_and_smaller,
+)
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
 from thbcad.moulds.inserts import FACES
 from thbcad.outlines import LEAST_SIZE, Outline

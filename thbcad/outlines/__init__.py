@@ -5,11 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.outlines.area_quadrature import (
+    from .outline_integrals import (
+        UPRIGHT as UPRIGHT,
+        Shape as Shape,
         area_rule as area_rule,
+        cross as cross,
         integral_inside as integral_inside,
+        walled_volume as walled_volume,
     )
-    from thbcad.outlines.pieces import (
+    from .pieces import (
         LEAST_SIZE as LEAST_SIZE,
         Arc as Arc,
         Line as Line,
@@ -17,8 +21,8 @@ if TYPE_CHECKING:
         RimPiece as RimPiece,
         integral_within as integral_within,
     )
-    from thbcad.outlines.polygon import Polygon as Polygon
-    from thbcad.outlines.rim_curves import (
+    from .polygon import Polygon as Polygon
+    from .rim_curves import (
         DEGREE as DEGREE,
         TOLERANCE as TOLERANCE,
         fitted_curve as fitted_curve,
@@ -27,12 +31,6 @@ if TYPE_CHECKING:
         merged_breaks as merged_breaks,
         rim_curve as rim_curve,
     )
-    from thbcad.outlines.rounded_rectangle import RELATIVE as RELATIVE, Outline as Outline
-    from thbcad.outlines.wall_volumes import (
-        UPRIGHT as UPRIGHT,
-        Shape as Shape,
-        cross as cross,
-        walled_volume as walled_volume,
-    )
+    from .rounded_rectangle import RELATIVE as RELATIVE, Outline as Outline
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

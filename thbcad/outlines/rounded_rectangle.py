@@ -146,7 +146,9 @@ class Outline:
     def gauge(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return the factor by which the outline grows until it passes through points, of their shape."""
         (hx, hy), (rx, ry) = self.half_width, self.relative_corners
-        u, v = np.broadcast_arrays(abs(floats(x)) / hx, abs(floats(y)) / hy)
+        u, v = abs(floats(x)) / hx, abs(floats(y)) / hy
+        if self.is_ellipse:
+            return np.asarray(np.hypot(u, v))
         straight: Floats = np.maximum(u, v)
         if self.is_rectangle:
             return straight

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.pictures.colour_maps import map_element as map_element
-    from thbcad.pictures.svg_cards import (
+    from .svg_pictures import (
         card as card,
         frame_size as frame_size,
         interval_text as interval_text,
         line_path as line_path,
+        map_element as map_element,
         svg as svg,
     )
 

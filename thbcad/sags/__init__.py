@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.sags.conic import Conic as Conic, meridian as meridian
-    from thbcad.sags.conic_curve import ConicCurve as ConicCurve, axes as axes
-    from thbcad.sags.graphs import (
+    from .conic import Conic as Conic, meridian as meridian
+    from .graphs import (
         CONIC_TOLERANCE as CONIC_TOLERANCE,
         conic_graph as conic_graph,
         gap_graph as gap_graph,
@@ -16,25 +15,23 @@ if TYPE_CHECKING:
         square_coefficients as square_coefficients,
         volume_between as volume_between,
     )
-    from thbcad.sags.placed_conic import (
+    from .placed_conic import (
         NOT_BOUNDED as NOT_BOUNDED,
+        ConicCurve as ConicCurve,
         ConicSection as ConicSection,
         PlacedConic as PlacedConic,
+        axes as axes,
         patch_numbers as patch_numbers,
     )
-    from thbcad.sags.polynomial_sag import (
-        PolynomialSag as PolynomialSag,
-        osa_orders as osa_orders,
-        zernike as zernike,
-    )
-    from thbcad.sags.proven_approximation import (
+    from .polynomial_sag import PolynomialSag as PolynomialSag, osa_orders as osa_orders, zernike as zernike
+    from .proven_approximation import (
         Approximation as Approximation,
         BoundedFunction as BoundedFunction,
         approximated as approximated,
         error_bounds as error_bounds,
         lobatto_nodes as lobatto_nodes,
     )
-    from thbcad.sags.recognised_conics import (
+    from .recognised_conics import (
         conic_of_patch as conic_of_patch,
         conic_of_plane as conic_of_plane,
         conic_of_sphere as conic_of_sphere,

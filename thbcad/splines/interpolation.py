@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from thbcad.checks import Floats, floats, require_type
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.bsplines import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 
 Function = Callable[[Floats, Floats], Floats]

@@ -147,11 +147,8 @@ def _fit(kv: KnotVector, net: Net, kept: KnotVector, breaks: Floats) -> _Fit:
     coarser = KnotVector(kv.degree, np.delete(kept.knots, np.searchsorted(kept.knots, breaks, "right") - 1))
     p = coarser.prolongation(kv)
     d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
-    return _Fit(coarser, d.reshape(-1, *net.shape[1:]), _distance(net, (p @ d).reshape(net.shape)))
-
-
-def _distance(net: Net, other: Net) -> float:
-    return float(np.linalg.norm(net - other, axis=2).max())
+    off = np.linalg.norm(net - (p @ d).reshape(net.shape), axis=2).max()
+    return _Fit(coarser, d.reshape(-1, *net.shape[1:]), float(off))
 
 
 def _power_of_two(net: Floats) -> float:

@@ -28,8 +28,7 @@ from thbcad.checks import (
     require_orders,
     require_type,
 )
-from thbcad.splines.bspline_curve import BSplineCurve
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.bsplines import BSplineCurve, BSplineSurface
 from thbcad.splines.knot_removal import thinned
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply

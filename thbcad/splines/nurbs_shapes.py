@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import floats, require_number, require_type
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.bsplines import BSplineSurface
 from thbcad.splines.knot_vector import UNIT, KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface
 

@@ -5,22 +5,23 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.tools.cusps import Cusps as Cusps, ball_cusps as ball_cusps, nose_cusps as nose_cusps
-    from thbcad.tools.draft_angles import Draft as Draft, draft as draft
-    from thbcad.tools.gap_motion import Gaps as Gaps, rim_gaps as rim_gaps
-    from thbcad.tools.spiral_bounds import (
+    from .cusps import Cusps as Cusps, ball_cusps as ball_cusps, nose_cusps as nose_cusps
+    from .draft_angles import Draft as Draft, draft as draft
+    from .spiral_bounds import (
         greatest_acceleration as greatest_acceleration,
         greatest_section_curvature as greatest_section_curvature,
         greatest_slope_along_cut as greatest_slope_along_cut,
     )
-    from thbcad.tools.spiral_motion import (
+    from .spiral_motion import (
+        Gaps as Gaps,
         SpiralCut as SpiralCut,
         acceleration_at as acceleration_at,
         highest_rpm as highest_rpm,
+        rim_gaps as rim_gaps,
         round_axis as round_axis,
         tool_acceleration as tool_acceleration,
     )
-    from thbcad.tools.tool_fit import (
+    from .tool_fit import (
         SURFACES as SURFACES,
         Fit as Fit,
         air_side as air_side,

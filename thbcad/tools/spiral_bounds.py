@@ -25,8 +25,7 @@ from thbcad.certified import Assessment, Cells, Enclosure, greatest, within
 from thbcad.checks import require_number
 from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
-from thbcad.tools.polar_cells import polar_cells
-from thbcad.tools.polar_ranges import SAFE, errors, held, ranges, values
+from thbcad.tools.polar_cells import SAFE, errors, held, polar_cells, ranges, values
 from thbcad.tools.spiral_motion import RoundAxis, tool_acceleration
 
 TOLERANCE = 1e-3  # relative, finer than noses are measured, and machines keep accelerations

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 import optics
 from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.camera_engine import camera_engine
 from benchmarks.rows.row import median_seconds
 from benchmarks.thesis.records import Found
 from optics.base.runtime import UserError
 from optics.interface.api import Model, System
+from optics.light.engines import Engine
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +76,7 @@ def noisy_gradient(level: int, paths: float) -> Found:
     exact, _ = _gradient(model, c)
     numbers = {"coefficients": len(c), "paths": paths**2}
     try:
-        noisy_model, _ = _at(system, level, "mitsuba-ptracer")
+        noisy_model, _ = _at(system, level, camera_engine())
     except UserError:
         return Found({**numbers, "installed": False})
     noisy, _ = _gradient(noisy_model, c)
@@ -82,7 +84,7 @@ def noisy_gradient(level: int, paths: float) -> Found:
     return Found({**numbers, "installed": True, "cosine": float(noisy @ exact / np.prod(lengths))})
 
 
-def _at(system: System, level: int, engine: str | None = None) -> tuple[Model, Floats]:
+def _at(system: System, level: int, engine: Engine | None = None) -> tuple[Model, Floats]:
     """Return the model and the coefficients at a level."""
     space = system.space(level)
     return system.model(space, RAYS, WINDOW, engine), HALF * system.transport_start(space).coefficients

@@ -50,7 +50,7 @@ class Plan:
     noise: float = 0.0
     rays: tuple[int, int] = RAYS
     vertices: int = VERTICES
-    engine: str | Engine | None = None
+    engine: Engine | None = None
 
 
 @dataclass(frozen=True, eq=False)

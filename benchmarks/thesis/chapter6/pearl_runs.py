@@ -11,6 +11,7 @@ import numpy as np
 
 import optics
 from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.camera_engine import camera_engine
 from benchmarks.thesis.chapter6.adam_batches import (
     NOWHERE,
     RAYS,
@@ -171,5 +172,5 @@ def ptracer_batches(steps: tuple[float, ...] = _steps(FIRST, FALL, len(DOF)), it
     python -c "from benchmarks.thesis.chapter6 import pearl_runs; print(pearl_runs.ptracer_batches().numbers)"
     """
     problem = _problem("thesis/pearl", 256, **{"optimizer.rays_per_pixel": PATHS_PER_PIXEL})
-    plan = Plan(steps, near_dof(DOF), iterations, filtered=True, engine="mitsuba-ptracer")
+    plan = Plan(steps, near_dof(DOF), iterations, filtered=True, engine=camera_engine())
     return recorded(optics.System(problem), plan, None, _lost, pictures=False)

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.base.optimisers.gradient_steps import (
+    from .gradient_steps import (
         Adam as Adam,
         GradientDescent as GradientDescent,
         Momentum as Momentum,
         RMSProp as RMSProp,
     )
-    from optics.base.optimisers.iterations import Optimiser as Optimiser
-    from optics.base.optimisers.line_search import LBFGS as LBFGS, LineSearch as LineSearch
+    from .iterations import Optimiser as Optimiser
+    from .line_search import LBFGS as LBFGS, LineSearch as LineSearch
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

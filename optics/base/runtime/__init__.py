@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.base.runtime.backend import (
+    from .backend import (
         ARRAY_TYPES as ARRAY_TYPES,
         PACKED as PACKED,
         PRECISIONS as PRECISIONS,
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         load_backend as load_backend,
         usable_cores as usable_cores,
     )
-    from optics.base.runtime.checks import (
+    from .checks import (
         RESOLVED as RESOLVED,
         Check as Check,
         Grade as Grade,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         grade as grade,
         verification as verification,
     )
-    from optics.base.runtime.errors import (
+    from .errors import (
         LONGEST as LONGEST,
         NumericalError as NumericalError,
         UserError as UserError,
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
         printable as printable,
         speaking_of as speaking_of,
     )
-    from optics.base.runtime.garbage import collect_rarely as collect_rarely
-    from optics.base.runtime.helper_process import (
+    from .garbage import collect_rarely as collect_rarely
+    from .helper_process import (
         HelperProcess as HelperProcess,
         ProcessEnded as ProcessEnded,
         load as load,
@@ -42,15 +42,11 @@ if TYPE_CHECKING:
         process_for as process_for,
         serve as serve,
     )
-    from optics.base.runtime.llvm import llvm_library as llvm_library
-    from optics.base.runtime.lost_interrupts import lost_interrupts_again as lost_interrupts_again
-    from optics.base.runtime.order_free_sums import OrderFreeSums as OrderFreeSums
-    from optics.base.runtime.progress import (
-        Phase as Phase,
-        Progress as Progress,
-        ProgressEvent as ProgressEvent,
-    )
-    from optics.base.runtime.user_files import (
+    from .llvm import llvm_library as llvm_library
+    from .lost_interrupts import lost_interrupts_again as lost_interrupts_again
+    from .order_free_sums import OrderFreeSums as OrderFreeSums
+    from .progress import Phase as Phase, Progress as Progress, ProgressEvent as ProgressEvent
+    from .user_files import (
         read_at_most as read_at_most,
         reading as reading,
         require_regular_file as require_regular_file,

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
         blur_limits as blur_limits,
         blur_sentence as blur_sentence,
     )
-    from optics.designing.prediction.expectation import Expectation as Expectation, expected as expected
+    from optics.designing.prediction.expectation import (
+        STEEP as STEEP,
+        Expectation as Expectation,
+        expected as expected,
+    )
     from optics.designing.prediction.expectation_text import expectation_lines as expectation_lines
     from optics.designing.prediction.foreseen_verdict import foreseen_misses as foreseen_misses
 

@@ -18,7 +18,7 @@ from optics.designing.prediction.start_light import light_before
 from optics.designing.starts import RearLight, TransportStart
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, can_be_lit, nearest_geometry
 from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
 
@@ -28,6 +28,8 @@ MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: th
 MOST_PIXELS = 2048
 WIDE = 2.8  # pixels, of the Gaussian that takes the detail of a picture away
 SCALE, POWER = 0.092, 0.27
+STEEP = 0.1  # of the light, reflected at the rear: some 0.04 are where it meets a usual index at right angles
+SURELY = 0.9  # of that: the map to another place, and its height, are a little different
 JUMP = 1e-3  # of the norm: smaller jumps between pixels are none
 SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
 
@@ -41,6 +43,7 @@ class Expectation:
     efficiency, stray, blocked : of the transport start, share of the source's flux on the target, beside it,
         and taken by stops and the clear aperture.  reflected, totally : the same at the rear, and that of it
         which no steeper light could leave.
+    nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more.
     least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
@@ -62,6 +65,7 @@ class Expectation:
     blocked: float
     reflected: float
     totally: float
+    nearest: list[str]
     least: dict[str, tuple[float, float]]
     pixel: float
     net: float
@@ -98,6 +102,7 @@ def expected(
     plan = stages(traced, from_transport)
     fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
     flux = system.problem.source.flux
+    reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
     density = system.problem.optic.density
     volume = lens.volume()
@@ -111,8 +116,9 @@ def expected(
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,
-        reflected=(fates.rear_reflected + fates.total_internal) / flux,
+        reflected=reflected,
         totally=fates.total_internal / flux,
+        nearest=gentler_targets(system, start) if system.shaped == "rear" and reflected > STEEP else [],
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
@@ -127,6 +133,13 @@ def expected(
         sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
     ), plan
+
+
+def gentler_targets(system: OpticalSystem, start: TransportStart) -> list[str]:
+    """Return the options of the nearest targets to which the surface sends light of which it loses little."""
+    return nearest_geometry(
+        system, lambda other: can_be_lit(other) and start.lost(other.target) <= SURELY * STEEP
+    )
 
 
 def predicted_rel_l2(target: Floats, start_error: float) -> float:

@@ -37,12 +37,10 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
 
 
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:
-    """Return how small front and rear might be in their outline."""
-    sides = [
-        f"{system.problem.optic.face_name(name)} {_by(half)} mm of "
-        f"{_by(getattr(system.lens, name).half_width)}"
-        for name, half in expected.least.items()
-    ]
+    """Return how small the faces might be in their outlines."""
+    shapes = (surface.shape for surface in system.path(system.lens).surfaces)
+    sizes = {name: shape.half_width for name, shape in zip(system.problem.face_names, shapes)}
+    sides = [f"{name} {_by(half)} mm of {_by(sizes[name])}" for name, half in expected.least.items()]
     return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
 
 
@@ -113,7 +111,7 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         )
     if len(system.wavelengths) > 1:
         blue, *_, red = system.wavelengths
-        falls = blue.medium.index - red.medium.index
+        falls = max((b.index - r.index for b, r in zip(blue.media, red.media)), key=abs)
         size = _shift(system, expected, per_index * abs(falls))
         lines.append(
             f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {falls:.4f}, "

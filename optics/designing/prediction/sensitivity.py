@@ -18,7 +18,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
-from optics.scene.paths import LightPath
+from optics.scene.paths import AIR, LightPath
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -47,10 +47,8 @@ class Sensitivity:
 def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitivity:
     """Return the Sensitivity of a lens.  backend : of double precision."""
     path, rays = system.path(lens), system.source.without_extent().rays(RAYS)
-    glass = path.media[1]
     ripple: list[Floats | None] = [None] * len(path.surfaces)
-    shaped = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
-    ripple[shaped] = np.array([[2 * pi * RIPPLE / PERIOD], [0.0]])
+    ripple[path.shaped] = np.array([[2 * pi * RIPPLE / PERIOD], [0.0]])
     landed = _landed(backend, path, rays)
 
     def shifts(other: LightPath) -> tuple[float, float]:
@@ -62,18 +60,18 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
         shift = np.hypot(*(points - landed[0])[:, both])
         return float(np.average(shift, weights=landed[1][both])), float(shift.max())
 
-    index = shifts(path.in_glass(replace(glass, index=glass.index + INDEX)))
-    return Sensitivity(*index, shifts(path.with_slope_errors(ripple))[0], _decentre(system, path, shaped))
+    index = shifts(path.in_media(m if m == AIR else replace(m, index=m.index + INDEX) for m in path.media))
+    return Sensitivity(*index, shifts(path.with_slope_errors(ripple))[0], _decentre(system, path))
 
 
-def _decentre(system: OpticalSystem, path: LightPath, shaped: int) -> float:
-    """Return the shift by a decentre.  shaped : the number of the surface."""
+def _decentre(system: OpticalSystem, path: LightPath) -> float:
+    """Return the shift by a decentre."""
     far = path.receiver.far_field
     if system.source.from_afar:
         return 0.0 if far else DECENTRE
     vertices = [np.array(system.source.middle), *(surface.pose.shift for surface in path.surfaces)]
     ways = [np.linalg.norm(b - a) / m.index for a, b, m in zip(vertices, vertices[1:], path.media)]
-    return DECENTRE * (degrees(1.0) if far else path.throw) / float(sum(ways[: shaped + 1]))
+    return DECENTRE * (degrees(1.0) if far else path.throw) / float(sum(ways[: path.shaped + 1]))
 
 
 def _landed(backend: Backend, path: LightPath, rays: RayGrid | Rays) -> tuple[Floats, Floats]:

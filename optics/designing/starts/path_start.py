@@ -59,12 +59,13 @@ class ShapedLight:
     """What a picture asks of a surface.
 
     light : that meets it.  above : the slopes that its sag needs, (nx, ny) each, which go on without light.
-    bent : share of the light that slopes can send to where the map wants it.
+    bent : share of the light that slopes can send to where the map wants it.  places : u and v there.
     """
 
     light: RearLight
     above: list[Floats]
     bent: float
+    places: list[Floats]
 
 
 def shaped_along(
@@ -111,7 +112,7 @@ def shaped_along(
         moved = np.sqrt(np.average(aside**2, weights=flux)) / (2 * max(shape.half_width))
         if moved < MOVED and _difference(asked, before) < CHANGE * _difference(wanted):
             break
-    return ShapedLight(light, above, float(np.average(possible, weights=flux)))
+    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent)
 
 
 def _meshes(space: THBSpace, counts: tuple[int, int], finest: int) -> tuple[THBSpace, THBSpace]:

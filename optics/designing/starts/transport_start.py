@@ -16,6 +16,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.designing.starts.cell_sums import summed_over_cells
+from optics.designing.starts.lost_light import lost_share
 from optics.designing.starts.path_start import Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
@@ -30,7 +31,7 @@ from optics.designing.transport import height_from_slopes, prewarped, transport_
 from optics.light.blur import aimed
 from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.receivers import Screen, lit_part
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.system import LightTarget, OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
@@ -102,10 +103,10 @@ class TransportStart:
             self._weight = self._light.weight
             return
         path, finest = system.path(system.lens), system.freeforms[-1].finest
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
-        shaped = shaped_along(backend, path, number, system.source, picture, self._cells, finest)
+        shaped = shaped_along(backend, path, path.shaped, system.source, picture, self._cells, finest)
         self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
+        self._places: Sequence[Floats] = shaped.places
         self._weight = np.ones(self._cells)  # the slopes go on where no light is
         if not shaped.light.parallel:
             self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
@@ -151,17 +152,27 @@ class TransportStart:
         x, y = light.x[:, None], light.y[None, :]
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
+    def lost(self, target: LightTarget) -> float:
+        """Return the share of the light that a surface loses which sends it to the same places of a target,
+        see `lost_share`."""
+        path, sides = self._system.path(self._lens).onto(target.receiver), target.settings.half_width
+        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
+        scales = (new / old for new, old in zip(sides, self._system.target.settings.half_width))
+        return lost_share(path, number, self._light, [s * a for s, a in zip(scales, self._places)])
+
     def level(self, least: int, finest: int) -> int:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
         (UNIFORM_DETAIL where uniform light is asked for).
 
-        That is e (n - 1) throw in pixels, or 2 e throw by a mirror, with e^2 what another level takes off the
-        mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
+        That is e |n - n'| throw in pixels, 2 n e throw where it reflects, with e^2 what another level takes
+        off the mean square of the slopes' misfit.  Slopes that no surface has remain in all of them.
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        turned = 2.0 if self._system.reflects else self._lens.index - 1
-        moved = turned * self._system.path(self._lens).lever / min(target.screen().pitch)
+        path = self._system.path(self._lens)
+        before, behind = (medium.index for medium in path.media[path.shaped : path.shaped + 2])
+        reflects = path.surfaces[path.shaped].kind == "reflect"
+        moved = (2 * before if reflects else abs(before - behind)) * path.lever / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
         detail = DETAIL if target.uniform_region is None else UNIFORM_DETAIL
         return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
@@ -215,6 +226,7 @@ class TransportStart:
         if picture is not None:
             arrival = self._arrival(light, half, picture)
             above, _ = self._above(light, arrival, _height(light, above), 1)
+        self._places = arrival
         return light, above
 
     def _above(

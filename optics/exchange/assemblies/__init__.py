@@ -5,11 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.assemblies.mount_export import (
-        export_mounted as export_mounted,
-        mount_from as mount_from,
-    )
-    from optics.exchange.assemblies.placement_text import placed_text as placed_text
-    from optics.exchange.assemblies.proof import part_checks as part_checks
+    from .mount_export import export_mounted as export_mounted, mount_from as mount_from
+    from .proof import part_checks as part_checks, placed_text as placed_text
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

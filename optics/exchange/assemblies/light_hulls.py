@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import asin, atan, inf, radians, sin, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.receivers import Receiver
@@ -27,10 +26,9 @@ from thbcad.certified import (
     region_between,
     supports_of,
 )
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
-
-Floats = NDArray[np.float64]
 
 CELLS = 16  # of a surface in each direction, between which its heights are bounded
 CONIC = 1e-11  # mm, of a conic from its spline

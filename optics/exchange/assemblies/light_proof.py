@@ -33,9 +33,9 @@ from thbcad.cad.parts import (
     rim_faces,
 )
 from thbcad.certified import ConvexRegion
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
-Floats = NDArray[np.float64]
 Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports
 Shape: TypeAlias = Any
 

@@ -8,7 +8,6 @@ from math import isqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.exchange.assemblies.blocked_paths import Obstacles, within_outline
 from optics.light.tracing import Tracer
@@ -16,9 +15,8 @@ from optics.scene.receivers import Receiver
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.certified import DIRECTIONS
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 RAYS = 1 << 20
 SETS = 32  # independent ones, whose scatter is the error

@@ -5,15 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.cross_checks.file_tracers import (
-        file_tracer as file_tracer,
-        require_tracer as require_tracer,
-    )
-    from optics.exchange.cross_checks.light_comparison import (
-        LightComparison as LightComparison,
-        compare_light as compare_light,
-    )
-    from optics.exchange.cross_checks.light_verification import (
+    from .file_tracers import file_tracer as file_tracer, require_tracer as require_tracer
+    from .light_comparison import LightComparison as LightComparison, compare_light as compare_light
+    from .light_verification import (
         light_comparison_checks as light_comparison_checks,
         light_comparison_lines as light_comparison_lines,
     )

@@ -95,7 +95,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     UserError : Mitsuba cannot be loaded.
     OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
     """
-    from optics.exchange.verification import tracer_by_occt, tracer_by_optiland  # OCCT
+    from optics.exchange.verification import RaysBehind, tracer_by_occt, tracer_by_optiland  # OCCT
 
     require_lens_on_axis(system, "traces of a file by other programs")
     index, target = index_of(file), system.target.receiver
@@ -103,7 +103,12 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
         min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0
     )
     if name != "mitsuba":
-        trace = {"optiland": tracer_by_optiland, "occt": tracer_by_occt}[name](file, index, target)
+        crossed = [(0, 1 / index), (1, index)]
+        through = tracer_by_occt(file, crossed) if name == "occt" else tracer_by_optiland(file, index)
+
+        def trace(rays: Rays) -> LandingPoints:
+            return through(RaysBehind(rays.origin.T, rays.direction.T, rays.flux)).landing(target)
+
         return FileTracer(name, trace, None, start, index, None)
     fine, coarse = _by_mitsuba(file, system, index, nodes)
     digits = PRECISIONS["single"][2]

@@ -19,7 +19,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.exchange.cross_checks.file_tracers import FileTracer
@@ -31,14 +30,13 @@ from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 400  # noise of 5 %
 RAYS_AT_ONCE = 1 << 20
 CELLS_PER_PIXEL, LEAST_CELLS = 16, 769  # in each direction: errors of 2e-4 on pearl's own pixels
 LEAST_SOBOL = 1 << 20  # rays of each of the two sets that stand for cells of extended sources
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

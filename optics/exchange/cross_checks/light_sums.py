@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
+from thbcad.checks import Floats
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and programs may round it to none
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

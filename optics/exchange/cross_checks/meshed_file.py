@@ -16,7 +16,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.exchange.mitsuba import current_mitsuba, mitsuba_backend
 from optics.exchange.verification import StepFile, last_step, optical_faces, optical_form
@@ -25,14 +24,13 @@ from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from thbcad.cad.exchange import FaceNodes, face_nodes
+from thbcad.checks import Floats
 from thbcad.outlines import Outline
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
 FLAT = 2  # steps across a plane face
 COARSER = 3.0  # errors of a mesh, from it to the mesh of every second node
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from math import cos, radians, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources import (
     CollimatedBeam,
@@ -22,8 +21,7 @@ from optics.scene.sources import (
     Profile,
     Rays,
 )
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 SPARE = 64  # draws beside four for each ray, of which more than a third are kept: few rays have enough too
 

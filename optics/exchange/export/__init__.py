@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.export.body import Body as Body
-    from optics.exchange.export.formats import (
+    from .body import Body as Body
+    from .formats import (
         MESHES as MESHES,
         SOLIDS as SOLIDS,
         Labels as Labels,
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         require_free as require_free,
         require_free_files as require_free_files,
     )
-    from optics.exchange.export.read_back import (
+    from .read_back import (
         READERS as READERS,
         read_mesh as read_mesh,
         require_readers as require_readers,

@@ -173,8 +173,12 @@ class Body:
 
         Raises
         ------
-        ValueError : as `body_mesh`.
+        ValueError : as `body_mesh`; of a moulded body as `part` and `part_mesh`.
         """
+        if self.is_moulded:
+            from thbcad.cad.exchange import part_mesh  # OCCT
+
+            return part_mesh(self.part(lens), chord, single)
         return body_mesh(lens, chord, self.aperture, self.flange, single, self.polygon)
 
     def volume(self, lens: Lens) -> float:

@@ -87,8 +87,7 @@ def _read_dxf(path: Path) -> tuple[list[Drawn], int]:
 
 def _chord_samples(points: Floats) -> Floats:
     middles = (points[:-1] + points[1:]) / 2
-    samples: Floats = np.concatenate([points, middles])
-    return samples
+    return np.concatenate([points, middles])
 
 
 def _section_error(curve: Drawn, surface: FreeformSurface, vertex: float) -> float:
@@ -127,8 +126,7 @@ def _shortfall(
 def _highest(line: Floats, positions: Floats, sign: int) -> Floats:
     """Return sign z of a line at positions, -infinity beside it."""
     outside = dict.fromkeys(("left", "right"), -np.inf)
-    highest: Floats = np.interp(positions, line[:, 0], sign * line[:, 1], **outside)
-    return highest
+    return np.interp(positions, line[:, 0], sign * line[:, 1], **outside)
 
 
 def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
@@ -149,5 +147,4 @@ def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> NDArray[np.bo
 
 def _height_line(points: Floats, axis: int) -> Floats:
     """Return points (y, z) of the view from -x, (x, z) of that from -y, which has -x and -z for axes."""
-    line: Floats = points[:, ::-1] if axis == 0 else -points
-    return line
+    return points[:, ::-1] if axis == 0 else -points

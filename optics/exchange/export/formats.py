@@ -52,22 +52,10 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "ply": (ply_bytes, False),
     "glb": (glb_bytes, True),
 }
-SUFFIXES = {
-    "step": "step",
-    "stp": "step",
-    "iges": "iges",
-    "igs": "iges",
-    "brep": "brep",
-    "dat": "dat",
-    "xyz": "xyz",
-    "npz": "npz",
-    "svg": "svg",
-    "dxf": "dxf",
-}
-SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
 OF_SURFACES = ("dat", "xyz", "npz")
-FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+FORMATS = (*SOLIDS, *OF_SURFACES, *DRAWINGS, *MESHES)
+SUFFIXES = {name: name for name in FORMATS} | {"stp": "step", "igs": "iges"}
 
 
 @dataclass(frozen=True)
@@ -160,9 +148,13 @@ def export(
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
         ("--cavity needs", body.cavity is not None, SOLIDS),
-        ("lens.body needs", body.is_moulded, (*SOLIDS, *OF_SURFACES)),
         # OCCT makes roundings of degree 12, which is read where faces have names
-        ("lens.body.edge_radius needs", body.rounded, ("step", *OF_SURFACES)),
+        ("lens.body.edge_radius needs", body.rounded, ("step", *MESHES, *OF_SURFACES)),
+        (
+            "a drawing shows the lens without lens.body, of lens.json of the result; lens.body needs",
+            body.is_moulded,
+            (*SOLIDS, *MESHES, *OF_SURFACES),
+        ),
         ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:

@@ -5,26 +5,22 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.mitsuba.engine_choice import mitsuba_engine as mitsuba_engine
-    from optics.exchange.mitsuba.integrator import exact_integrator as exact_integrator, register as register
-    from optics.exchange.mitsuba.loading import (
+    from .engines import lens_mesh as lens_mesh, mitsuba_engine as mitsuba_engine
+    from .integrator import exact_integrator as exact_integrator, register as register
+    from .loading import (
         current_mitsuba as current_mitsuba,
         load_mitsuba as load_mitsuba,
         mitsuba_backend as mitsuba_backend,
     )
-    from optics.exchange.mitsuba.mesh import LensMesh as LensMesh
-    from optics.exchange.mitsuba.mesh_tracer import (
-        MeshTracer as MeshTracer,
-        mesh_irradiance as mesh_irradiance,
-        mesh_pipeline as mesh_pipeline,
-    )
-    from optics.exchange.mitsuba.scene import (
+    from .mesh import LensMesh as LensMesh
+    from .mesh_tracer import MeshTracer as MeshTracer
+    from .scene import (
         REFLECTANCE as REFLECTANCE,
         camera_irradiance as camera_irradiance,
         mitsuba_scene as mitsuba_scene,
         scene_dictionary as scene_dictionary,
     )
-    from optics.exchange.mitsuba.scene_xml import (
+    from .scene_xml import (
         irradiance_of_one as irradiance_of_one,
         scene_checks as scene_checks,
         scene_file_names as scene_file_names,

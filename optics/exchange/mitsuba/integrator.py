@@ -36,7 +36,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.designing.optimisation import stage_window
@@ -45,11 +44,11 @@ from optics.exchange.results import ResultFolder
 from optics.light.engines import Light, LightModel, TracedModel
 from optics.light.tracing import Tracer
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 Models = Callable[[Any, int], LightModel]  # of a sensor and its samples per pixel
 
-Floats = NDArray[np.float64]
 NAME = "thbcad"
 
 

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.loading import mitsuba_backend
 from optics.exchange.mitsuba.surface_vertices import Jet, SurfaceVertices, jet_operation
-from thbcad.checks import read_only
+from thbcad.checks import Floats, read_only
 from thbcad.lens import Lens, rim_indices, tessellated
 from thbcad.splines import KnotVector
 
-Floats = NDArray[np.float64]
 FACES = ("front", "rear", "edges")
 
 

@@ -16,17 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import DrArray
-from optics.designing.optimisation import Objective
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.surface_vertices import Jet
-from optics.light.engines import TracedModel
 from optics.light.intersections import device_flux, rim_fade
 from optics.light.tracing import Landing, refract
-from optics.scene.receivers import Receiver, Window
+from optics.scene.receivers import Receiver
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
 from thbcad.splines import KnotVector
 
 Vector = tuple[DrArray, DrArray, DrArray]
@@ -175,40 +171,3 @@ class MeshTracer:
         u, v = dr.dot(s, across) * scale, dr.dot(d, turned) * scale
         n, along_e, along_f = (dr.gather(mi.Normal3f, normals, corner, hit) for corner in corners)
         return p + u * e + v * f, n * (1 - u - v) + along_e * u + along_f * v, hit
-
-
-def mesh_irradiance(
-    system: OpticalSystem,
-    lens: Lens,
-    counts: Sequence[int],
-    window: Window,
-    vertices: Sequence[int],
-) -> NDArray[np.float64]:
-    """Return the irradiance on the target's pixels, (rows, columns), W/mm^2.
-
-    In the far field it is in W per square degree.
-
-    counts : (nx, ny) of the system's rays.  vertices : (nx, ny) of front and rear.
-    """
-    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.receiver)
-    screen = system.target.screen()
-    return TracedModel(tracer.backend, tracer, screen, window).image([sag.coefficients for sag in lens.sags])
-
-
-def mesh_pipeline(
-    system: OpticalSystem,
-    lens: Lens,
-    counts: Sequence[int],
-    window: Window,
-    vertices: Sequence[int],
-    margin: int = 0,
-) -> Objective:
-    """Return loss and gradient through Mitsuba: an `Objective` over a `MeshTracer`, with only its first term.
-
-    The target is the system's, with the whole source flux.  counts : (nx, ny) of the system's rays.
-    vertices : (nx, ny) of front and rear.  margin : dark pixels around the target.
-    """
-    tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.receiver)
-    screen = system.target.screen(margin=margin)
-    target = system.target.irradiance(screen, system.problem.source.flux)
-    return Objective(TracedModel(tracer.backend, tracer, screen, window), target, 0.0)

@@ -18,8 +18,7 @@ import numpy as np
 from optics.base.runtime import Check
 from optics.exchange.mitsuba.loading import current_mitsuba
 from optics.exchange.mitsuba.mesh import FACES, LensMesh
-from optics.exchange.mitsuba.scene import BLACK, REFLECTANCE, VERTICES, scene_dictionary
-from optics.exchange.mitsuba.scene_screen import overview_camera
+from optics.exchange.mitsuba.scene import BLACK, REFLECTANCE, VERTICES, overview_camera, scene_dictionary
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 

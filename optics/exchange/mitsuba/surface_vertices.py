@@ -19,18 +19,16 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from optics.base.runtime import Backend, DrArray
-from thbcad.checks import read_only
+from thbcad.checks import Floats, read_only
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 
 Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # z, zx, zy, Float64 (n,) each
 
-Floats = NDArray[np.float64]
 Matrices: TypeAlias = "list[tuple[csr_array, csr_array]]"  # values and slopes in x, and in y
 ORDERS = ((0, 0), (1, 0), (0, 1))
 

@@ -5,17 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.exchange.results.checkpoint import (
-        read_checkpoint as read_checkpoint,
-        write_checkpoint as write_checkpoint,
-    )
-    from optics.exchange.results.folder_lock import run_lock as run_lock
-    from optics.exchange.results.identity import (
-        data_of as data_of,
-        fingerprint as fingerprint,
-        run_id as run_id,
-    )
-    from optics.exchange.results.owned_files import (
+    from .checkpoint import read_checkpoint as read_checkpoint, write_checkpoint as write_checkpoint
+    from .folder_lock import run_lock as run_lock
+    from .identity import data_of as data_of, fingerprint as fingerprint, run_id as run_id
+    from .owned_files import (
         HASHES as HASHES,
         hashes as hashes,
         recorded as recorded,
@@ -25,7 +18,7 @@ if TYPE_CHECKING:
         sha256_of as sha256_of,
         writable_folder as writable_folder,
     )
-    from optics.exchange.results.result_folder import (
+    from .result_folder import (
         FIGURES as FIGURES,
         FILES as FILES,
         ResultFolder as ResultFolder,
@@ -33,6 +26,6 @@ if TYPE_CHECKING:
         lens_of as lens_of,
         level_files as level_files,
     )
-    from optics.exchange.results.result_writer import ResultWriter as ResultWriter
+    from .result_writer import ResultWriter as ResultWriter
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

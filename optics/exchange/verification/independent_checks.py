@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.occt_tracer import occt_trace
+from optics.exchange.verification.occt_tracer import Crossed, occt_through
+from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.reference_tracer import fixed_face
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import (
@@ -20,10 +23,7 @@ from optics.exchange.verification.step_file import (
     optical_form,
     text_volume_check,
 )
-from optics.exchange.verification.trace_comparison import compared, index_of
-from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
-from optics.scene.sources import Rays
+from optics.exchange.verification.trace_comparison import compared
 from optics.scene.system import OpticalSystem
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -35,8 +35,8 @@ from thbcad.splines import UNIT, BSplineSurface
 if TYPE_CHECKING:
     from thbcad.moulds import MouldedBody, Solid
 
-Rows = NDArray[np.float64]
 
+Rows = NDArray[np.float64]
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
 ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
@@ -54,23 +54,22 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    path = system.own_path(lens)
-    by_occt = tracer_by_occt(file, index_of(path), path.receiver)
-    difference = compared(system, lens, backend, RAYS, by_occt)
+    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     made = system.solid(lens)
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
 
 
-def tracer_by_occt(file: StepFile, index: float | None, target: Receiver) -> Callable[[Rays], LandingPoints]:
-    """Return the trace of Rays through a file as `occt_trace`; the text of the file is read first."""
-    optical, shape = optical_faces(file.text), file.solid.shape
+def crossed_by(system: OpticalSystem) -> list[Crossed]:
+    """Return the faces of what is designed as OCCT is to meet them, ideally coated where they reflect."""
+    path = system.path(system.lens).without_coats()
+    return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
-    def trace(rays: Rays) -> LandingPoints:
-        landing = occt_trace(shape, optical, rays.origin.T, rays.direction.T, index, target)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
 
-    return trace
+def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[RaysBehind], RaysBehind]:
+    """Return the trace of rays through a file as `occt_through`; the text of the file is read first."""
+    optical = optical_faces(file.text)
+    return partial(occt_through, file.solid.shape, optical, crossed=crossed)
 
 
 def text_checks(solid: Brep, made: Solid) -> list[Check]:
@@ -102,7 +101,9 @@ def text_checks(solid: Brep, made: Solid) -> list[Check]:
 def _other_walls(faces: Sequence[BrepFace], lens: Lens) -> int:
     """Return how many of the edge faces, or of their numbers, are not those of the lens."""
     if lens.taper != UPRIGHT:
-        return _other_ruled(faces, lens)
+        ruled = zip(faces, ruled_edges(lens))
+        off = sum(differing_numbers(face.surface, wall) for face, wall in ruled)
+        return abs(len(faces) - len(edge_names(lens))) + off
     pieces = lens.rear.outline.pieces
     if lens.rear.outline.is_rectangle:
         return _other_planes(faces, lens)
@@ -139,14 +140,6 @@ def _stands_on(face: BrepFace, piece: RimPiece) -> bool:
         return False
     conic = swept.curve.conic
     return (*conic.placement[0, :2], *conic.sizes) == (*piece.centre, *sorted(piece.semi_axes, reverse=True))
-
-
-def _other_ruled(faces: Sequence[BrepFace], lens: Lens) -> int:
-    """Return how many numbers of the edge faces differ from the ruled faces between the rims."""
-    off = abs(len(faces) - len(edge_names(lens)))
-    for face, ruled in zip(faces, ruled_edges(lens)):
-        off += differing_numbers(face.surface, ruled)
-    return off
 
 
 def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.exchange.verification.reference_tracer import last_step
+from optics.exchange.verification.rays_behind import RaysBehind
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from thbcad.cad.exchange import face_hits
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from thbcad.cad.exchange import TopoDS_Shape
 
 Rows = NDArray[np.float64]
+Crossed = tuple[int, float | None]  # front or rear (0, 1), and index before / behind; None reflects all
 
 
 def occt_trace(
@@ -26,30 +28,37 @@ def occt_trace(
     index: float | None,
     target: Receiver,
 ) -> LandingPoints:
-    """Trace rays of 1 W through the front and the rear of a solid, by OCCT's intersections.
+    """Trace rays of 1 W through the front and the rear of a solid to a target, as `occt_through`.
 
-    index : None is a mirror, whose front reflects all.
-
-    optical : indices of front and rear among the faces.
     origins, directions : (n, 3) float, mm and unit vectors.
     """
-    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
-    points, onward = origins, directions
-    lit, weight = np.arange(len(origins)), np.ones(len(origins))
-    for face, eta in zip(optical, (None,) if index is None else (1 / index, index)):
-        hits = face_hits(solid, points, onward)
+    rays = RaysBehind(origins, directions, np.ones(len(origins)))
+    faces = [(0, None)] if index is None else [(0, 1 / index), (1, index)]
+    return occt_through(solid, optical, rays, faces).landing(target)
+
+
+def occt_through(
+    solid: TopoDS_Shape, optical: tuple[int, int], rays: RaysBehind, crossed: Sequence[Crossed]
+) -> RaysBehind:
+    """Trace rays through the front and the rear of a solid, by OCCT's intersections.
+
+    optical : indices of front and rear among the faces.
+    """
+    points, onward, weight = rays.points.copy(), rays.directions.copy(), rays.flux.copy()
+    for which, eta in crossed:
+        lit = np.flatnonzero(weight > 0)
+        hits, along = face_hits(solid, points[lit], onward[lit]), onward[lit]
         if eta is None:
-            across = np.einsum("ij,ij->i", onward, hits.normals)
-            onward, transmittance = onward - 2 * across[:, None] * hits.normals, np.ones(len(onward))
+            across, passing = np.einsum("ij,ij->i", along, hits.normals), np.ones(len(along))
+            along = along - 2 * across[:, None] * hits.normals
         else:
-            onward, transmittance = _refracted(onward, hits.normals, eta)
-            transmittance = np.where(onward[:, 2] > 0, transmittance, 0.0)
-        passes = (hits.faces == face) & (transmittance > 0)
-        points, onward, lit = hits.points[passes], onward[passes], lit[passes]
-        weight = weight[passes] * transmittance[passes]
-    ends, meets, _ = last_step(points, onward, target)
-    landing[lit[meets]], flux[lit[meets]] = ends[meets], weight[meets]
-    return LandingPoints(landing, flux)
+            before = along
+            along, passing = _refracted(before, hits.normals, eta)
+            passing = np.where(along[:, 2] * before[:, 2] > 0, passing, 0.0)
+        passes = hits.faces == optical[which]
+        points[lit[passes]], onward[lit[passes]] = hits.points[passes], along[passes]
+        weight[lit] *= np.where(passes, passing, 0.0)
+    return RaysBehind(points, onward, weight)
 
 
 def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, Rows]:

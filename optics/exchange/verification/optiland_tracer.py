@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -24,13 +25,12 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.independent_checks import RAYS
-from optics.exchange.verification.reference_tracer import last_step
+from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.step_file import StepFile
-from optics.exchange.verification.trace_comparison import compared, index_of
+from optics.exchange.verification.trace_comparison import compared
 from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
-from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, OpticalForm
 from thbcad.sags import PlacedConic
@@ -65,23 +65,15 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     ------
     ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    path = system.own_path(lens)
-    by_optiland = tracer_by_optiland(file, index_of(path), path.receiver)
-    difference = compared(system, lens, backend, RAYS, by_optiland)
+    difference = compared(
+        system, lens, backend, RAYS, tracer_by_optiland(file, None if system.reflects else lens.index)
+    )
     return difference.checks(system.problem.verify, "optiland's trace of the file")
 
 
-def tracer_by_optiland(
-    file: StepFile, index: float | None, receiver: Receiver
-) -> Callable[[Rays], LandingPoints]:
-    """Return the trace of Rays through the faces that OCCT reads in a file, as `optiland_trace`."""
-    faces = file.solid.front, file.solid.rear
-
-    def trace(rays: Rays) -> LandingPoints:
-        landing = optiland_trace(*faces, rays.origin.T, rays.direction.T, index, receiver, file.rims)
-        return LandingPoints(landing.points, landing.flux * rays.flux)
-
-    return trace
+def tracer_by_optiland(file: StepFile, index: float | None) -> Callable[[RaysBehind], RaysBehind]:
+    """Return the trace of rays through the faces that OCCT reads in a file, as `optiland_through`."""
+    return partial(optiland_through, file.solid.front, file.solid.rear, index=index, rims=file.rims)
 
 
 def optiland_trace(
@@ -93,38 +85,51 @@ def optiland_trace(
     target: Receiver,
     rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
-    """Trace rays of 1 W through two faces to a target, by optiland.
+    """Trace rays of 1 W through two faces to a target, as `optiland_through`.
 
-    The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
-    points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
-
-    index : None is a mirror, whose front reflects all.
-    front, rear : as `optical_forms`, mm; splines have x along u and y along v.
     origins, directions : (n, 3) float, mm and unit vectors.
+    """
+    rays = RaysBehind(origins, directions, np.ones(len(origins)))
+    return optiland_through(front, rear, rays, index, rims).landing(target)
+
+
+def optiland_through(
+    front: OpticalForm,
+    rear: OpticalForm,
+    rays: RaysBehind,
+    index: float | None,
+    rims: Sequence[FaceRim] = (),
+) -> RaysBehind:
+    """Trace rays through two faces, by optiland.
+
+    The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.
+
+    front, rear : as `optical_forms`, mm; splines have x along u and y along v.
+    index : None is a mirror, whose front reflects all.
     rims : of both faces, where these may not fill their rectangles.
 
     Raises
     ------
     ImportError : optiland is not installed.
     """
-    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
+    points, onward, weight = rays.points.copy(), rays.directions.copy(), rays.flux.copy()
     faces: list[tuple[OpticalForm, tuple[float, float] | None]] = [(front, None)]
     if index is not None:
         faces = [(front, (1.0, index)), (rear, (index, 1.0))]
     with _numpy_backend():
-        for first in range(0, len(origins), AT_ONCE):
-            lit = np.arange(first, min(first + AT_ONCE, len(origins)))
-            points, onward, weight = origins[lit], directions[lit], np.ones(len(lit))
-            for k, (surface, indices) in enumerate(faces):
-                points, onward, transmittance = _through(surface, points, onward, indices)
-                passes, weight = transmittance > 0, weight * transmittance
+        for k, (surface, indices) in enumerate(faces):
+            every = np.flatnonzero(weight > 0)
+            for first in range(0, len(every), AT_ONCE):
+                lit = every[first : first + AT_ONCE]
+                met, along, transmittance = _through(surface, points[lit], onward[lit], indices)
+                passes = transmittance > 0
                 if rims:
-                    passes[passes] = rims[k].holds(points[passes, :2])
-                points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
-            ends, meets, _ = last_step(points, onward, target)
-            arrives = meets if index is None else meets & (onward[:, 2] > 0)
-            landing[lit[arrives]], flux[lit[arrives]] = ends[arrives], weight[arrives]
-    return LandingPoints(landing, flux)
+                    passes[passes] = rims[k].holds(met[passes, :2])
+                points[lit[passes]], onward[lit[passes]] = met[passes], along[passes]
+                weight[lit] *= np.where(passes, transmittance, 0.0)
+    if index is not None:
+        weight *= onward[:, 2] > 0
+    return RaysBehind(points, onward, weight)
 
 
 @contextmanager

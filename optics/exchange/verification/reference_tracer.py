@@ -7,27 +7,33 @@ conics in closed form, and refraction uses the vector form of Snell's law.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.base.runtime import NumericalError
+from optics.exchange.verification.rays_behind import RaysBehind, inside, passes
 from optics.exchange.verification.traced_faces import (
     MEETS,
     ConicFace,
     FaceRim,
-    Floats,
     Meetings,
     ParametricFace,
+    dot,
 )
 from optics.light.tracing import LandingPoints
-from optics.scene.paths import LightPath, Stop
-from optics.scene.receivers import Cylinder, Receiver, Sphere
+from optics.scene.paths import AIR, LightPath, Stop
+from optics.scene.problem import FaceMet
+from optics.scene.receivers import Receiver
+from optics.scene.system import TURNED
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
-from thbcad.sags import PlacedConic
+from thbcad.poses import IDENTITY, Pose
+from thbcad.sags import Conic, PlacedConic
+from thbcad.splines import BSplineSurface, KnotVector
 
 Booleans = NDArray[np.bool_]
 
@@ -45,6 +51,72 @@ class OpticalFaces(Protocol):
     def rear(self) -> OpticalForm: ...
 
 
+@dataclass(frozen=True, eq=False)
+class FileFace:
+    """A face as light meets it, from its -z.
+
+    form : of a file, or of the prescription of a fixed surface.
+    eta : index before / index behind it, also where it reflects by Fresnel's equations; None reflects all.
+    share : of the light that goes on where there is a coating, or a metal.
+    opening : what is open of it; None is all.  rim : where the face does not fill its rectangle.
+    pose : from its frame to that of the rays.  in_air : light comes to it through air, where stops are.
+    """
+
+    form: OpticalForm
+    eta: float | None
+    reflects: bool = False
+    share: float | None = None
+    opening: Outline | None = None
+    rim: FaceRim | None = None
+    pose: Pose = IDENTITY
+    in_air: bool = True
+
+
+def fixed_face(path: LightPath, number: int) -> FileFace:
+    """Return a surface of a path without a sag, as its prescription has it."""
+    surface, (before, behind) = path.surfaces[number], path.media[number : number + 2]
+    mirror = surface.kind == "reflect"
+    eta = before.index / (surface.beyond if mirror else behind).index
+    return FileFace(
+        PlacedConic(surface.shape.conic, 0.0, surface.shape.half_width),
+        None if mirror and surface.share is not None else eta,
+        mirror,
+        surface.share,
+        surface.open,
+        pose=surface.pose,
+        in_air=before == AIR,
+    )
+
+
+def through_faces(faces: Sequence[FileFace], rays: RaysBehind, stops: Sequence[Stop] = ()) -> RaysBehind:
+    """Trace rays over faces, one after the other.  stops : in the frame of the rays."""
+    points, directions, weight = rays.points, rays.directions, rays.flux.copy()
+    for face in faces:
+        back = face.pose.inverse()
+        start, onward = points, directions
+        own, along = back.points(points.T).T, back.directions(directions.T).T
+        own, normals, met = _meet(face.form, own, along)
+        if face.rim is not None:
+            met = met & face.rim.holds(own[:, :2])
+        if face.opening is not None:
+            met &= inside(face.opening, own[:, 0], own[:, 1])
+        points = face.pose.points(own.T).T
+        if stops and face.in_air:
+            met &= passes(stops, start, onward, np.where(met, dot(points - start, onward), np.inf))
+        passing = np.ones(len(points))
+        if face.eta is not None:
+            refracted, passing = refract(along, normals, face.eta)
+        if face.reflects:
+            along = along - 2 * dot(along, normals)[:, None] * normals
+            passing = passing if face.eta is None else 1 - passing
+        else:
+            along = refracted
+            met &= along[:, 2] > 0
+        directions = face.pose.directions(along.T).T
+        weight *= np.where(met & (passing > 0), passing if face.share is None else face.share, 0.0)
+    return RaysBehind(points, directions, weight)
+
+
 def trace_step(
     step: OpticalFaces,
     origins: NDArray[np.float64],
@@ -52,112 +124,45 @@ def trace_step(
     flux: ArrayLike,
     index: float | None,
     target: Receiver,
-    around: LightPath | None = None,
-    rims: Sequence[FaceRim] = (),
 ) -> LandingPoints:
     """Trace rays through the two faces of a STEP file to a target, or by its front, which reflects.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
     index : None is a mirror.
-    around : the path whose stops and clear apertures block light, and whose coatings take a share of it, in
-        the frame of the file; None is nothing.
+    """
+    faces = [FileFace(step.front, None, reflects=True)]
+    if index is not None:
+        faces = [FileFace(step.front, 1 / index), FileFace(step.rear, index)]
+    weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins))
+    return through_faces(faces, RaysBehind(origins, directions, weight)).landing(target)
+
+
+def lens_faces(
+    step: OpticalFaces, path: LightPath, met: Mapping[int, FaceMet], rims: Sequence[FaceRim] = ()
+) -> list[FileFace]:
+    """Return the faces of a STEP file as light meets them.
+
+    path : in the frame of the file.  met : its faces, by their number along the path.
     rims : of front and rear, where the faces do not fill their rectangles.
-    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
-    points = origins
-    weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
-    stops, openings, shares = (
-        ((), (None, None), (None, None))
-        if around is None
-        else (around.stops, [s.clear for s in around.surfaces], [s.share for s in around.surfaces])
-    )
-    faces = [(step.front, None)] if index is None else [(step.front, 1 / index), (step.rear, index)]
-    for k, (surface, eta) in enumerate(faces):
-        start, onward = points, directions
-        points, normals, met = _meet(surface, points, directions)
-        if rims:
-            met = met & rims[k].holds(points[:, :2])
-        opening = openings[k]
-        if opening is not None:
-            met &= _inside(opening, points[:, 0], points[:, 1])
-        if k == 0:
-            met &= _passes(stops, start, onward, np.where(met, _dot(points - start, onward), np.inf))
-        if eta is None:
-            directions = directions - 2 * _dot(directions, normals)[:, None] * normals
-            transmittance = np.ones(len(points))
-        else:
-            directions, transmittance = _refract(directions, normals, eta)
-            met &= directions[:, 2] > 0
-        share = shares[k]
-        weight *= np.where(met & (transmittance > 0), transmittance if share is None else share, 0.0)
-    landing, meets, length = last_step(points, directions, target)
-    arrives = (weight > 0) & meets & _passes(stops, points, directions, length)
-    return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+    faces = []
+    for k, face in met.items():
+        rear, plain = face.face == "rear", fixed_face(path, k)
+        form = step.rear if rear else step.front
+        form, pose = (_turned(form), TURNED) if face.backwards else (form, IDENTITY)
+        rim, opening = rims[rear] if rims else None, path.surfaces[k].clear
+        faces.append(replace(plain, form=form, opening=opening, rim=rim, pose=pose))
+    return faces
 
 
-def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Booleans, Floats]:
-    """Return where rays land, (n, 2), mm or degrees, whether they meet the target from before it, (n,), and
-    how far they go, (n,) mm; inf where they do not, and to the far field.
-
-    points, directions : (n, 3), in the frame of the lens.
-    """
-    own, along = (points - target.pose.shift) @ target.pose.rotation, directions @ target.pose.rotation
-    meets = along[:, 2] > 0
-    if isinstance(target, Cylinder):
-        landing, length, round_it = _round(own, along, target.radius, isinstance(target, Sphere))
-        meets &= round_it
-        return landing, meets, np.where(meets, length, np.inf)
-    across = along[:, :2] / np.where(meets, along[:, 2], 1.0)[:, None]
-    if target.far_field:
-        return np.degrees(np.arctan(across)), meets, np.full(len(points), np.inf)
-    length = np.where(meets, -own[:, 2] / np.where(meets, along[:, 2], 1.0), np.inf)
-    return own[:, :2] - own[:, 2:] * across, meets, length
-
-
-def _round(
-    points: Floats, directions: Floats, radius: float, sphere: bool
-) -> tuple[Floats, Floats, Booleans]:
-    """Return (arcs, lengths, met) of rays on the half of a cylinder or a sphere about (0, 0, radius).
-
-    From its centre it is |p + t d| = |R| without y round a cylinder: the nearer root where R > 0.
-    """
-    centred = points - (0.0, 0.0, radius)
-    some = [0, 1, 2] if sphere else [0, 2]
-    p, d = centred[:, some], directions[:, some]
-    a, b, c = _dot(d, d), _dot(p, d), _dot(p, p) - radius**2
-    met = b * b > a * c
-    length = (-b - np.sign(radius) * np.sqrt(np.where(met, b * b - a * c, 1.0))) / a
-    x, y, z = (centred + length[:, None] * directions).T / radius
-    up = radius * np.arcsin(np.clip(y, -1, 1)) if sphere else radius * y
-    return np.column_stack([radius * np.arctan2(x, -z), up]), length, met & (z < 0)
-
-
-def _passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Floats) -> NDArray[np.bool_]:
-    """Return which rays no stop takes within a length, (n,) mm."""
-    passes = np.ones(len(points), dtype=bool)
-    for stop in stops:
-        normal = stop.pose.rotation[:, 2]
-        across = directions @ normal
-        crosses = across != 0
-        path = (stop.pose.shift - points) @ normal / np.where(crosses, across, 1.0)
-        there = (points + path[:, None] * directions - stop.pose.shift) @ stop.pose.rotation
-        shape = _inside(stop.outline, there[:, 0], there[:, 1])
-        if stop.inner is not None:
-            shape &= ~_inside(stop.inner, there[:, 0], there[:, 1])
-        passes &= ~((shape != stop.hole) & crosses & (path > 0) & (path < length))
-    return passes
-
-
-def _inside(outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Return which points lie within an outline: beyond the middles of its corners within their ellipses."""
-    inside = (np.abs(x) <= outline.half_width[0]) & (np.abs(y) <= outline.half_width[1])
-    if min(outline.corners) > 0:
-        beyond = [
-            np.maximum(np.abs(a) - (h - c), 0.0) / c
-            for a, h, c in zip((x, y), outline.half_width, outline.corners)
-        ]
-        inside &= beyond[0] ** 2 + beyond[1] ** 2 <= 1
-    return inside
+def _turned(form: OpticalForm) -> OpticalForm:
+    """Return a form in a frame that is turned half round about x."""
+    if isinstance(form, PlacedConic):
+        conic = Conic(-form.conic.radius, form.conic.constant)
+        return PlacedConic(conic, -form.vertex, form.half_width)
+    start, stop = form.kv_v.start, form.kv_v.stop
+    kv = KnotVector(form.kv_v.degree, start + stop - form.kv_v.knots[::-1])
+    return BSplineSurface(form.kv_u, kv, form.coefficients[:, ::-1] * (1.0, -1.0, -1.0))
 
 
 def _meet(surface: OpticalForm, points: NDArray[np.float64], directions: NDArray[np.float64]) -> Meetings:
@@ -195,30 +200,38 @@ def _newton(
     size = np.abs(face.high - face.low).max()
     for _ in range(NEWTON_STEPS):
         s, su, sv = face.jet(uv)
-        f, g = _dot(a, s - points), _dot(b, s - points)
-        fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
+        f, g = dot(a, s - points), dot(b, s - points)
+        fu, fv, gu, gv = dot(a, su), dot(a, sv), dot(b, su), dot(b, sv)
         determinant = fu * gv - fv * gu
         step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
         uv = np.clip(uv - step, face.low, face.high)
         if np.abs(step).max(initial=0.0) < NEWTON_TOLERANCE * size:
             break
     s, su, sv = face.jet(uv)
-    distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
+    distance = np.hypot(dot(a, s - points), dot(b, s - points))
     normals = np.cross(su, sv)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals *= np.sign(normals[:, 2:])
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
     near = MEETS * face.width
-    met = (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+    met = (distance < near) & (dot(s - points, directions) >= -near) & (dot(normals, directions) > 0)
     return s, normals, met
 
 
-def _refract(
+def refract(
     directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
-    cos_i = _dot(directions, normals)
+    """Return (directions, transmittance) by the vector form of Snell's law and Fresnel's equations.
+
+    T = 0 where light is totally reflected, and where the normals do not point along the rays.
+
+    With the cosines a and b of the angles to the normal before and behind the face,
+    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
+
+    eta : index before / index behind.
+    """
+    cos_i = dot(directions, normals)
     square = 1 - eta**2 * (1 - cos_i**2)
     passes = (square > 0) & (cos_i > 0)
     cos_t = np.sqrt(np.where(passes, square, 1.0))
@@ -226,7 +239,3 @@ def _refract(
     rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
     rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
     return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)

@@ -67,7 +67,7 @@ def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[st
     """
     with np.errstate(all="ignore"):
         try:
-            area, whole = _or_inf(_area, solid), _or_inf(volume, solid)
+            area, whole = _or_inf(lambda whole: sum(areas(whole)), solid), _or_inf(volume, solid)
         except NotMeasured as error:
             inside_out = Check.none_of("solid without a volume, by OCCT", not state.volume > 0)
             by_occt = f"OCCT alone finds {state.volume:.9g} mm3 and {state.area:.9g} mm2"
@@ -86,10 +86,6 @@ def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[st
         return [
             Check(f"{name} {by_text}", abs(found / wanted - 1), MEASURE, "") for name, found, wanted in pairs
         ], [EXTRUDED] * swept
-
-
-def _area(solid: Brep) -> float:
-    return sum(areas(solid))
 
 
 def _or_inf(measure: Callable[[Brep], float], solid: Brep) -> float:

@@ -199,8 +199,7 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
 def _centre(spline: BSplineSurface) -> Rows:
     """Return the point at the middle of the parameters, (3,), mm."""
     u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
-    point: Rows = spline([u], [v])[0]
-    return point
+    return spline([u], [v])[0]
 
 
 def optical_form(solid: Brep, face: BrepFace) -> OpticalForm | None:

@@ -8,14 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from optics.base.runtime import Backend, Check
-from optics.exchange.verification.reference_tracer import OpticalFaces, trace_step
+from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.reference_tracer import (
+    OpticalFaces,
+    fixed_face,
+    lens_faces,
+    through_faces,
+)
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
-from optics.scene.sources import Rays
+from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -53,16 +59,16 @@ def compared(
     lens: Lens,
     backend: Backend,
     counts: Sequence[int],
-    other: Callable[[Rays], LandingPoints],
+    other: Callable[[RaysBehind], RaysBehind],
     blocked: bool = False,
 ) -> Comparison:
     """Return the Comparison of rays traced through the lens in memory and by `other`.
 
-    Of a body for a mould only rays count that its walls and rounded edges surely leave.
+    Fixed elements before and behind the lens are traced by scipy, with their prescriptions.  Of a body for a
+    mould only rays count that its walls and rounded edges surely leave.
 
     backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
-    other : of Rays in the frame of the lens, returns where they land and the flux that arrives, zero for rays
-        that do not.
+    other : takes rays through the lens, in its frame.
     blocked : whether it knows of stops, clear aperture and coatings; else both traces leave them out.
     """
     rays = system.source.rays(counts)
@@ -70,10 +76,10 @@ def compared(
     clear = clear if blocked else clear.without_stops().without_coats()
     _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    others, screen = other(system.own_rays(rays, lens)), system.target.screen()
+    others, screen = _by_others(system, clear, rays, other), system.target.screen()
     made = system.solid(lens)
     if not isinstance(made, Lens):
-        _, within = Tracer(backend, clear.held(made.free), rays).trace()
+        _, within = Tracer(backend, system.held(clear, made.free), rays).trace()
         kept = (flux == 0) | (within.flux.numpy() > 0)
         flux, others = flux * kept, LandingPoints(others.points, others.flux * kept)
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
@@ -91,9 +97,16 @@ def compared(
     )
 
 
-def index_of(path: LightPath) -> float | None:
-    """Return the index of the body that a path goes through; None where it is a mirror."""
-    return None if path.surfaces[0].kind == "reflect" else path.media[1].index
+def _by_others(
+    system: OpticalSystem, path: LightPath, rays: Rays | RayGrid, other: Callable[[RaysBehind], RaysBehind]
+) -> LandingPoints:
+    """Return where rays land that others trace."""
+    single, own = rays if isinstance(rays, Rays) else rays.rays(path.before), [*system.own_faces]
+    every = range(len(path.surfaces))
+    before, behind = ([fixed_face(path, k) for k in part] for part in (every[: own[0]], every[own[-1] + 1 :]))
+    along = RaysBehind(single.origin.T, single.direction.T, np.asarray(single.flux, dtype=float))
+    met = other(through_faces(before, along, path.stops).posed(system.pose.inverse()))
+    return through_faces(behind, met.posed(system.pose), path.stops).landing(path.receiver, path.stops)
 
 
 def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
@@ -123,14 +136,14 @@ def light_checks(
     limits, path, made = system.problem.verify, system.own_path(lens), system.solid(lens)
     rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
-        path = path.held(made.free)
+        path = system.held(path, made.free)
     elif not lens.rear.outline.is_rectangle:
         rims = file.rims
 
-    def by_scipy(rays: Rays) -> LandingPoints:
-        return trace_step(
-            step, rays.origin.T, rays.direction.T, rays.flux, index_of(path), path.receiver, path, rims
-        )
+    faces = lens_faces(step, path, system.own_faces, rims)
+
+    def by_scipy(rays: RaysBehind) -> RaysBehind:
+        return through_faces(faces, rays, path.stops)
 
     seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)
     return [

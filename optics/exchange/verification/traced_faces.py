@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Floats = NDArray[np.float64]
 Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
@@ -20,6 +20,7 @@ HALVINGS = 12  # of steps in which a ray may fall through the face, before Newto
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 STILL = 1e-12  # of a direction: components that count as zero
 RIM_SAMPLES = 257  # of an edge of a rim
+SURE = 0.99  # of the nearer of two samples: between them a rim bends by some 1e-5
 RIM_STEPS = 6  # of Newton's from the nearest of them: more than double precision needs
 UP = np.array([0.0, 0.0, 1.0])
 TINY = 1e-300
@@ -57,7 +58,7 @@ class ConicFace:
                     ahead
                     & np.all(abs(point[:, :2]) <= self._half + MEETS * self.width, axis=1)
                     & (normal[:, 2] > 0)
-                    & (_dot(normal, directions) > 0)
+                    & (dot(normal, directions) > 0)
                 )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
         met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
@@ -68,8 +69,8 @@ class ConicFace:
     def _roots(self, points: Floats, directions: Floats) -> list[Floats]:
         """Return both roots of a t^2 + 2 b t + e = 0, without cancellation and after a step of Newton's."""
         c, scaled = self._curvature, self._scale * directions
-        a = c * _dot(scaled, directions)
-        b = c * _dot(scaled, points) - directions[:, 2]
+        a = c * dot(scaled, directions)
+        b = c * dot(scaled, points) - directions[:, 2]
         e = self._excess(points)
         q = -(b + np.copysign(np.sqrt(b * b - a * e), b))
         roots = [e / q, q / a]
@@ -77,21 +78,18 @@ class ConicFace:
 
     def _excess(self, points: Floats) -> Floats:
         """Return c (x^2 + y^2 + (1 + K) z^2) - 2 z."""
-        excess: Floats = self._curvature * _dot(self._scale * points, points) - 2 * points[:, 2]
-        return excess
+        return self._curvature * dot(self._scale * points, points) - 2 * points[:, 2]
 
     def _normals(self, points: Floats) -> Floats:
         """Return unit normals; on the sheet through the vertex they point to +z."""
         normals = UP - self._curvature * self._scale * points
-        unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        return unit
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""
         square = (np.clip(points, -self._half, self._half) ** 2).sum(axis=1)
         c = self._curvature
-        heights: Floats = c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
-        return heights
+        return c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
 
     def _behind(self, points: Floats, directions: Floats) -> NDArray[np.bool_]:
         """Return which rays come into the face's box above the face: they pass its rim."""
@@ -104,8 +102,7 @@ class ConicFace:
         ends = np.where(directions == 0, [[[-np.inf]], [[np.inf]]], ends)
         enters = np.maximum(ends.min(axis=0).max(axis=1), 0.0)
         here = points + enters[:, None] * directions
-        behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
-        return behind
+        return here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
 
 
 class FaceRim:
@@ -123,12 +120,20 @@ class FaceRim:
         angles = np.arctan2(points[:, 1], points[:, 0])
         order = np.argsort(angles)
         self._angles, self._t = angles[order], np.concatenate(spans)[order]
+        self._radii = np.hypot(*points[order].T)
         self._owner = np.repeat(np.arange(len(spans)), RIM_SAMPLES)[order]
         self._slack = MEETS * float(np.ptp(points[:, 0]))
 
     def holds(self, points: Floats) -> NDArray[np.bool_]:
-        """Return which points, (n, 2), lie within the curve or on it."""
+        """Return which points, (n, 2), lie within the curve or on it, those near it by Newton's method."""
         at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
+        radii = np.hypot(*points.T)
+        inside: NDArray[np.bool_] = radii < SURE * np.minimum(self._radii[at], self._radii[at - 1])
+        inside[~inside] = radii[~inside] <= self._reach(points[~inside], at[~inside]) + self._slack
+        return inside
+
+    def _reach(self, points: Floats, at: NDArray[np.int64]) -> Floats:
+        """Return how far the curve lies from the axis in the direction of points between samples, (n,)."""
         reach = np.zeros(len(points))
         for number, (edge, span) in enumerate(self._edges):
             for near in (at, at - 1):  # on either side of a corner another edge may be the one that is met
@@ -142,13 +147,12 @@ class FaceRim:
                 r = np.maximum(np.hypot(x, y), TINY)
                 meets = abs(x * b - y * a) <= self._slack * r  # not where Newton's method is held at an end
                 reach[own] = np.maximum(reach[own], np.where(meets, (a * x + b * y) / r, 0.0))
-        inside: NDArray[np.bool_] = np.hypot(*points.T) <= reach + self._slack
-        return inside
+        return reach
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    dots: Floats = np.einsum("ij,ij->i", a, b)
-    return dots
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return the products of rows, (n,)."""
+    return np.einsum("ij,ij->i", a, b)
 
 
 class ParametricFace:

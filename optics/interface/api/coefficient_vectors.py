@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError
-from thbcad.checks import floats, require_real
+from thbcad.checks import Floats, floats, require_real
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
 
-Floats = NDArray[np.float64]
 Coefficients: TypeAlias = Floats | tuple[Floats, ...]  # front first
 Spaces: TypeAlias = THBSpace | tuple[THBSpace, ...]
 NAMES = {1: ("free surface",), 2: ("front", "rear")}

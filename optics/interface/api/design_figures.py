@@ -77,8 +77,7 @@ class DesignFigures:
 
     def view(self) -> str:
         """Return the page that shows the scene, to be turned in a browser."""
-        page: str = self._view.result()
-        return page
+        return self._view.result()
 
     @cached_property
     def pictures(self) -> dict[str, tuple[str, bytes]]:

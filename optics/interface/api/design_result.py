@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State, stages
@@ -27,6 +26,7 @@ from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
 
-Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
 OF_THE_RUN = (
     "run_id",

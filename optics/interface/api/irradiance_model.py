@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from threading import RLock
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation import Objective, vertex_knots
@@ -21,9 +20,9 @@ from optics.interface.api.coefficient_vectors import Coefficients, image_of, pac
 from optics.light.engines import LightModel
 from optics.scene.photometry import PER_STERADIAN
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 
-Floats = NDArray[np.float64]
 Pull = Callable[[ArrayLike], Coefficients]
 
 DEVICE = RLock()  # Dr.Jit is one for the whole process

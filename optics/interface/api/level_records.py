@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.designing.optimisation import Indicators, Stage
 from optics.exchange.results import lens_of
@@ -17,10 +16,9 @@ from optics.interface.api.irradiance_model import unit_of
 from optics.light.analysis import Measurement, measure, rel_l2
 from optics.light.engines import Engine
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.io import json_text, lens_to_dict
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from numbers import Integral
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.optimisers import LBFGS, Adam, Optimiser
 from optics.base.runtime import NumericalError, UserError
 from optics.interface.api.coefficient_vectors import Coefficients, packed, real_numbers
-from thbcad.checks import floats
+from thbcad.checks import Floats, floats
 
-Floats = NDArray[np.float64]
 Loss = Callable[[Coefficients], tuple[float, Coefficients]]
 METHODS: dict[str, Callable[[], Optimiser]] = {"lbfgs": LBFGS, "adam": Adam}
 

@@ -6,8 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from optics.interface.commands.command_examples import examples_text
-from optics.interface.commands.command_parser import CommandParser
-from optics.interface.commands.known_words import require_known, require_paths
+from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
     force_option,

@@ -11,6 +11,7 @@ from optics.base.runtime import speaking_of
 from optics.designing.etendue import etendue_notes
 from optics.designing.optimisation import Stage, surfaces_can_cross
 from optics.designing.prediction import (
+    STEEP,
     Expectation,
     blur_limits,
     blur_sentence,
@@ -25,8 +26,6 @@ from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
 from optics.scene.system import OpticalSystem, advice, skip_lines
-
-STEEP = 0.1  # of the light, reflected at the rear: some 0.04 are where it meets a usual index at right angles
 
 
 def check(options: Namespace) -> Outcome:
@@ -112,10 +111,12 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
     if not system.reflects and expectation.reflected > STEEP:
+        options = " or ".join(expectation.nearest)
+        remedy = f"at most {STEEP:.0%} are with {options}" if options else system.problem.target.gentler
         notes.append(
-            f"{expectation.reflected:.0%} of the light is reflected at the rear, which bends it far, and "
-            f"{expectation.totally:.1%} totally; {system.problem.target.gentler}, or let both surfaces bend "
-            "it"
+            f"{expectation.reflected:.0%} of the light is reflected at "
+            f"{system.problem.surface_names[-1] or 'the rear'}, which bends it far, and "
+            f"{expectation.totally:.1%} totally; {remedy}, or let both surfaces bend it"
         )
     etendue = etendue_notes(system)
     if etendue.background and not etendue.limits:

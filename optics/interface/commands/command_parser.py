@@ -1,13 +1,73 @@
-"""The parser of a command: options in one line each, errors in one sentence."""
+"""The parser of a command: options in one line each; errors, and words that are refused, in one sentence."""
 
 from __future__ import annotations
 
+import re
 import sys
-from argparse import ArgumentParser
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from itertools import takewhile
 from typing import Any, NoReturn
 
-from optics.base.runtime import UserError
-from optics.interface.commands.known_words import refused_choice
+from optics.base.runtime import UserError, is_text
+from optics.scene.problem import cannot_do
+
+CHOICE = re.compile(r"invalid choice: '(\w+)'")  # of argparse
+PATHS = (
+    "PROBLEM.toml",
+    "RESULT",
+    "LENS",
+    "DIR",
+    "FILE",
+    "FILE.png",
+    "FILE.toml",
+)  # what arguments call a path
+
+
+def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
+    """Raise UserError for an argument that is no text, an unknown command, or a long option that the command
+    does not have.
+
+    words : the arguments of the command line.  Options may be shortened, as argparse allows.
+    """
+    for word in words:
+        if not is_text(word):
+            raise UserError(
+                f"the argument {word} is no text in this locale ({sys.getfilesystemencoding()}); "
+                "set LC_ALL=C.UTF-8, or rename what it names"
+            )
+    first = words[0]
+    if first not in commands and not first.startswith("-"):
+        meant = _meant(first, commands)
+        raise UserError(f"there is no command {first!r}{meant}; {main.prog} --help lists them")
+    parser = commands.get(first, main)
+    known = parser._option_string_actions
+    for word in takewhile(lambda w: w != "--", words):
+        option = word.partition("=")[0]
+        if option.startswith("--") and not any(k.startswith(option) for k in known):
+            meant = _meant(option, known)
+            raise UserError(f"there is no option {option}{meant}; {parser.prog} --help lists them")
+
+
+def require_paths(options: Namespace, command: ArgumentParser) -> None:
+    """Raise UserError for a path that is empty, as a shell makes it of a variable that is not set."""
+    for action in command._actions:
+        if action.metavar in PATHS and getattr(options, action.dest) == "":
+            name = action.option_strings[0] if action.option_strings else action.metavar
+            raise UserError(f"{name} must be a path, got ''; {command.prog} --help says more")
+
+
+def refused_choice(message: str) -> str:
+    """Return why the choice that argparse's message refuses cannot be, "" where it is a word like others."""
+    found = CHOICE.search(message)
+    return cannot_do(found[1]) if found else ""
+
+
+def _meant(word: str, known: Iterable[str]) -> str:
+    """Return " (did you mean WORD?)", or "" where no known word resembles it."""
+    near = get_close_matches(word, known, 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 class CommandParser(ArgumentParser):

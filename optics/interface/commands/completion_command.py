@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from optics.interface.commands.arguments import parsers
-from optics.interface.commands.known_words import PATHS
+from optics.interface.commands.command_parser import PATHS
 from optics.interface.commands.outcome import Outcome
 
 

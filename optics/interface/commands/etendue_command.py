@@ -56,7 +56,9 @@ def etendue(options: Namespace) -> Outcome:
     lines = _throughput_lines(system, passing)
     without = _why_no_limit(system, passing)
     if without:
-        _require_nothing_of_limits(options, without)
+        for name in ("measure", "out"):
+            if getattr(options, name):
+                raise UserError(f"{without}; leave out --{name}")
         return Outcome(data, [*lines, without])
     universal = universal_bound(system)
     efficiency = options.efficiency or usual_efficiency(system, universal)
@@ -109,13 +111,6 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     if not system.axial:
         return OBLIQUE
     return "" if passing.source else NO_LIMIT
-
-
-def _require_nothing_of_limits(options: Namespace, without: str) -> None:
-    """Raise UserError where options want more of a source than it has.  without : why it has no limit."""
-    for name in ("measure", "out"):
-        if getattr(options, name):
-            raise UserError(f"{without}; leave out --{name}")
 
 
 def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:

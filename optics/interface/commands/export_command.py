@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from optics.light.outgoing import cut_cost
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
-from thbcad.moulds import UNCHANGED, Factors, shrinkage_factors
+from thbcad.moulds import UNCHANGED, shrinkage_factors
 from thbcad.outlines import Outline, Polygon
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
@@ -49,13 +50,19 @@ def export(options: Namespace) -> Outcome:
     if options.out.lower().endswith(SCENE) and options.format is None:
         return _scene(options)
     name = format_of(options.out, options.format)
+    with _option("flange"):
+        flange = None if options.flange is None else Flange(*options.flange)
+    with _option("polygon"):
+        polygon = None if options.polygon is None else _corners(options.polygon)
+    with _option("shrinkage"):
+        factors = UNCHANGED if options.shrinkage is None else shrinkage_factors(options.shrinkage)
     body = Body(
         options.aperture and tuple(options.aperture),
-        _flange(options.flange),
+        flange,
         options.patches,
         options.separate,
-        _polygon(options.polygon),
-        _factors(options.shrinkage),
+        polygon,
+        factors,
         options.cavity,
         options.back,
     )
@@ -141,6 +148,7 @@ def _scene(options: Namespace) -> Outcome:
         f"render it with: mitsuba {out}, the light on the screen",
         f"or with: mitsuba -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
+        *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
     ]
     return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
 
@@ -155,44 +163,17 @@ def _require_whole_lens(does: str, options: Namespace) -> None:
         raise UserError(f"{does} the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}")
 
 
-def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | None:
-    """Return the corners that --polygon asks for.
+@contextmanager
+def _option(name: str) -> Iterator[None]:
+    """Put an option before the message of a ValueError of the block, which becomes a UserError."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(f"--{name}: {error}") from None
 
-    Raises
-    ------
-    UserError : numbers that make no polygon.
-    """
-    if numbers is None:
-        return None
+
+def _corners(numbers: Sequence[float]) -> list[tuple[float, float]]:
+    """Return the corners of a polygon; raise ValueError, or UserError where X or Y of one is missing."""
     if len(numbers) % 2:
         raise UserError(f"--polygon must have X and Y of every corner, got {len(numbers)} numbers")
-    try:
-        return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
-    except ValueError as error:
-        raise UserError(f"--polygon: {error}") from None
-
-
-def _factors(percent: Sequence[float] | None) -> Factors:
-    """Return the factors of x, y and z that --shrinkage asks for.
-
-    Raises
-    ------
-    UserError : as `shrinkage_factors`.
-    """
-    try:
-        return UNCHANGED if percent is None else shrinkage_factors(percent)
-    except ValueError as error:
-        raise UserError(f"--shrinkage: {error}") from None
-
-
-def _flange(numbers: Sequence[float] | None) -> Flange | None:
-    """Return the flange that --flange asks for.
-
-    Raises
-    ------
-    UserError : numbers that make none.
-    """
-    try:
-        return None if numbers is None else Flange(*numbers)
-    except ValueError as error:
-        raise UserError(f"--flange: {error}") from None
+    return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)

@@ -15,14 +15,13 @@ from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, w
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import (
     conservation,
-    fate_sentences,
     nonsequential,
     passing_words,
     sections,
     sequential,
     sequential_metrics,
 )
-from optics.light.tracing import path_faults
+from optics.light.tracing import SENTENCES, fate_sentences, path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.system import OpticalSystem
@@ -65,7 +64,7 @@ def trace(options: Namespace) -> Outcome:
     if system.lens_on_axis:
         contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
         contents["fresnel.png"] = fresnel_figure(exact, lens.index)
-    if not (system.reflects or system.target.far_field):
+    if system.all_ways:
         data["nonsequential"] = nonsequential(system, lens, exact)
     for name, content in contents.items():
         write_bytes(folder / name, content)
@@ -98,9 +97,9 @@ def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: flo
 
 def _lines(data: dict[str, Any], units: Units) -> list[str]:
     key, unit = units.key("fates"), units.flux
-    rays, sentences = data["rays"], fate_sentences(data)
+    rays, sentences = data["rays"], fate_sentences(data[key])
     lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
-    for name, flux in ((name, data[key][name]) for name in data[key] if name in sentences):
+    for name, flux in data[key].items():
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
         lines.append(f"{abs(flux):10.6f} {unit} {count}  {sentences[name]}")
     lines.append(f"efficiency {data['efficiency']:.4f}; {passing_words(data)}")
@@ -110,7 +109,7 @@ def _lines(data: dict[str, Any], units: Units) -> list[str]:
     if "nonsequential" in data:
         closed = data["nonsequential"]
         lines += [
-            f"{flux:10.6f} {unit}  {sentences[name]}, with all reflections"
+            f"{flux:10.6f} {unit}  {SENTENCES[name]}, with all reflections"
             for name, flux in closed[key].items()
             if flux
         ]

@@ -9,7 +9,7 @@ from pathlib import Path
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, measure
 from optics.scene.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
-from optics.scene.system import OpticalSystem, solvable_system, source_of
+from optics.scene.system import OpticalSystem, index_at, solvable_system, source_of
 from thbcad.lens import Lens
 from thbcad.sags import Conic
 
@@ -33,7 +33,7 @@ def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Mea
 
 def _index_at(system: OpticalSystem, nm: float) -> float:
     try:
-        return system.index_at(nm)
+        return index_at(system.problem.optic, nm, system.problem.source.wavelength)
     except UserError:
         return system.lens.index
 

@@ -17,12 +17,9 @@ from optics.exchange.results import (
     run_lock,
     writable_folder,
 )
-from optics.interface.sweeps.contact_sheet import contact_sheet
-from optics.interface.sweeps.metric_plots import metric_plots, plot_name
-from optics.interface.sweeps.sweep_page import sweep_page
-from optics.interface.sweeps.sweep_rows import Sweep
+from optics.interface.sweeps.sweep_rows import Sweep, csv_text, parquet_bytes
 from optics.interface.sweeps.sweep_store import SweepStore, open_store
-from optics.interface.sweeps.sweep_tables import csv_text, parquet_bytes
+from optics.interface.sweeps.sweep_views import contact_sheet, metric_plots, plot_name, sweep_page
 from optics.scene.problem import Problem
 from thbcad.io import json_text, write_files, write_text
 

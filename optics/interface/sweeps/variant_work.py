@@ -67,7 +67,8 @@ def designed(shared: Shared, work: Work) -> Designed:
             raise KeyboardInterrupt
         judged = made.verdict.data() | {"notes": "; ".join(made.verdict.notes)}
         metrics = _flat(judged | dict(made.metrics))
-        return Designed(metrics, _picture(made), _lens_text(made) if work.keep_lens else "")
+        lens = json.dumps(lens_to_dict(made.lens), separators=(",", ":")) if work.keep_lens else ""
+        return Designed(metrics, _picture(made), lens)
 
 
 def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, float | int | str | bool | None]:
@@ -92,7 +93,3 @@ def _picture(made: Design) -> bytes:
     levels = np.rint(255 * np.clip(grey, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
     Image.fromarray(levels).save(buffer, "png")
     return buffer.getvalue()
-
-
-def _lens_text(made: Design) -> str:
-    return json.dumps(lens_to_dict(made.lens), separators=(",", ":"))

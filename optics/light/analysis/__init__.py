@@ -44,7 +44,6 @@ if TYPE_CHECKING:
         unit_mean as unit_mean,
     )
     from optics.light.analysis.optic_words import (
-        fate_sentences as fate_sentences,
         passing_share as passing_share,
         passing_words as passing_words,
     )

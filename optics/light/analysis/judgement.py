@@ -12,13 +12,11 @@ from math import inf, isinf
 from typing import Any
 
 from optics.base.runtime import RESOLVED, Check, Grade, grade
-from optics.light.analysis.optic_words import fate_sentences
+from optics.light.tracing import fate_sentences
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
-# flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
-LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed", "blocked")
-WORTH_A_NOTE = 0.1
+WORTH_A_NOTE = 0.1  # of the source flux, lost on one way
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
@@ -187,11 +185,11 @@ def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
 def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
     """Return a sentence for every way on which much of the source flux is lost."""
     fates = metrics[units.key("fates")]
-    flux, sentences = sum(map(abs, fates.values())), fate_sentences(metrics)
+    flux, sentences = sum(map(abs, fates.values())), fate_sentences(fates)
     return [
-        f"{fates[name] / flux:.0%} of the light {sentences[name]}"
-        for name in LOSSES
-        if name in sentences and fates.get(name, 0.0) > WORTH_A_NOTE * flux
+        f"{some / flux:.0%} of the light {sentences[name]}"
+        for name, some in fates.items()
+        if name != "on_target" and not name.endswith("reflected") and some > WORTH_A_NOTE * flux
     ]
 
 

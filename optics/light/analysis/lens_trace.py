@@ -18,7 +18,6 @@ from optics.light.tracing import (
     SequentialFates,
     TargetArea,
     Tracer,
-    flux_by_fate,
     trace_nonsequential,
     trace_paths,
 )
@@ -64,7 +63,7 @@ def sequential_metrics(
     return {
         "rays": sum(counts.values()),
         "counts": counts,
-        system.units.key("fates"): flux_by_fate(fates),
+        system.units.key("fates"): fates.by_name,
         "efficiency": fates.on_target / system.problem.source.flux,
         **passing_share(system.path(lens)),
     }
@@ -90,7 +89,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
-        system.units.key("fates"): flux_by_fate(result.fates),
+        system.units.key("fates"): result.fates.by_name,
         "by_other_ways": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }

@@ -15,7 +15,7 @@ whose error is what no shift explains (a control variate).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from math import ceil, cos, log1p, pi, sin, sqrt
 from operator import add
@@ -85,7 +85,7 @@ def beam_irradiance(
     on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
     off = arriving.transmitted - on
     irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
-    return LightEstimate(irradiance, light.error, on, off), replace(arriving, on_target=on, off_target=off)
+    return LightEstimate(irradiance, light.error, on, off), arriving.landing(on, off)
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,7 +134,7 @@ def traced_cells(
     image = reduce(add, (part.image for part in parts)).reshape(screen.shape, order="F")
     fates = reduce(add, (part.fates for part in parts))
     on_target = min(float(image.sum()) * screen.pixel_area, fates.transmitted)
-    return image, replace(fates, on_target=on_target, off_target=fates.transmitted - on_target)
+    return image, fates.landing(on_target, fates.transmitted - on_target)
 
 
 def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Light, Floats]:

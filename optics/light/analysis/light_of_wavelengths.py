@@ -13,7 +13,7 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.tracing import SequentialFates, Tracer
-from optics.scene.paths import LightPath, Medium
+from optics.scene.paths import LightPath
 from optics.scene.photometry import chromaticity_distance, spectral_lines, white_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
@@ -45,7 +45,7 @@ def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightP
     """Return (share of the flux, path) of every wavelength at which light is measured."""
     if not system.spectral:
         return [(1.0, path)]
-    return [(w.weight, path.in_glass(w.medium)) for w in system.wavelengths]
+    return [(w.weight, path.in_media(w.media)) for w in system.wavelengths]
 
 
 def spectral_light(
@@ -62,7 +62,7 @@ def spectral_light(
     image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
     fates, on, off = [], 0.0, 0.0
     for wavelength in system.wavelengths:
-        light, by_fate = estimate(system, path.in_glass(wavelength.medium), screen, backend)
+        light, by_fate = estimate(system, path.in_media(wavelength.media), screen, backend)
         image += wavelength.weight * light.irradiance
         error += wavelength.weight * light.error
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
@@ -86,8 +86,7 @@ def colour_metrics(
     ends = between if between[0] < between[1] else (first, last)  # all of them on one side
     rays, landings = system.source.rays(SHIFT_RAYS), []
     for nm in ends if first < last else ():
-        glass = Medium(system.index_at(nm), system.absorption)
-        tracer = Tracer(backend, path.in_glass(glass), rays)
+        tracer = Tracer(backend, path.in_media(system.media_at(nm)), rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
         landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))

@@ -24,7 +24,7 @@ from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
 from optics.light.blur import spot_rms
-from optics.light.tracing import SequentialFates, flux_by_fate
+from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
@@ -122,7 +122,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     key = system.units.key
-    metrics[key("fates")] = flux_by_fate(fates)
+    metrics[key("fates")] = fates.by_name
     if other:
         lit = _lit(direct.irradiance, target, screen)
         metrics["nonsequential"] = {
@@ -130,7 +130,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
             key("lit"): lit + _lit(other.light.irradiance, target, screen),
             key("lit_direct"): lit,
             key("target"): other.fates.onto,
-            key("fates"): flux_by_fate(other.fates),
+            key("fates"): other.fates.by_name,
         }
     sharp = colour = None
     if estimator == "beams":

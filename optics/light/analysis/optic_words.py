@@ -5,17 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from optics.light.tracing import SENTENCES, normal_incidence_transmittance
+from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.paths import LightPath
-
-OF_MIRROR = {
-    "beside_lens": "passes beside the mirror",
-    "unresolved": SENTENCES["unresolved"],
-    "on_target": "is reflected and meets the target",
-    "off_target": "is reflected and passes beside the target",
-    "absorbed": "is absorbed at the face",
-    "blocked": SENTENCES["blocked"],
-}
 
 
 def passing_share(path: LightPath) -> dict[str, float | None]:
@@ -31,8 +22,3 @@ def passing_words(metrics: Mapping[str, Any]) -> str:
     if "reflectance" in metrics:
         return f"the mirror reflects {metrics['reflectance']:.1%}"
     return f"two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}"
-
-
-def fate_sentences(metrics: Mapping[str, Any]) -> dict[str, str]:
-    """Return what becomes of light by the name of its fate."""
-    return OF_MIRROR if "reflectance" in metrics else SENTENCES

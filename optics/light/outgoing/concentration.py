@@ -111,7 +111,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
     bundle = _leaving(system.shaping, lens, backend)
-    farthest = max(bundle.z0, min(system.path(lens).throw, FAR))
+    farthest = max(bundle.z0, min(system.path(lens).throw_of(-1), FAR))
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
     def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
@@ -250,9 +250,9 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
-    optic = system.problem.optic
+    first = system.problem.face_names[0]
     return (
-        f"greatest concentration of light: {found.times:.3g} times that on the {optic.face_name('front')}, "
+        f"greatest concentration of light: {found.times:.3g} times that on the {first}, "
         f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
         f"without losses; searched up to {_length(found.searched)})"
     )
@@ -264,7 +264,8 @@ def _length(mm: float) -> str:
 
 def _place(system: OpticalSystem) -> str:
     """Return from where the way of light is counted."""
-    return "before the face" if system.reflects else "behind the rear"
+    last = system.problem.faces_met[-1]
+    return f"{'before' if last.reflects or last.backwards else 'behind'} the {system.problem.face_names[-1]}"
 
 
 def fire_warning(system: OpticalSystem, found: Concentration) -> str:

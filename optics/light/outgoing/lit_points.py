@@ -61,8 +61,8 @@ class CutCost:
 
 
 def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[float, float]]:
-    """Return the half-widths of front and rear, in their outline, that would lose none of their light, mm; of
-    a mirror those of its front.
+    """Return the half-widths of the faces that light meets, in their outline, that would lose none of their
+    light, mm, by the name of the face.
 
     backend : of double precision.
     """
@@ -71,19 +71,22 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
     else:  # corners of cells, so that the border of the light is among them
         rays = system.source.cells(CELLS).rays()
     found = LitPoints.of(system, lens, backend, rays)
-    least = {}
-    for name, surface, points in zip(("front", "rear"), (lens.front, lens.rear), found.points):
+    least: dict[str, tuple[float, float]] = {}
+    shapes = (surface.shape for surface in system.path(lens).surfaces)
+    for name, surface, points in zip(system.problem.face_names, shapes, found.points):
         hx, hy = np.array(surface.half_width) * float(surface.outline.gauge(*points).max(initial=0.0))
         if surface.outline.is_rectangle:  # of which both sides are free
             hx, hy = np.abs(points).max(axis=1, initial=0.0)
-        least[name] = float(hx), float(hy)
+        x, y = least.get(name, (0.0, 0.0))  # of a face that is met twice
+        least[name] = max(x, float(hx)), max(y, float(hy))
     return least
 
 
 def cut_cost(system: OpticalSystem, lens: Lens, backend: Backend, cut: Outline | Polygon) -> CutCost:
     """Return what is lost of the light of a lens that is cut along z.  backend : of double precision."""
     found = LitPoints.of(system, lens, backend, system.source.rays(CELLS))
-    left = np.logical_and.reduce([cut.contains(*points) for points in found.points])
+    own = (face.optic is system.problem.optic for face in system.problem.faces_met)
+    left = np.logical_and.reduce([cut.contains(*points) for points, mine in zip(found.points, own) if mine])
 
     def lost(among: NDArray[np.bool_]) -> float:
         total = float(found.flux[among].sum())

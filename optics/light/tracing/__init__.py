@@ -8,9 +8,10 @@ if TYPE_CHECKING:
     from optics.light.tracing.fates import (
         FATES as FATES,
         SENTENCES as SENTENCES,
+        Fate as Fate,
         Fates as Fates,
         SequentialFates as SequentialFates,
-        flux_by_fate as flux_by_fate,
+        fate_sentences as fate_sentences,
     )
     from optics.light.tracing.landings import (
         Landing as Landing,

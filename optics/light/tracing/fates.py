@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
+from typing import NamedTuple
 
-# every fate with the sentence that reports print
+# every fate of the light of a lens alone with the sentence that reports print
 SENTENCES = {
     "beside_lens": "passes beside the lens",
     "front_reflected": "is reflected at the front",
@@ -26,40 +28,149 @@ SENTENCES = {
     "failed": "is lost: no face was found in glass, or none was certain to be the first",
 }
 
+# how light ends at a face with a name, and on its way there: the word behind that name, and the sentence
+OF_FACE = {
+    "missed": ("missed", "misses {}"),
+    "reflected": ("reflected", "is reflected at {}"),
+    "unresolved": ("unresolved", "is undecided: the search for where it meets {} failed"),
+    "total_internal": ("total reflection", "is reflected totally at {}"),
+    "absorbed": ("absorbed", "is absorbed at {}, or on its way there"),
+    "blocked": ("blocked", "is blocked on its way to {}, or beside the clear aperture there"),
+}
+OF_SCENE = {
+    "on_target": "meets the target",
+    "off_target": "passes beside the target",
+    "blocked": "is blocked behind the last surface",
+}
+# what a lens alone calls the fates of its front and its rear
+OF_LENS = {"missed": ("beside_lens", "missed_rear"), "reflected": ("front_reflected", "rear_reflected")}
+
+
+class Fate(NamedTuple):
+    """How light ends on its way from surface to surface.
+
+    what : a name of OF_FACE, "on_target" or "off_target".  number : of the surface along its path, -1 is
+    behind the last.  face : the name of the surface, such as "M1.face".
+    """
+
+    what: str
+    number: int = -1
+    face: str = ""
+
+    @classmethod
+    def at(cls, what: str, number: int, face: str) -> Fate:
+        """Return a fate at a surface; those without a name only tell apart what `OF_LENS` does."""
+        if face:
+            return cls(what, number, face)
+        return cls(what, min(number, 1)) if what in OF_LENS else cls(what)
+
+    @property
+    def name(self) -> str:
+        """In files: the face and how light ends there, or the name that a lens alone has for it."""
+        if self.face:
+            return f"{self.face} {OF_FACE[self.what][0]}"
+        return OF_LENS[self.what][self.number] if self.what in OF_LENS else self.what
+
+    @property
+    def rare(self) -> bool:
+        """Whether files name it only where some light has it."""
+        return bool(self.face) or self.what in ("absorbed", "blocked")
+
+
+ON_TARGET, OFF_TARGET = Fate("on_target"), Fate("off_target")
+
 
 @dataclass(frozen=True)
 class SequentialFates:
-    """The source flux by fate, W, by way of front and rear alone; the fates sum to the source flux.
+    """The source flux by fate, W, from surface to surface; the fates sum to the source flux.
 
-    front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
-    on_target, off_target : meets the target rectangle, or its plane beside it.
-    absorbed : on the way from front to rear.
-    blocked : by stops on the way, and on front and rear beside their clear apertures.
+    Fates of the front of a lens alone are those of the first surface of any path, and those of its rear of
+    all others together.
     """
 
-    beside_lens: float
-    front_reflected: float
-    missed_rear: float
-    unresolved: float
-    total_internal: float
-    rear_reflected: float
-    on_target: float
-    off_target: float
-    absorbed: float = 0.0
-    blocked: float = 0.0
+    flux: Mapping[Fate, float]
+
+    @property
+    def on_target(self) -> float:
+        return self.flux[ON_TARGET]
+
+    @property
+    def off_target(self) -> float:
+        """Of light that meets the plane of the target beside its rectangle, or never."""
+        return self.flux[OFF_TARGET]
 
     @property
     def transmitted(self) -> float:
         return self.on_target + self.off_target
 
+    @property
+    def beside_lens(self) -> float:
+        return self._sum("missed", first=True)
+
+    @property
+    def missed_rear(self) -> float:
+        return self._sum("missed", first=False)
+
+    @property
+    def front_reflected(self) -> float:
+        """Fresnel's loss, or that of a coating."""
+        return self._sum("reflected", first=True)
+
+    @property
+    def rear_reflected(self) -> float:
+        return self._sum("reflected", first=False)
+
+    @property
+    def total_internal(self) -> float:
+        """Of light that is reflected totally, or refracted backwards."""
+        return self._sum("total_internal")
+
+    @property
+    def unresolved(self) -> float:
+        return self._sum("unresolved")
+
+    @property
+    def absorbed(self) -> float:
+        """On the way between surfaces, and by mirrors."""
+        return self._sum("absorbed")
+
+    @property
+    def blocked(self) -> float:
+        """By stops on the way, and on surfaces beside their clear apertures."""
+        return self._sum("blocked")
+
+    @property
+    def total(self) -> float:
+        """Of all light."""
+        return sum(self.flux.values())
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The flux by the name of its fate; what is rare only where there is some."""
+        return _in_order({fate.name: flux for fate, flux in self.flux.items() if flux or not fate.rare})
+
+    def landing(self, on_target: float, off_target: float) -> SequentialFates:
+        """Return it with other flux on the target and beside it."""
+        return SequentialFates({**self.flux, ON_TARGET: on_target, OFF_TARGET: off_target})
+
+    def and_missing(self, missed: float) -> SequentialFates:
+        """Return it with more light that misses the first surface."""
+        first = next(fate for fate in self.flux if fate.what == "missed")
+        return SequentialFates({**self.flux, first: self.flux[first] + missed})
+
+    def _sum(self, what: str, first: bool | None = None) -> float:
+        return sum(
+            flux for fate, flux in self.flux.items() if fate.what == what and first in (None, not fate.number)
+        )
+
     def __add__(self, other: SequentialFates) -> SequentialFates:
-        return SequentialFates(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
+        return SequentialFates({fate: flux + other.flux[fate] for fate, flux in self.flux.items()})
 
     def __mul__(self, factor: float) -> SequentialFates:
-        return SequentialFates(*(factor * flux for flux in asdict(self).values()))
+        return SequentialFates({fate: factor * flux for fate, flux in self.flux.items()})
 
     def __truediv__(self, count: int) -> SequentialFates:
-        return SequentialFates(*(flux / count for flux in asdict(self).values()))
+        return SequentialFates({fate: flux / count for fate, flux in self.flux.items()})
 
 
 @dataclass(frozen=True)
@@ -93,10 +204,30 @@ class Fates:
         """Flux in the target plane beside the rectangle, by any way through the lens."""
         return self.off_target + self.edges_off_target + self.front_off_target
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The flux by the name of its fate; what is absorbed or blocked only where there is some."""
+        return {name: f for name, f in asdict(self).items() if f or name not in ("absorbed", "blocked")}
 
-def flux_by_fate(fates: SequentialFates | Fates) -> dict[str, float]:
-    """Return the flux by the name of its fate, W; absorbed and blocked light only where there is some."""
-    return {name: flux for name, flux in asdict(fates).items() if flux or name not in ("absorbed", "blocked")}
+
+def fate_sentences(fates: Iterable[str]) -> dict[str, str]:
+    """Return what becomes of light by the name of its fate.
+
+    fates : the names, of a lens alone or of the faces of a scene.
+    """
+    names = set(fates)
+    if "beside_lens" in names:
+        return SENTENCES
+    ends = [
+        (name, word, text) for name in names for word, text in OF_FACE.values() if name.endswith(f" {word}")
+    ]
+    return OF_SCENE | {name: text.format(name.removesuffix(f" {word}")) for name, word, text in ends}
+
+
+def _in_order(flux: dict[str, float]) -> dict[str, float]:
+    """Return fates of faces first, and then all others as in SENTENCES."""
+    others = {name: flux[name] for name in SENTENCES if name in flux}
+    return {name: f for name, f in flux.items() if name not in others} | others
 
 
 FATES = tuple(field.name for field in fields(Fates))

@@ -8,6 +8,7 @@ names.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import cache, partial, reduce
 from itertools import pairwise, takewhile
@@ -24,7 +25,7 @@ from optics.light.intersections import (
     device_flux,
     on_device,
 )
-from optics.light.tracing.fates import SequentialFates
+from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.parallel_light import stays_parallel, through_plane
 from optics.light.tracing.traced_surface import Passage, TracedSurface, blocked_rays, knots_of
@@ -35,16 +36,7 @@ from thbcad.poses import IDENTITY
 from thbcad.splines import KnotVector
 
 Coefficients: TypeAlias = "Sequence[Floats]"
-LOSSES = (
-    "beside_lens",
-    "front_reflected",
-    "missed_rear",
-    "unresolved",
-    "total_internal",
-    "rear_reflected",
-    "absorbed",
-    "blocked",
-)
+COUNTED = ("missed", "unresolved", "total_internal", "blocked")  # fates of rays at a surface
 Step: TypeAlias = "tuple[Hits | None, Passage]"  # no Hits where light along z passes a plane
 
 
@@ -207,8 +199,7 @@ class Tracer:
     def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
         """Return the flux of a traced landing by fate, for a target rectangle.
 
-        What happens behind the first surface is summed over all of these; light that does not meet the
-        receiver is beside the target.
+        Light that does not meet the receiver is beside the target.
         """
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
@@ -219,31 +210,30 @@ class Tracer:
             every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
             return float(dr.sum(every).numpy()[0])
 
-        coming, lost = self._missed + self._emitted, dict.fromkeys(LOSSES, 0.0)
-        before = self._flux
-        for k, p in enumerate(landing.passages):
-            first = k == 0
+        coming, before = self._missed + self._emitted, self._flux
+        lost: dict[Fate, float] = defaultdict(float)
+        for k, (surface, p) in enumerate(zip(self._path.surfaces, landing.passages)):
             blocked, hit = total(before, p.blocked), total(before, p.hit)
             unresolved = total(before, dr.select(p.found | p.blocked, False, True))
             absorbing = self._path.media[k].absorption
             reaching = total(p.reaching, p.hit) if absorbing else hit
-            going = reaching if first else total(p.reaching, p.hit & p.goes_on)
+            going = reaching if k == 0 else total(p.reaching, p.hit & p.goes_on)
             leaving = total(p.leaving, True)
-            lost["unresolved"] += unresolved
-            lost["blocked"] += blocked
-            lost["beside_lens" if first else "missed_rear"] += coming - unresolved - blocked - hit
-            lost["absorbed"] += hit - reaching
-            lost["total_internal"] += reaching - going
-            kept = self._path.surfaces[k].kind == "reflect"  # by a metal, or behind it
-            lost["absorbed" if kept else "front_reflected" if first else "rear_reflected"] += going - leaving
+            kept = "absorbed" if surface.kind == "reflect" else "reflected"  # by a metal, or behind it
+            for what, flux in (
+                ("missed", coming - unresolved - blocked - hit),
+                ("unresolved", unresolved),
+                ("blocked", blocked),
+                ("absorbed", hit - reaching),
+                ("total_internal", reaching - going),
+                (kept, going - leaving),
+            ):
+                lost[Fate.at(what, k, surface.name)] += flux
             coming, before = leaving, p.leaving
         on_target, blocked = total(landing.flux, onto), total(before, landing.blocked)
-        lost["blocked"] += blocked
-        return SequentialFates(
-            on_target=on_target,
-            off_target=max(0.0, coming - blocked - on_target),
-            **{fate: max(0.0, flux) for fate, flux in lost.items()},  # rounding is no negative light
-        )
+        lost[Fate("blocked")] += blocked
+        lost |= {ON_TARGET: on_target, OFF_TARGET: coming - blocked - on_target}
+        return SequentialFates({fate: max(0.0, flux) for fate, flux in lost.items()})  # none is negative
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
         """Return how many rays have each fate.
@@ -253,24 +243,25 @@ class Tracer:
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
         alive = dr.ones(dr.mask_t(self._backend.Float), self._width)
-        counts = dict.fromkeys(("beside_lens", "missed_rear", "unresolved", "total_internal", "blocked"), 0)
+        names = [surface.name for surface in self._path.surfaces]
+        counts = {Fate.at(what, k, name): 0 for what in COUNTED for k, name in enumerate(names)}
 
         def count(mask: DrArray) -> int:
             return int(dr.count(mask).numpy()[0])
 
-        for k, p in enumerate(landing.passages):
-            counts["blocked"] += count(alive & p.blocked)
-            alive = dr.select(p.blocked, False, alive)
-            found, hit = alive & p.found, alive & p.found & p.hit
-            counts["unresolved"] += count(alive & ~found)
-            counts["missed_rear" if k else "beside_lens"] += count(found & ~hit)
-            alive = hit & p.goes_on
-            counts["total_internal"] += count(hit & ~alive)
-        counts["blocked"] += count(alive & landing.blocked)
+        for k, (name, p) in enumerate(zip(names, landing.passages)):
+            free = dr.select(p.blocked, False, alive)
+            found = free & p.found
+            hit = found & p.hit
+            passing = hit & p.goes_on
+            ends = found & ~hit, free & ~found, hit & ~passing, alive & p.blocked
+            for what, mask in zip(COUNTED, ends):
+                counts[Fate.at(what, k, name)] += count(mask)
+            alive = passing
+        counts[Fate("blocked")] = counts.get(Fate("blocked"), 0) + count(alive & landing.blocked)
         alive = dr.select(landing.blocked, False, alive)
-        if not counts["blocked"]:
-            del counts["blocked"]
-        return counts | {"on_target": count(alive & onto), "off_target": count(alive & ~onto)}
+        counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
+        return {fate.name: n for fate, n in counts.items() if n or not fate.rare}
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
         """Return a surface of the path.  grid : of light along z, which meets it behind a plane."""

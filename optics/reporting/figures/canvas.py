@@ -8,10 +8,10 @@ from typing import cast
 
 import matplotlib
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from optics.reporting.view import block_means
+from thbcad.checks import Floats
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -20,8 +20,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import IdentityTransform
-
-Floats = NDArray[np.float64]
 
 DPI, SIZE = 110, (5.2, 4.4)
 COMPRESSION = 3  # of 9: half the time of the usual 6 for 9 % more bytes

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.light.analysis import Measurement, fringe
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, png_bytes
 from optics.reporting.view import block_means
 from optics.scene.photometry import srgb
 from optics.scene.system import OpticalSystem
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 MOST = 0.995  # quantile of the fringe at which its scale ends
 LEAST_SCALE = 1e-3  # in (u', v'): a tenth of what an eye sees between two fields

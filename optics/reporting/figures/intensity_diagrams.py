@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.projections.polar import PolarAxes
-from numpy.typing import NDArray
 
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.view import block_means
 from optics.scene.photometry import Density, plane_curves
 from optics.scene.receivers import Screen
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 SIZE = (5.2, 4.8)  # inches
 LOOKS = {"C0-C180": ("tab:blue", 2.4), "C90-C270": ("tab:orange", 1.1)}  # the first is seen behind the second

@@ -19,7 +19,7 @@ from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt
 from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
 from optics.reporting.figures.overview import relative_light
-from optics.reporting.figures.solid_figure import LENS
+from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import within_foot
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
@@ -206,7 +206,9 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
     figure, axes = new_figure()
     for number, (index, rows) in enumerate(groupby(history, key=lambda row: row.stage)):
         evaluations, fits = np.array([(row.evaluation, row.fit) for row in rows]).T
-        axes.semilogy(evaluations, fits, ".-", lw=1.2, ms=4, label=_stage_words(plan[index]))
+        columns, lines = plan[index].screen.pixels
+        label = f"{plan[index].name}, {columns} x {lines} pixels"
+        axes.semilogy(evaluations, fits, ".-", lw=1.2, ms=4, label=label)
         if number:
             axes.axvline(evaluations[0] - 0.5, color="0.6", lw=0.8, ls="--", zorder=0)
     if history:
@@ -219,9 +221,3 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
     axes.set_ylabel("||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")
     return png_bytes(figure)
-
-
-def _stage_words(stage: Stage) -> str:
-    """Return the name of a stage with its pixels."""
-    columns, rows = stage.screen.pixels
-    return f"{stage.name}, {columns} x {rows} pixels"

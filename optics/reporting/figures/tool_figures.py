@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from optics.reporting.figures.canvas import new_panels, png_bytes
 from optics.tolerancing.machining import CuspBlur, CuspLight, SpiralMotion, SurfaceFindings, ToolFindings
+from thbcad.checks import Floats
 from thbcad.tools import concavity, round_axis, tool_acceleration
-
-Floats = NDArray[np.float64]
 
 POINTS = 256  # of maps, in each direction; even: none on the axis
 BINS = 96  # of the map of blur, in each direction: several rays each

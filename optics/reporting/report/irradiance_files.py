@@ -7,14 +7,12 @@ import struct
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from optics.scene.photometry import Density
 from optics.scene.receivers import Screen
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 ARRAYS, PICTURE = "irradiance.npz", "irradiance_16bit.png"
 WHITE = 65535  # of 16 bits

@@ -7,7 +7,8 @@ from html import escape
 from math import isinf
 from typing import Any
 
-from optics.light.analysis import fate_sentences, passing_words
+from optics.light.analysis import passing_words
+from optics.light.tracing import fate_sentences
 from optics.scene.photometry import BEAM, FIELD, Units
 
 PERCENT = "%"
@@ -124,9 +125,11 @@ def number_text(value: Any, unit: str = "") -> str:
 
 def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str, str]]:
     """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
-    known, sentences = words_of(units), fate_sentences(metrics)
+    known = words_of(units)
     for name, value in metrics.items():
-        for part, number in _parts(value):
+        parts = list(_parts(value))
+        sentences = fate_sentences(part for part, _ in parts)
+        for part, number in parts:
             unit, meaning = known.get(part) or known.get(name, ("", ""))
             words = f"light that {sentences[part]}; {meaning}" if part in sentences else meaning
             row_name = f"{name} {part}".rstrip()

@@ -5,17 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.reporting.view.drawn_rays import scene_paths as scene_paths
-    from optics.reporting.view.drawn_stops import stop_rims as stop_rims
-    from optics.reporting.view.glass_camera import lens_sight as lens_sight, photograph as photograph
-    from optics.reporting.view.photo_room import photo_caption as photo_caption
-    from optics.reporting.view.scene_layout import (
-        Scene as Scene,
-        block_means as block_means,
-        caption as caption,
-        placed as placed,
-    )
-    from optics.reporting.view.solid_renderer import (
+    from .drawn_rays import scene_paths as scene_paths, stop_rims as stop_rims
+    from .glass_camera import lens_sight as lens_sight, photograph as photograph
+    from .photo_room import photo_caption as photo_caption
+    from .scene_layout import Scene as Scene, block_means as block_means, caption as caption, placed as placed
+    from .solid_renderer import (
         Face as Face,
         View as View,
         oblique as oblique,
@@ -24,6 +18,6 @@ if TYPE_CHECKING:
         solid_faces as solid_faces,
         within_foot as within_foot,
     )
-    from optics.reporting.view.viewer_page import scene_page as scene_page
+    from .viewer_page import scene_page as scene_page
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

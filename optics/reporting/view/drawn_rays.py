@@ -1,4 +1,4 @@
-"""Rays from the source to the target or into its direction, as a picture of a scene shows them."""
+"""What stands between source and target in pictures: rays, and stops as thin plates."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 
 Array = NDArray[np.float64]
 
 BUNDLE = (8, 8)  # rays
 FAR = 4.0  # half-widths of the last surface behind it, to where rays to the far field are drawn
+AROUND = 1.25  # half-widths of a hole, or of the lens: so large plates without end are drawn
+POINTS = 65  # of an ellipse
 
 
 def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
@@ -37,7 +40,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if system.target.far_field:
         path = path.onto(receiver_at(FAR * max(path.surfaces[-1].shape.half_width), path.leaving))
         half_width = np.inf, np.inf
-    if system.reflects:
+    if not system.lone_lens:
         found = sequential_paths(backend, path, rays, half_width)
     else:
         found = trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
@@ -95,3 +98,27 @@ def _on_stops(stops: Iterable[Stop], start: Array, end: Array) -> Array:
 def _rows(values: Iterable[Any], n: int) -> Array:
     """Return arrays of the device, or numbers, as rows of n numbers."""
     return np.stack([np.zeros(n) + (v.numpy() if hasattr(v, "numpy") else v) for v in values])
+
+
+def stop_rims(system: OpticalSystem, lens: Lens) -> list[list[Array]]:
+    """Return the rims of every stop, (3, n) each, mm: the outer one first, each the other way round."""
+    hx, hy = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
+    return [_rims(stop, (hx, hy)) for stop in system.stops]
+
+
+def _rims(stop: Stop, size: tuple[float, float]) -> list[Array]:
+    outlines = [stop.outline] if stop.inner is None else [stop.outline, stop.inner]
+    if stop.hole:
+        hx, hy = (AROUND * max(pair) for pair in zip(size, stop.outline.half_width))
+        outlines = [Outline((hx, hy)), *outlines]
+    rims = [stop.pose.points(_rim(outline)) for outline in outlines]
+    return [rim[:, :: -1 if k % 2 else 1] for k, rim in enumerate(rims)]
+
+
+def _rim(outline: Outline) -> Array:
+    """Return points along a rectangle or an ellipse, in its plane, (3, n)."""
+    hx, hy = outline.half_width
+    if outline.is_rectangle:
+        return np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [0.0] * 4])
+    angle = np.linspace(0, 2 * np.pi, POINTS)
+    return np.stack([hx * np.cos(angle), hy * np.sin(angle), np.zeros(POINTS)])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.light.tracing import RayPath
-from optics.reporting.view.drawn_stops import stop_rims
+from optics.reporting.view.drawn_rays import stop_rims
 from optics.reporting.view.scene_layout import Scene, block_means, caption, placed
 from optics.reporting.view.solid_renderer import Face, solid_faces
 from optics.scene.system import OpticalSystem

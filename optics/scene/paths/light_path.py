@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import degrees, inf
 from typing import Any, Literal, Protocol, TypeAlias
 
@@ -33,9 +34,9 @@ class Medium:
 
 
 AIR = Medium(1.0)
-LEAST_COSINE = 0.05  # of light on a receiver that it hardly grazes: about 87 degrees
-Coats: TypeAlias = "tuple[float | None, float | None]"  # share of the light that goes through front and rear
+Coats: TypeAlias = "tuple[float | None, float | None]"  # shares that go through front and rear
 BARE: Coats = (None, None)
+LEAST_COSINE = 0.05  # of light on a receiver that it hardly grazes: about 87 degrees
 
 
 class HeightError(Protocol):
@@ -59,6 +60,7 @@ class Surface:
         all rays alike, or (2, n).
     height_error : by which its points move too; traces carry no derivatives then.
     clear : what a holder leaves free of it, which blocks light beside; None is all.
+    name : of its element and face in a scene, such as "M1.face".
     """
 
     shape: FreeformSurface
@@ -69,6 +71,7 @@ class Surface:
     slope_error: Floats | None = None
     height_error: HeightError | None = None
     clear: Outline | None = None
+    name: str = ""
 
     @property
     def open(self) -> Outline:
@@ -122,45 +125,13 @@ class LightPath:
                 raise ValueError(f"surface {k} reflects light, but from {before} into {behind}")
 
     @classmethod
-    def through(
-        cls,
-        lens: Lens,
-        receiver: Receiver,
-        absorption: float,
-        stops: tuple[Stop, ...] = (),
-        clear: tuple[Outline, Outline] | None = None,
-        absorbing_wall: bool = False,
-        pose: Pose = IDENTITY,
-        coats: Coats = BARE,
-    ) -> LightPath:
-        """Return the path through front and rear of a lens in air.
+    def through(cls, lens: Lens, receiver: Receiver, absorption: float) -> LightPath:
+        """Return the path through front and rear of a lens in air, in the frame of its front vertex.
 
-        absorption : of its glass, 1/mm.  clear, coats : of front and rear, see `Surface`.  pose : from the
-        frame of its front vertex to that of the path.
+        absorption : of its glass, 1/mm.
         """
-        open_front, open_rear = clear or (None, None)
-        front = Surface(lens.front, pose, share=coats[0], clear=open_front)
-        behind = pose @ Pose.at((0.0, 0.0, lens.thickness))
-        rear = Surface(lens.rear, behind, share=coats[1], clear=open_rear)
-        media = AIR, Medium(lens.index, absorption), AIR
-        return cls((front, rear), media, receiver, stops=stops, absorbing_wall=absorbing_wall)
-
-    @classmethod
-    def by_mirror(
-        cls,
-        blank: Lens,
-        share: float,
-        pose: Pose,
-        receiver: Receiver,
-        stops: tuple[Stop, ...] = (),
-        clear: Outline | None = None,
-    ) -> LightPath:
-        """Return the path by the front of a mirror's blank, which reflects a share of the light.
-
-        pose : from the frame of its vertex to that of the path.
-        """
-        face = Surface(blank.front, pose, "reflect", share, clear=clear)
-        return cls((face,), (AIR, AIR), receiver, stops=stops)
+        rear = Surface(lens.rear, Pose.at((0.0, 0.0, lens.thickness)))
+        return cls((Surface(lens.front), rear), (AIR, Medium(lens.index, absorption), AIR), receiver)
 
     @property
     def sags(self) -> list[THBSurface]:
@@ -182,11 +153,24 @@ class LightPath:
         return float(first.pose.shift[2]) - BEFORE * (max(first.shape.half_width) + apart)
 
     @property
+    def shaped(self) -> int:
+        """The number of the last surface that carries a sag; of the last one where none does."""
+        sags = [k for k, surface in enumerate(self.surfaces) if surface.shape.sag is not None]
+        return sags[-1] if sags else len(self.surfaces) - 1
+
+    @property
     def throw(self) -> float:
-        """From the vertex of the last surface to the middle of the receiver, mm; inf to the far field."""
+        """From the shaped surface on to the middle of the receiver, mm; inf to the far field."""
+        return self.throw_of(self.shaped)
+
+    def throw_of(self, surface: int) -> float:
+        """Return how far it is from the vertex of a surface on to the middle of the receiver, mm."""
         if self.receiver.far_field:
             return inf
-        return float(np.linalg.norm(self.receiver.toward(self.surfaces[-1].pose.shift, 0.0, 0.0)))
+        vertices = [s.pose.shift for s in self.surfaces[surface:]]
+        ways = [b - a for a, b in pairwise(vertices)]
+        ways.append(np.array(self.receiver.toward(vertices[-1], 0.0, 0.0)))
+        return float(sum(np.linalg.norm(way) for way in ways))
 
     @property
     def lever(self) -> float:
@@ -213,13 +197,18 @@ class LightPath:
         """Return the path to another receiver."""
         return self if receiver is self.receiver else replace(self, receiver=receiver)
 
+    def in_media(self, media: Iterable[Medium]) -> LightPath:
+        """Return the path through other media, as those of each wavelength; itself, if they are its own."""
+        new = tuple(media)
+        return self if new == self.media else replace(self, media=new)
+
     def in_glass(self, glass: Medium) -> LightPath:
-        """Return the path through another glass, as one is of each wavelength: all but air is made of it."""
-        return self._through(AIR if medium == AIR else glass for medium in self.media)
+        """Return the path through another glass: all but air is made of it."""
+        return self.in_media(AIR if medium == AIR else glass for medium in self.media)
 
     def without_absorption(self) -> LightPath:
         """Return the path through clear media."""
-        return self._through(replace(medium, absorption=0.0) for medium in self.media)
+        return self.in_media(replace(medium, absorption=0.0) for medium in self.media)
 
     def without_reflection(self) -> LightPath:
         """Return the path over ideally coated surfaces: all light goes on that is not reflected totally."""
@@ -236,9 +225,16 @@ class LightPath:
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
         return replace(path, stops=()) if path.stops else path
 
-    def held(self, clear: Sequence[Outline]) -> LightPath:
+    def held(self, clear: Mapping[int, Outline]) -> LightPath:
         """Return the path through surfaces of which a holder leaves at most these outlines free."""
-        return self._with(s if s.clear else replace(s, clear=c) for s, c in zip(self.surfaces, clear))
+        pairs = enumerate(self.surfaces)
+        return self._with(s if s.clear or k not in clear else replace(s, clear=clear[k]) for k, s in pairs)
+
+    def named(self, names: Iterable[str]) -> LightPath:
+        """Return the path over surfaces with these names."""
+        return self._with(
+            s if s.name == name else replace(s, name=name) for s, name in zip(self.surfaces, names)
+        )
 
     def with_stops_moved(self, motion: Pose) -> LightPath:
         """Return the path with its stops elsewhere.  motion : in the frame of the path."""
@@ -276,11 +272,6 @@ class LightPath:
     def with_soft_rims(self, share: float) -> LightPath:
         """Return the path over rims within which light fades."""
         return self if share == self.soft_rim else replace(self, soft_rim=share)
-
-    def _through(self, media: Iterable[Medium]) -> LightPath:
-        """Return the path through other media; itself, if they are its own."""
-        new = tuple(media)
-        return self if new == self.media else replace(self, media=new)
 
     def _with_errors(self, name: str, errors: Sequence[Any]) -> LightPath:
         if len(errors) != len(self.surfaces):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         MirrorElement as MirrorElement,
         Placed as Placed,
     )
+    from optics.scene.problem.faces_met import FaceMet as FaceMet, PathSpec as PathSpec
     from optics.scene.problem.key_changes import assignment as assignment
     from optics.scene.problem.lens_schema import (
         FINEST_AUTO as FINEST_AUTO,

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of optimizer.engine
+ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 
-_ONE_LENS = "there is one element, a lens or a mirror: [[element]] says where it lies"
+_KINDS = (
+    "an element is a lens or a mirror: [[element]] says where it lies, [[path]] how light goes through it"
+)
 _BARE = "a coating is a share of the light at any angle: lens.front.reflectance and lens.rear.reflectance"
 _ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
 # the program learns leaves this table, as a test of it says
 CANNOT = {
-    **dict.fromkeys(("lense", "reflector", "prism"), _ONE_LENS),
-    "path": "light goes through the front, then through the rear",
+    **dict.fromkeys(("lense", "reflector", "prism"), _KINDS),
     "coating": _BARE,
     **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
     "array": "there is one lens before one source",

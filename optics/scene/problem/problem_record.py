@@ -6,26 +6,31 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from html import escape
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 from math import dist, inf
 from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
 from optics.scene.problem.elements import MirrorElement, Placed
+from optics.scene.problem.faces_met import FaceMet, PathSpec, faces_met
 from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.lens_schema import LensSpec, Optic
-from optics.scene.problem.required_apertures import require_apertures
+from optics.scene.problem.required_optics import (
+    require_named_elements,
+    require_optic,
+    require_rows,
+    require_stops,
+)
 from optics.scene.problem.required_target import require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, Rows, Source, StopSpec, Target
-from optics.scene.problem.toml_records import AUTO, checked_values, option, problem_to_toml, record
+from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, Source, StopSpec, Target
+from optics.scene.problem.toml_records import checked_values, option, problem_to_toml, record
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
 
 MAX_FILE_BYTES = 1_000_000
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
-LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 LEAST_MERGED = 4  # pixels each way that merging leaves
 
 
@@ -57,7 +62,10 @@ class Problem:
     title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
     source: Source = option()
     lens: LensSpec | None = option(None, note="the one lens, on the axis, its front vertex at 0")
-    element: tuple[Placed, ...] = option((), note="a lens or a mirror anywhere, in place of [lens]")
+    element: tuple[Placed, ...] = option((), note="lenses and mirrors anywhere, in place of [lens]")
+    path: tuple[PathSpec, ...] = option(
+        (), note="the faces that light meets; [] is all elements in their order"
+    )
     target: Target = option()
     stop: tuple[StopSpec, ...] = option((), note="what absorbs light beside the lens; any number of them")
     optimizer: Optimizer = option(Optimizer())
@@ -74,27 +82,56 @@ class Problem:
         _require_partners(self)
 
     @cached_property
-    def optic(self) -> Optic:
-        """The lens or the mirror whose surface is free."""
-        optic = self.lens or self.element[0]
-        assert isinstance(optic, Optic)
-        return optic
+    def optics(self) -> tuple[Optic, ...]:
+        """The lens, or every element."""
+        return tuple(o for o in (self.lens, *self.element) if isinstance(o, Optic))
 
-    def with_optic(self, **changes: Any) -> Problem:
-        """Return a variation with other values of keys of the optic."""
+    @cached_property
+    def optic(self) -> Optic:
+        """The lens or the mirror whose surface is free; the first where none is."""
+        return next((optic for optic in self.optics if optic.free), self.optics[0])
+
+    @cached_property
+    def faces_met(self) -> tuple[FaceMet, ...]:
+        """The faces that light meets, in their order.
+
+        Raises
+        ------
+        UserError : light cannot take such a path.
+        """
+        return faces_met(self.optics, self.path[0] if self.path else None)
+
+    @property
+    def face_names(self) -> tuple[str, ...]:
+        """What sentences call the faces that light meets: "rear" of a lone lens, else "L1.rear"."""
+        lone = len(self.optics) == 1
+        return tuple(f.optic.face_name(f.face) if lone else f.name for f in self.faces_met)
+
+    @property
+    def surface_names(self) -> tuple[str, ...]:
+        """What fates of light call the surfaces of the path; a lens alone on the axis has its own words."""
+        names = ["" if self.lens else face.name for face in self.faces_met]
+        return tuple(name and name + " again" * names[:k].count(name) for k, name in enumerate(names))
+
+    def with_optic(self, of: Optic | None = None, **changes: Any) -> Problem:
+        """Return a variation with other values of keys of an element.  of : None is the one that is free."""
         if self.lens:
             return replace(self, lens=replace(self.lens, **changes))
-        return replace(self, element=(self.element[0].with_keys(**changes),))
+        changed = of or self.optic
+        pairs = zip(self.element, self.optics)
+        return replace(self, element=tuple(e.with_keys(**changes) if o is changed else e for e, o in pairs))
 
     @property
     def throw(self) -> float:
-        """From the rear vertex, or a mirror's, to the middle of the target, mm; inf to the far field."""
+        """From the vertex of what is designed on to the middle of the target, mm; inf to the far field."""
         target, optic = self.target, self.optic
         if target.position is None:
             return inf if target.distance is None else target.distance
-        if isinstance(optic, Placed):
-            return dist(target.position, optic.position)
-        return dist(target.position, (0.0, 0.0, optic.thickness))
+        if not isinstance(optic, Placed):
+            return dist(target.position, (0.0, 0.0, optic.thickness))
+        behind = dropwhile(lambda o: o is not optic, (face.optic for face in self.faces_met))
+        places = [o.position for o in behind if isinstance(o, Placed)]
+        return sum(dist(*ends) for ends in pairwise([*places, target.position]))
 
     def with_(self, **changes: object) -> Problem:
         """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
@@ -148,9 +185,9 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
-    _require_one_optic(problem)
+    _require_elements(problem)
     for key, text in (
-        (problem.optic.key("material"), problem.optic.material),
+        *((optic.key("material"), optic.material) for optic in problem.optics),
         ("export.product", problem.export.product),
         ("export.author", problem.export.author),
         ("export.organization", problem.export.organization),
@@ -162,19 +199,18 @@ def _require_partners(problem: Problem) -> None:
     optic, spectrum = problem.optic, problem.source.spectrum
     require_target(problem.target)
     _require_source(problem.source)
-    if isinstance(optic, LensSpec):
-        _require_glass(optic)
     if not isinstance(spectrum, str):
-        _require_rows("source.spectrum", spectrum, 0.0, 1e12)
+        require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
             raise UserError("source.spectrum is dark: every weight is 0; make one greater")
-    require_apertures(optic, problem.stop)
+    for each in problem.optics:
+        require_optic(each, each is optic)
+    require_stops(problem.stop)
     merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
         )
-    _require_free(optic)
     most = optic.thickness + sum(f.freedom for f in optic.free.values())
     if problem.limits.thickness > most and not optic.automatic:
         raise UserError(
@@ -183,63 +219,24 @@ def _require_partners(problem: Problem) -> None:
         )
 
 
-def _require_one_optic(problem: Problem) -> None:
-    """Refuse a problem with another number of elements than one."""
+def _require_elements(problem: Problem) -> None:
+    """Refuse [lens] beside [[element]], none of both, more than one free element, and a path of no light."""
     if problem.lens is None and not problem.element:
         raise UserError("the key lens is missing; add it, or an [[element]]")
     if problem.lens and problem.element:
         raise UserError("[lens] is a lens on the axis, in place of [[element]]; leave one of them out")
-    if len(problem.element) > 1:
-        raise UserError(
-            f"one [[element]] can be designed, got {len(problem.element)}: "
-            f"{', '.join(e.name for e in problem.element)}; leave the others out"
-        )
     if problem.element and problem.target.distance is not None:
         raise UserError(
             f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
             'target.position, or target.surface = "far_field"'
         )
-    for k, element in enumerate(problem.element):
-        if not element.name:
-            raise UserError(f'element[{k}].name is missing; add one, such as name = "M1"')
-
-
-def _require_glass(lens: LensSpec) -> None:
-    """Refuse a lens of which nobody knows the index."""
-    if lens.index == AUTO and not (lens.indices or lens.material):
+    require_named_elements(problem.element)
+    if len(problem.path) > 1 or (problem.path and problem.lens):
         raise UserError(
-            f"the key {lens.key('index')} is missing (refractive index, relative to the air around); add it, "
-            f'or name a known material, such as {lens.key("material")} = "PMMA"'
+            f"[[path]] names the faces of every [[element]] once, got {len(problem.path)} tables"
+            f"{' beside [lens]' if problem.lens else ''}; keep one, with [[element]]"
         )
-    _require_rows(lens.key("indices"), lens.indices, LEAST_INDEX, 10.0)
-    _require_rows(lens.key("absorptions"), lens.absorptions, 0.0, 1e3)
-
-
-def _require_free(optic: Optic) -> None:
-    """Refuse an element without a surface to design, and a fixed one whose base is left to the program."""
-    if not optic.free:
-        mirror = isinstance(optic, MirrorElement)
-        fixed = optic.key("front.freeform" if mirror else "rear.freeform")
-        remedy = "leave it out" if mirror else f"add the table {optic.key('front.freeform')}"
-        raise UserError(f"{fixed} = false leaves no surface to design; {remedy}")
-    if optic.rear.freeform is None and AUTO in (optic.rear.radius, optic.rear.conic):
-        raise UserError(
-            f"{optic.key('rear.radius')} and {optic.key('rear.conic')} must be numbers with "
-            f'{optic.key("rear.freeform")} = false, got "{AUTO}"'
-        )
-
-
-def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
-    """Refuse rows (nm, value) out of their limits, and wavelengths that come twice."""
-    for k, (nm, value) in enumerate(rows):
-        if not 1 <= nm <= 1e6:
-            raise UserError(f"{key}[{k}][0] must be a wavelength from 1 to 1e+06 nm, got {nm:g}")
-        if not low <= value <= high:
-            raise UserError(f"{key}[{k}][1] must be from {low:.7g} to {high:g}, got {value:g}")
-    wavelengths = sorted(nm for nm, _ in rows)
-    for nm, following in pairwise(wavelengths):
-        if nm == following:
-            raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
+    _ = problem.faces_met
 
 
 def _require_source(source: Source) -> None:

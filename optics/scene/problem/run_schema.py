@@ -192,11 +192,11 @@ class Export:
 
     Examples
     --------
-    >>> problem.with_(**{"export.schema": "AP203"}).export.schema
-    'AP203'
+    >>> problem.with_(**{"export.schema": "AP214"}).export.schema
+    'AP214'
     """
 
-    schema: str = option("AP242", choices=("AP203", "AP214", "AP242"), note="of the STEP file")
+    schema: str = option("AP242", choices=("AP214", "AP242"), note="of the STEP file")
     product: str = option("", note="name of the solid; the title where empty")
     author: str = option("", note="of the STEP file")
     organization: str = option("", note="of the STEP file")

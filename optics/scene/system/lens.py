@@ -13,14 +13,13 @@ from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
 
-def base_lens(problem: Problem) -> Lens:
-    """Return the lens before optimisation: a THB sag of zeros on the level-0 mesh.
+def base_lens(spec: Optic) -> Lens:
+    """Return a lens before optimisation: with THB sags of zeros on the level-0 mesh where it is free.
 
     Raises
     ------
     UserError : the prescription makes no lens.
     """
-    spec = problem.optic
     front, rear = (_surface(spec, name) for name in ("front", "rear"))
     try:
         return require_sound(Lens(front, rear, spec.thickness, spec.known_index))

@@ -1,4 +1,4 @@
-"""What the lens is made of: its index and absorption at every wavelength that is traced."""
+"""What lenses are made of: their index and absorption at every wavelength that is traced."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 from optics.base.runtime import UserError
 from optics.scene.materials import Material, find_material, tabulated
-from optics.scene.paths import Medium
+from optics.scene.paths import AIR, Medium
 from optics.scene.photometry import spectral_lines
-from optics.scene.problem import AUTO, MirrorElement, Optic, Problem
+from optics.scene.problem import AUTO, Optic, Problem, Source
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
@@ -22,37 +22,39 @@ CAUCHY = -2  # power of the wavelength in which indices are interpolated
 class Wavelength:
     """Light of one wavelength.
 
-    nm : in air.  weight : of the source's flux.  medium : the lens.
+    nm : in air.  weight : of the source's flux.  media : of the path, see `LightPath`.
     xyz : CIE 1931 colour of a watt, in units of 683 lm/W, or of a lumen, with Y = 1, as `source.unit` has it;
         None where no spectrum is given.
     """
 
     nm: float
     weight: float
-    medium: Medium
+    media: tuple[Medium, ...]
     xyz: tuple[float, float, float] | None = None
 
 
 def with_material(problem: Problem) -> Problem:
-    """Return the problem with numbers for what it leaves to the material: index, density, absorption.
+    """Return the problem with numbers for what it leaves to materials: index, density, absorption.
 
     Raises
     ------
     UserError : no such material is known, or not at the source's wavelengths.
     """
-    spec, nm = problem.optic, problem.source.wavelength
-    if AUTO not in (spec.index, spec.absorption):
-        return problem
-    changes: dict[str, Any] = {}
-    if spec.index == AUTO:
-        index = _tabulated_index(spec, nm) if spec.indices else find_material(spec.material).index(nm)
-        known = known_material(spec)
-        changes["index"] = round(index, INDEX_DIGITS)
-        changes["density"] = spec.density or (known.density if known and known.density else 0.0)
-    if spec.absorption == AUTO:
-        changes["absorption"] = _absorption(spec, nm)
-        changes["absorptions"] = spec.absorptions or _absorption_rows(problem)
-    return problem.with_optic(**changes)
+    nm = problem.source.wavelength
+    for spec in problem.optics:
+        if AUTO not in (spec.index, spec.absorption):
+            continue
+        changes: dict[str, Any] = {}
+        if spec.index == AUTO:
+            index = _tabulated_index(spec, nm) if spec.indices else find_material(spec.material).index(nm)
+            known = known_material(spec)
+            changes["index"] = round(index, INDEX_DIGITS)
+            changes["density"] = spec.density or (known.density if known and known.density else 0.0)
+        if spec.absorption == AUTO:
+            changes["absorption"] = _absorption(spec, nm)
+            changes["absorptions"] = spec.absorptions or _absorption_rows(spec, problem.source)
+        problem = problem.with_optic(spec, **changes)
+    return problem
 
 
 def known_material(spec: Optic) -> Material | None:
@@ -84,7 +86,7 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
     source = problem.source
     if not source.spectrum:
         nm = source.wavelength
-        return (Wavelength(nm, 1.0, Medium(index_at(problem, nm), absorption_at(problem, nm))),)
+        return (Wavelength(nm, 1.0, media_at(problem, nm)),)
     lines = spectral_lines(source.spectrum)
     if source.unit == "lm":
         seen = sum(line.weight * line.xyz[1] for line in lines)
@@ -98,12 +100,29 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
             for line, (x, y, z) in ((line, line.xyz) for line in lines)
             if y
         )
-    media = [Medium(index_at(problem, line.nm), absorption_at(problem, line.nm)) for line in lines]
-    return tuple(Wavelength(line.nm, line.weight, glass, line.xyz) for line, glass in zip(lines, media))
+    media = [media_at(problem, line.nm) for line in lines]
+    return tuple(Wavelength(line.nm, line.weight, row, line.xyz) for line, row in zip(lines, media))
 
 
-def index_at(problem: Problem, nm: float) -> float:
-    """Return the index of the lens at a wavelength, nm.
+def media_at(problem: Problem, nm: float, absorbing_at: float | None = None) -> tuple[Medium, ...]:
+    """Return the media before, between and behind the faces that light meets, at a wavelength, nm.
+
+    absorbing_at : nm, another wavelength at which they absorb; None is the same.
+
+    Raises
+    ------
+    UserError : index or absorption of a lens is not known there.
+    """
+    at, own = nm if absorbing_at is None else absorbing_at, problem.source.wavelength
+    behind = (
+        Medium(index_at(face.optic, nm, own), absorption_at(face.optic, at)) if face.into_glass else AIR
+        for face in problem.faces_met
+    )
+    return AIR, *behind
+
+
+def index_at(spec: Optic, nm: float, own: float) -> float:
+    """Return the index of a lens at a wavelength, nm.  own : that of the source.
 
     lens.index holds at the source's own wavelength.  Elsewhere it is that of lens.indices; without them
     lens.index + n(nm) - n(source.wavelength), with the dispersion n of the material.
@@ -112,8 +131,7 @@ def index_at(problem: Problem, nm: float) -> float:
     ------
     UserError : neither tells the index there.
     """
-    spec, own = problem.optic, problem.source.wavelength
-    if nm == own or isinstance(spec, MirrorElement):
+    if nm == own:
         return spec.known_index
     if spec.indices:
         return _tabulated_index(spec, nm)
@@ -133,20 +151,18 @@ def index_at(problem: Problem, nm: float) -> float:
     return index
 
 
-def absorption_at(problem: Problem, nm: float) -> float:
-    """Return the absorption of the lens at a wavelength, 1/mm.  nm : of it.
+def absorption_at(spec: Optic, nm: float) -> float:
+    """Return the absorption of a lens at a wavelength, 1/mm.  nm : of it.
 
     Raises
     ------
     UserError : lens.absorptions has rows, but not around the wavelength.
     """
-    spec = problem.optic
     return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
 
 
-def _absorption_rows(problem: Problem) -> tuple[tuple[float, float], ...]:
+def _absorption_rows(spec: Optic, source: Source) -> tuple[tuple[float, float], ...]:
     """Return the absorption of the material at all wavelengths that are traced, and where it is visible."""
-    spec, source = problem.optic, problem.source
     lines = spectral_lines(source.spectrum) if source.spectrum else ()
     rows = {nm: _absorption(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
     for nm in map(float, VISIBLE):

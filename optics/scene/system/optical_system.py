@@ -4,50 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
-from optics.scene.paths import LightPath, Stop
+from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
-from optics.scene.problem import Freeform, MirrorElement, Placed, Problem
-from optics.scene.receivers import Receiver
+from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
     Wavelength,
-    absorption_at,
-    index_at,
     indexing_material,
+    media_at,
     wavelengths_of,
     with_material,
 )
 from optics.scene.system.moulded import body_options, moulded
-from optics.scene.system.source import source_of
+from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
+from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
-from thbcad.poses import IDENTITY, Pose
+from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
-
-@dataclass(frozen=True, eq=False)
-class Own:
-    """Classes of a script, that no problem file names, in place of what the problem describes.
-
-    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
-    """
-
-    source: LightSource | None = None
-    receiver: Receiver | None = None
-
-    def __bool__(self) -> bool:
-        return self.source is not None or self.receiver is not None
+STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +67,18 @@ class OpticalSystem:
         ------
         UserError : the prescription makes no lens.
         """
-        return base_lens(self.problem)
+        return base_lens(self.problem.optic)
+
+    @cached_property
+    def fixed(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The elements that are not designed, with their lenses or blanks.
+
+        Raises
+        ------
+        UserError : a prescription makes no lens.
+        """
+        optics = self.problem.optics
+        return tuple((optic, base_lens(optic)) for optic in optics if optic is not self.problem.optic)
 
     @property
     def backend(self) -> Backend:
@@ -105,6 +103,21 @@ class OpticalSystem:
         """Whether it is a lens on the axis before a target across it, or before the far field around it."""
         return not self.problem.element and self.target.receiver.across_axis
 
+    @cached_property
+    def own_faces(self) -> dict[int, FaceMet]:
+        """The faces of the element that is designed, by their numbers along the path."""
+        optic = self.problem.optic
+        return {k: face for k, face in enumerate(self.problem.faces_met) if face.optic is optic}
+
+    @property
+    def shaped_face(self) -> FaceMet:
+        """The face that a transport map shapes."""
+        return next(face for face in self.own_faces.values() if face.face == self.shaped)
+
+    def held(self, path: LightPath, clear: tuple[Outline, Outline]) -> LightPath:
+        """Return a path of which a holder of the designed element leaves these of front and rear free."""
+        return path.held({k: clear[face.face == "rear"] for k, face in self.own_faces.items()})
+
     def own_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens in the lens's own frame."""
         return self.path(lens).seen_from(self.pose)
@@ -122,8 +135,7 @@ class OpticalSystem:
     @property
     def pose(self) -> Pose:
         """From the frame of the lens, with its front vertex at 0, to that of the scene."""
-        optic = self.problem.optic
-        return Pose.tilted(optic.position, optic.tilt) if isinstance(optic, Placed) else IDENTITY
+        return pose_of(self.problem.optic)
 
     @property
     def freeforms(self) -> tuple[Freeform, ...]:
@@ -198,19 +210,14 @@ class OpticalSystem:
         """The known material whose index the lens has; None where its index is another."""
         return indexing_material(self.problem)
 
-    def index_at(self, nm: float) -> float:
-        """Return the index of the lens at a wavelength, nm.
+    def media_at(self, nm: float) -> tuple[Medium, ...]:
+        """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
 
         Raises
         ------
-        UserError : it is not known there.
+        UserError : an index is not known there.
         """
-        return index_at(self.problem, nm)
-
-    @property
-    def absorption(self) -> float:
-        """Of the lens at the source's own wavelength, 1/mm."""
-        return absorption_at(self.problem, self.problem.source.wavelength)
+        return media_at(self.problem, nm, self.problem.source.wavelength)
 
     @property
     def spectral(self) -> bool:
@@ -230,11 +237,7 @@ class OpticalSystem:
 
     def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
         """Return what a holder leaves free of front and rear of a lens; None is all."""
-        spec = self.problem.optic
-        if not any(spec.clear_aperture):
-            return None
-        front, rear = (s.outline.scaled(spec.clear(s.half_width)) for s in (lens.front, lens.rear))
-        return front, rear
+        return clear_aperture_of(self.problem.optic, lens)
 
     @property
     def body(self) -> BodyOptions | None:
@@ -267,19 +270,25 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
+    def with_target(self, **changes: Any) -> OpticalSystem:
+        """Return the system with other values of keys of the target that change neither lens nor picture."""
+        other = replace(self, problem=replace(self.problem, target=replace(self.problem.target, **changes)))
+        other.__dict__["lens"] = self.lens
+        other.target.__dict__["light"] = self.target.light
+        return other
+
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
-        """Return the paths of the source's own wavelength by a lens or a mirror, one to each target."""
-        optic, clear, pose = self.problem.optic, self.clear_aperture(lens), self.pose
-        if isinstance(optic, MirrorElement):
-            face = clear[0] if clear else None
-            return tuple(
-                LightPath.by_mirror(lens, optic.share, pose, target.receiver, self.stops, face)
-                for target in self.targets
-            )
+        """Return the paths of the source's own wavelength over all elements, one to each target.
+
+        lens : the element that is designed, of whatever shape; the others are as the problem has them.
+        """
+        optic, media = self.problem.optic, self.media_at(self.problem.source.wavelength)
+        lenses = {id(fixed): blank for fixed, blank in self.fixed} | {id(optic): lens}
+        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath.through(
-                lens, target.receiver, self.absorption, self.stops, clear, black, pose, optic.coats
+            LightPath(tuple(surfaces), media, target.receiver, stops=self.stops, absorbing_wall=black).named(
+                self.problem.surface_names
             )
             for target in self.targets
         )
@@ -292,7 +301,12 @@ class OpticalSystem:
     @property
     def lens_on_axis(self) -> bool:
         """Whether light goes through a lens on the axis, with its front vertex at 0."""
-        return self.pose.is_identity and not self.reflects
+        return self.pose.is_identity and self.lone_lens
+
+    @property
+    def lone_lens(self) -> bool:
+        """Whether there is one lens, through which light goes by its front and its rear."""
+        return [(face.face, face.reflects) for face in self.problem.faces_met] == STRAIGHT
 
     @cached_property
     def parallel(self) -> bool:
@@ -306,7 +320,12 @@ class OpticalSystem:
         The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
         a lens, but may meet the walls of a body.
         """
-        return not (self.reflects or self.target.far_field or (self.parallel and self.body is None))
+        return self.all_ways and not (self.parallel and self.body is None)
+
+    @property
+    def all_ways(self) -> bool:
+        """Whether light can be followed by all ways: of a lens alone, to a target that is not far."""
+        return self.lone_lens and not self.target.far_field
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

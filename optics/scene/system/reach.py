@@ -4,17 +4,24 @@ than it bends.  All is seen in the frame of the element."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from optics.scene.problem import Optic, Placed
+from optics.scene.system.geometry_search import nearest_geometry
 from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.placed_faces import pose_of
 from optics.scene.system.stops import lens_heights
 from thbcad.checks import Floats
+from thbcad.lens import Lens
 
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
 FAR = 1e9  # mm, of points of the far field
+GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
+LITTLE = 0.01  # of the light
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -38,32 +45,75 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
     points = np.stack(np.broadcast_arrays(*receiver.points(*grid))).reshape(3, -1)
     if cuts or ((points >= box[:, :1]) & (points <= box[:, 1:])).all(axis=0).any():
         raise UserError(
-            f"the target cuts {_named(system)}, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, z = {low:.4g} "
-            f"to {high:.4g} mm{_own_frame(system)}; move target.position away, or turn it by target.tilt"
+            f"the target cuts {_named(system.problem.optic)}, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, "
+            f"z = {low:.4g} to {high:.4g} mm{_own_frame(system)}; move target.position away, or turn it by "
+            "target.tilt"
         )
 
 
 def require_met(system: OpticalSystem) -> None:
-    """Refuse a lens or a mirror that light meets from behind.
+    """Refuse an element that light would meet from behind: each comes from its own -z, from the one before.
 
     Raises
     ------
     UserError : names the element.
     """
-    back = system.pose.inverse()
+    met = system.problem.faces_met
+    entered = [face.optic for k, face in enumerate(met) if not k or face.optic is not met[k - 1].optic]
     if system.source.from_afar:
-        if back.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
+        first = pose_of(entered[0]).inverse()
+        if first.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
             raise UserError(
-                f"light along +z meets {_named(system)} from behind, or never; turn it by "
-                f"{system.problem.optic.key('tilt')} so that light comes from its own -z"
+                f"light along +z meets {_named(entered[0])} from behind, or never; turn it by "
+                f"{entered[0].key('tilt')} so that light comes from its own -z"
             )
-        return
-    z = float(back.points(np.array(system.source.middle))[2])
-    if z >= 0:
-        raise UserError(
-            f"the source lies behind {_named(system)}, at its own z = {z:.4g} mm; turn it by "
-            f"{system.problem.optic.key('tilt')}, or move it, so that light comes from its own -z"
+    places = [(_named(optic), pose_of(optic).shift) for optic in entered]
+    if not system.source.from_afar:
+        places.insert(0, ("the source", np.array(system.source.middle)))
+    for (name, place), optic in zip(places, entered[system.source.from_afar :]):
+        z = float(pose_of(optic).inverse().points(place)[2])
+        if z >= 0:
+            raise UserError(
+                f"{name} lies behind {_named(optic)}, at its own z = {z:.4g} mm; turn it by "
+                f"{optic.key('tilt')}, or move it, so that light comes from its own -z"
+            )
+
+
+def require_apart(system: OpticalSystem) -> None:
+    """Refuse elements of which one holds points of the faces of another, before optimisation.
+
+    Raises
+    ------
+    UserError : names both.
+    """
+    bodies = [(system.problem.optic, system.lens), *system.fixed]
+    for (one, lens), (other, solid) in permutations(bodies, 2):
+        x, y = (
+            h * np.linspace(-1, 1, POINTS) for h in np.maximum(lens.front.half_width, lens.rear.half_width)
         )
+        x, y = (a.ravel() for a in np.meshgrid(x, y))
+        for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+            inside = surface.outline.contains(x, y)
+            points = np.stack([x, y, vertex + surface(x, y)])[:, inside]
+            if _holds(solid, pose_of(other).inverse().points(pose_of(one).points(points))).any():
+                raise UserError(
+                    f"{_named(one)} and {_named(other)} overlap; move {one.key('position')} or "
+                    f"{other.key('position')} away"
+                )
+
+
+def _holds(lens: Lens, points: Floats) -> NDArray[np.bool_]:
+    """Return which points, (3, n) in its frame, a lens holds; between outlines it is as wide as the wider."""
+    x, y, z = points
+    within = np.zeros(x.size, dtype=bool)
+    for surface in (lens.front, lens.rear):
+        within |= surface.outline.contains(x, y)
+    low, high = (
+        surface(*(np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width)))
+        for surface in (lens.front, lens.rear)
+    )
+    held: NDArray[np.bool_] = within & (z > low) & (z < lens.thickness + high)
+    return held
 
 
 def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
@@ -80,9 +130,9 @@ def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
         )
 
 
-def _named(system: OpticalSystem) -> str:
-    """Return what a sentence calls the lens or the mirror."""
-    return "the lens" if system.problem.lens else system.problem.optic.table
+def _named(optic: Optic) -> str:
+    """Return what a sentence calls a lens or a mirror."""
+    return optic.table if isinstance(optic, Placed) else "the lens"
 
 
 def _own_frame(system: OpticalSystem) -> str:
@@ -107,14 +157,55 @@ def require_reachable(system: OpticalSystem) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
     Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
-    A surface of index n bends
-    rays by less than arccos(1 / n) before it reflects them totally: behind a plane front no rear sends
-    parallel light farther aside from the beam than that, seen from the plane of the rear vertex.
+    A surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
+    front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
+    vertex.
 
     Raises
     ------
-    UserError : names the share of the light, or the angle needed and the one that the index allows.
+    UserError : names the share of the light, the angle needed and the one that the index allows, and the
+        nearest geometry that works.
     """
+    if fault := _fault(system):
+        found = " or ".join(nearest_geometry(system, can_be_lit))
+        raise UserError(f"{fault}, such as by {found}" if found else fault)
+
+
+def can_be_lit(system: OpticalSystem) -> bool:
+    """Return whether light reaches all that is to be lit, and grazes neither the target nor the lens.
+
+    Raises
+    ------
+    UserError : the target cuts the lens.
+    """
+    if not system.target.far_field:
+        require_clear_of_lens(system)
+    if not _shaped_last(system):
+        return True
+    points, normals, _ = _asked(system)
+    way = points - np.array([[0.0], [0.0], [0.0 if system.reflects else system.lens.thickness]])
+    least = GRAZING * np.linalg.norm(way, axis=0)
+    clear = ((way * normals).sum(axis=0) > least) & (np.abs(way[2]) > least)
+    return bool(clear.all()) and not _fault(system)
+
+
+def _shaped_last(system: OpticalSystem) -> bool:
+    """Return whether nothing turns the light behind the face that is shaped."""
+    return system.shaped_face is system.problem.faces_met[-1]
+
+
+def _fault(system: OpticalSystem) -> str:
+    """Return what light does not reach, and a remedy in words; "" where it reaches all."""
+    if not _shaped_last(system):
+        return ""
+    points, normals, share = _asked(system)
+    return _unlit(system, points, normals, share) or (
+        _too_far(system, points, share) if system.parallel else ""
+    )
+
+
+def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
+    """Return points of the target that are to be lit, (3, n), its normals there, and shares of the light."""
     target, screen = system.target, system.target.screen()
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
@@ -124,43 +215,52 @@ def require_reachable(system: OpticalSystem) -> None:
     points = FAR * normals
     if not target.far_field:
         points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
-    _require_lit_side(system, points, normals, light[rows, columns] / light.sum())
-    if system.parallel:
-        _require_gentle(system, points)
+    return points, normals, light[rows, columns] / light.sum()
 
 
-def _require_lit_side(system: OpticalSystem, points: Floats, normals: Floats, share: Floats) -> None:
-    """Refuse points (3, n) that no light of the rear meets from before.  share : of the light, (n,)."""
+def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats) -> str:
+    """Return what is wrong with points (3, n) that no light of the rear meets from before.
+
+    share : of the light, (n,).
+    """
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
     nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
     sign, end = (-1, high) if system.reflects else (1, low)
     before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
+    named = _named(system.problem.optic)
     if before.any():
         towards = "-z" if system.reflects else "+z"
-        raise UserError(
-            f"{share[before].sum():.0%} of the light is asked for beside {_named(system)} or behind where "
+        return (
+            f"{_percent(share[before])} of the light is asked for beside {named} or behind where "
             f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "
             "move target.position or turn target.tilt there"
         )
     if behind.any():
-        raise UserError(
-            f"{share[behind].sum():.0%} of the light is asked for where the target shows {_named(system)} "
-            "its back; light goes through a target along its own +z: turn it by target.tilt, or make it "
-            "smaller"
+        return (
+            f"{_percent(share[behind])} of the light is asked for where the target shows {named} its back; "
+            "light goes through a target along its own +z: turn it by target.tilt, or make it smaller"
         )
+    return ""
 
 
-def _require_gentle(system: OpticalSystem, points: Floats) -> None:
-    """Refuse points (3, n) farther aside from a parallel beam than a plane front and a rear can send it."""
+def _too_far(system: OpticalSystem, points: Floats, share: Floats) -> str:
+    """Return what is wrong with points (3, n) farther aside from a parallel beam than a plane front and a
+    rear can send it.  share : of the light, (n,)."""
     lens, (x, y, z) = system.problem.optic, points
     beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
     aside = np.max([np.maximum(np.abs(a) - b, 0) for a, b in zip((x, y), beam)], axis=0)
-    needed = np.degrees(np.arctan2(aside, z - lens.thickness).max())
+    needed = np.degrees(np.arctan2(aside, z - lens.thickness))
     most = np.degrees(np.arccos(1 / lens.known_index))
-    if needed >= most:
-        raise UserError(
-            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
-            f"{lens.known_index:g} bends rays by less than {most:.1f} degrees; "
-            f"{system.problem.target.gentler}"
-        )
+    if needed.max() < most:
+        return ""
+    return (
+        f"{_percent(share[needed >= most])} of the light is asked for up to {needed.max():.1f} degrees aside "
+        f"from the beam, but a surface of index {lens.known_index:g} bends rays by less than {most:.1f} "
+        f"degrees before it reflects them totally; {system.problem.target.gentler}"
+    )
+
+
+def _percent(shares: Floats) -> str:
+    """Return a sum of shares in words."""
+    return f"{share:.0%}" if (share := shares.sum()) > LITTLE else f"less than {LITTLE:.0%}"

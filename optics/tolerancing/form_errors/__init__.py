@@ -5,26 +5,20 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.form_errors.allowed_errors import (
+    from .allowed_errors import (
         BandCost as BandCost,
         FormErrors as FormErrors,
         SideCost as SideCost,
         form_errors_of as form_errors_of,
     )
-    from optics.tolerancing.form_errors.form_trace import form_obstacle as form_obstacle
-    from optics.tolerancing.form_errors.form_words import (
+    from .form_trace import form_obstacle as form_obstacle
+    from .form_words import (
         FORM_HEAD as FORM_HEAD,
         form_rows as form_rows,
         form_sentences as form_sentences,
         height_text as height_text,
     )
-    from optics.tolerancing.form_errors.local_formula import (
-        LocalFormula as LocalFormula,
-        local_formula_of as local_formula_of,
-    )
-    from optics.tolerancing.form_errors.period_bands import (
-        BandFormula as BandFormula,
-        pixel_mtf as pixel_mtf,
-    )
+    from .local_formula import LocalFormula as LocalFormula, local_formula_of as local_formula_of
+    from .period_bands import BandFormula as BandFormula, pixel_mtf as pixel_mtf
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

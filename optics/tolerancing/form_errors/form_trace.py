@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray, UserError
 from optics.light.measuring import MappedCells
@@ -14,9 +13,8 @@ from optics.scene.paths import HeightError
 from optics.scene.receivers import Screen
 from optics.scene.sources import SourceCells
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,24 +5,22 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.machining.blur_of_cusps import (
+    from .blur_of_cusps import (
         CuspBlur as CuspBlur,
         CuspLight as CuspLight,
+        LandingResponse as LandingResponse,
         cusp_blur as cusp_blur,
+        landing_response as landing_response,
         light_with_cusps as light_with_cusps,
+        traced_points as traced_points,
     )
-    from optics.tolerancing.machining.findings import (
+    from .findings import (
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
         tool_findings as tool_findings,
     )
-    from optics.tolerancing.machining.response_to_slopes import (
-        LandingResponse as LandingResponse,
-        landing_response as landing_response,
-        traced_points as traced_points,
-    )
-    from optics.tolerancing.machining.tool_order import ToolOrder as ToolOrder
-    from optics.tolerancing.machining.tool_words import tool_data as tool_data, tool_lines as tool_lines
+    from .tool_order import ToolOrder as ToolOrder
+    from .tool_words import tool_data as tool_data, tool_lines as tool_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

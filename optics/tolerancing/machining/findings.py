@@ -16,9 +16,9 @@ from optics.tolerancing.machining.blur_of_cusps import (
     Floats,
     cusp_blur,
     cusps_of,
+    landing_response,
     light_with_cusps,
 )
-from optics.tolerancing.machining.response_to_slopes import landing_response
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
 from thbcad.lens import Lens

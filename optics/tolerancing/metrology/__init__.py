@@ -5,11 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tolerancing.metrology.alignment import (
-        best_fit as best_fit,
-        by_datums as by_datums,
-    )
-    from optics.tolerancing.metrology.as_built_light import (
+    from .alignment import best_fit as best_fit, by_datums as by_datums
+    from .as_built_light import (
         AsBuilt as AsBuilt,
         Side as Side,
         Way as Way,
@@ -17,12 +14,9 @@ if TYPE_CHECKING:
         light_as_built as light_as_built,
         surface_of as surface_of,
     )
-    from optics.tolerancing.metrology.as_built_text import (
-        as_built_data as as_built_data,
-        as_built_lines as as_built_lines,
-    )
-    from optics.tolerancing.metrology.corrected_surface import made_surface as made_surface
-    from optics.tolerancing.metrology.measured_points import (
+    from .as_built_text import as_built_data as as_built_data, as_built_lines as as_built_lines
+    from .corrected_surface import made_surface as made_surface
+    from .measured_points import (
         FileFrame as FileFrame,
         MeasuredPoints as MeasuredPoints,
         read_measured as read_measured,

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.poses import Pose
-
-Floats = NDArray[np.float64]
 
 MOST_STEPS = 50  # five are usual; more where the form error is large beside the motion
 KEPT = 0.9  # of the points stay over the surface while they are fitted
@@ -197,8 +196,7 @@ class _Linear:
 
     @property
     def _seen(self) -> NDArray[np.bool_]:
-        seen: NDArray[np.bool_] = self.values > BLIND * self.values[0]
-        return seen
+        return self.values > BLIND * self.values[0]
 
     def step(self, damping: float) -> Pose:
         """Return the step of least squares.  damping : in the greatest singular value."""

@@ -15,8 +15,7 @@ from optics.scene.problem import Verify
 from optics.scene.system import OpticalSystem, require_lens_on_axis
 from optics.tolerancing.machining import landing_response
 from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, by_datums, outliers
-from optics.tolerancing.metrology.corrected_surface import MadeSurface, made_surface
-from optics.tolerancing.metrology.measured_area import RAYS, measured_light
+from optics.tolerancing.metrology.corrected_surface import RAYS, MadeSurface, made_surface, measured_light
 from optics.tolerancing.metrology.measured_points import MeasuredPoints
 from optics.tolerancing.metrology.rigid_corrections import RigidCorrection, rigid_correction
 from thbcad.lens import FreeformSurface, Lens

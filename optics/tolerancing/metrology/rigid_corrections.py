@@ -13,15 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.analysis import rel_l2, unit_mean
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance, tolerances_of
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Floats = NDArray[np.float64]
 
 MOST_STEPS = 6  # lenses that lie some pixels beside their place settle in four; tilt and decentre part slowly
 HALVINGS = 3

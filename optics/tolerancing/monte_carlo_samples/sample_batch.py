@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 CONFIDENCE = 0.95
 SHOWN = (0.05, 0.5, 0.95)  # parts of all lenses that are better than the quantile

@@ -14,10 +14,8 @@ from scipy import fft
 
 from optics.base.runtime import UserError
 from optics.scene.paths import HeightError
-from thbcad.checks import half_widths, read_only, require_integer, require_number
+from thbcad.checks import Floats, half_widths, read_only, require_integer, require_number
 from thbcad.outlines import Outline
-
-Floats = NDArray[np.float64]
 
 AT_ONCE = 1 << 14  # points: their weights stay in the processor's cache
 SPANS_PER_PERIOD = 5  # of the shortest: a cubic spline then holds the field to 1 %

@@ -16,13 +16,12 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.light.analysis import rel_l2, uniformity_metrics
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
+from thbcad.checks import Floats
 
-Floats = NDArray[np.float64]
 Limits = Mapping[str, float]
 
 RISE = 0.01  # what rel_l2 may rise by where nothing else is said

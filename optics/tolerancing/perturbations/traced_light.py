@@ -175,7 +175,7 @@ class PerturbedLight:
             trace = self.trace_through(parts)
             image, fate = traced_cells(trace, self.screen, cells, self.backend, CORNERS_AT_ONCE)
             if not cells.parallel:  # such rays do not know of the light that has none
-                fate = replace(fate, beside_lens=fate.beside_lens + cells.missed)
+                fate = fate.and_missing(cells.missed)
             return image, fate
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
@@ -187,7 +187,7 @@ class PerturbedLight:
             image += light.reshape(self.screen.shape, order="F")
             fate = tracer.fates(landing, self.screen.half_width)
             missed = part.missed if isinstance(part, RayGrid) else 0.0
-            fates.append(replace(fate, beside_lens=fate.beside_lens + missed))
+            fates.append(fate.and_missing(missed))
         return image, reduce(add, fates)
 
     def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:

@@ -13,8 +13,7 @@ from tests.cases import ROOT
 from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER
 from thbcad import Product, write_drawing
 from thbcad.drawings import Style, drawing_bytes, lens_sheet, section_view
-from thbcad.drawings.dimensions import hatching
-from thbcad.drawings.title_block import rounded_up
+from thbcad.drawings.annotations import hatching, rounded_up
 
 
 def texts(sheet):

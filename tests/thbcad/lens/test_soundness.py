@@ -17,7 +17,7 @@ from thbcad.cad.exchange import (
 )
 from thbcad.cad.shapes import flanged_part, lens_part, lens_solid, patched_part, trimmed_part
 from thbcad.io import lens_from_dict, lens_to_dict, read_lens, write_lens
-from thbcad.lens.flange import Flange
+from thbcad.lens.cuts import Flange
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
 from thbcad.lens.soundness import require_sound

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thbcad.outlines.area_quadrature import area_rule, integral_inside
+from thbcad.outlines.outline_integrals import area_rule, integral_inside
 from thbcad.outlines.rounded_rectangle import Outline
 from thbcad.splines import BSplineSurface, KnotVector
 

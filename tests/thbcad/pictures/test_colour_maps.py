@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from thbcad.pictures.colour_maps import COLOURS, map_element
+from thbcad.pictures.svg_pictures import COLOURS, map_element
 
 
 def pixels(element):

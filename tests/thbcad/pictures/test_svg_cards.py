@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thbcad.pictures.svg_cards import LONGEST, card, frame_size, interval_text, line_path
+from thbcad.pictures.svg_pictures import LONGEST, card, frame_size, interval_text, line_path
 
 
 @pytest.mark.parametrize(

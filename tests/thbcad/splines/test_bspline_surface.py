@@ -8,7 +8,7 @@ from scipy.interpolate import NdBSpline
 from oracles.spline_definitions import DefinitionTHB, gamma, gauss
 from tests.thbcad.cases import coefficients, hierarchies, points, refined_spaces, spaces, tensor_spaces
 from thbcad.hierarchy import THBSpace
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.bsplines import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.surfaces import THBSurface
 

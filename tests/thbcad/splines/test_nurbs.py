@@ -14,7 +14,7 @@ from tests.cases import examples
 from tests.thbcad.cases import insertions, nurbs_surfaces, parameters, seeds
 from tests.thbcad.splines.cases import curves, geom_curve
 from thbcad.cad.shapes import rational_geom
-from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.bsplines import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface, quotient
 

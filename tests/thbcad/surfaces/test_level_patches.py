@@ -12,8 +12,7 @@ from tests.cases import DATA
 from tests.thbcad.cases import knot_vectors
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
-from thbcad.surfaces.level_patches import cell_rectangles
-from thbcad.surfaces.rectangle_partition import rectangles
+from thbcad.surfaces.level_patches import cell_rectangles, rectangles
 from thbcad.surfaces.thb_surface import THBSurface
 
 

@@ -21,8 +21,7 @@ from thbcad.tools import (
     round_axis,
     tool_acceleration,
 )
-from thbcad.tools.polar_cells import polar_cells
-from thbcad.tools.polar_ranges import ranges
+from thbcad.tools.polar_cells import polar_cells, ranges
 from thbcad.tools.spiral_bounds import acceleration
 
 X, Y = (a.ravel() for a in np.meshgrid(*[np.linspace(-5, 5, 62)] * 2))  # none on the axis

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from OCP.IGESControl import IGESControl_Controller
 
-from thbcad.cad.exchange.iges_writing import SOLID, brep_text, iges_text
+from thbcad.cad.exchange.occt_texts import SOLID, brep_text, iges_text, silence
 from thbcad.cad.exchange.reading import brep_shape, iges_shape
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
-from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import Part, lens_part, lens_solid
 from thbcad.lens import Lens, Product
 

@@ -40,7 +40,7 @@ from OCP.GeomAbs import (
 from OCP.GeomConvert import GeomConvert
 from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from thbcad.cad.exchange.iges_writing import FACES, brep_text, iges_text
+from thbcad.cad.exchange.occt_texts import FACES, brep_text, iges_text, silence, step_text
 from thbcad.cad.exchange.reading import (
     OCCT_ERRORS,
     brep_shape,
@@ -49,7 +49,6 @@ from thbcad.cad.exchange.reading import (
     iges_shape,
     step_shape,
 )
-from thbcad.cad.exchange.step_writing import silence, step_text
 from thbcad.cad.shapes import TOLERANCE, rational_geom, rational_geom_curve, spline_curve, spline_surface
 from thbcad.checks import Floats, require_suffix, require_type
 from thbcad.io import write_bytes

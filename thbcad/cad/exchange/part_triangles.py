@@ -20,9 +20,8 @@ from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
-from thbcad.cad.exchange.reading import faces_of
 from thbcad.cad.shapes import Part, spline_surface
-from thbcad.checks import Floats, Integers, require_number
+from thbcad.checks import MAX_DEGREE, Floats, Integers, require_number
 from thbcad.lens import Tessellation
 
 LEAST = 1e-5  # mm; finer meshes take OCCT hours
@@ -50,7 +49,7 @@ def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     RuntimeError : OCCT leaves a face without triangles.
     """
     require_number("chord", chord, least=LEAST, finite=True)
-    solid, faces = part.solid, faces_of(part.solid)
+    solid, faces = part.solid, part.faces
     deflection = chord / 2
     for _ in range(ROUNDS):
         BRepTools.Clean_s(solid)
@@ -133,7 +132,7 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
         np.einsum("kc,tcd->tkd", SAMPLES, rows[piece.triangles]).reshape(-1, rows.shape[1])
         for rows in (piece.points, piece.parameters)
     )
-    if isinstance(surface, Geom_BSplineSurface):
+    if isinstance(surface, Geom_BSplineSurface) and max(surface.UDegree(), surface.VDegree()) <= MAX_DEGREE:
         spline = spline_surface(surface)
         u, v = (np.clip(row, kv.start, kv.stop) for row, kv in zip(parameters.T, (spline.kv_u, spline.kv_v)))
         exact = spline(u, v)

@@ -1,4 +1,6 @@
-"""What a CAD file with a lens solid holds: the optical faces and the state of the solid."""
+"""What a CAD file with a lens solid holds: the state of the solid, and its optical faces, front and rear,
+found by their names, else by their heights at the axis.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +9,139 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.BRepGProp import BRepGProp
-from OCP.Geom import Geom_BSplineSurface
-from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+from OCP.Geom import Geom_BSplineSurface, Geom_Plane, Geom_SphericalSurface
+from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
-from thbcad.cad.exchange.front_and_rear import front_and_rear
 from thbcad.cad.exchange.reading import explore, faces_of
-from thbcad.cad.shapes import spline_surface
-from thbcad.checks import MAX_DEGREE
+from thbcad.cad.shapes import TOLERANCE, spline_surface
+from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.lens import OpticalForm
+from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface, NURBSSurface
 
+OPTICAL = ("front", "rear")
 VOLUME_TOLERANCE = AREA_TOLERANCE = 1e-6  # relative
+
+
+def front_and_rear(
+    shape: TopoDS_Shape, path: str | Path, names: Sequence[str]
+) -> tuple[OpticalForm, OpticalForm]:
+    """Return the surfaces under front and rear.
+
+    They are the faces of these names.  Where the names are missing or not unique, they are the lowest and the
+    highest of the faces that are splines curved in both directions, or planes, spheres and patches of conics
+    across the middle.
+
+    names : of all faces in their order
+
+    Raises
+    ------
+    ValueError : there are not two, or a face of these names is another surface.
+    """
+    faces = faces_of(shape)
+    if all(names.count(name) == 1 for name in OPTICAL):
+        named = []
+        for name in OPTICAL:
+            form = optical_form(faces[names.index(name)])
+            if form is None:
+                raise ValueError(
+                    f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a "
+                    "sphere or another conic around z; export the lens again"
+                )
+            named.append(form)
+        return named[0], named[1]
+    found = _across_the_middle(faces, _corners(shape))
+    if len(found) != 2:
+        raise ValueError(f"{path} holds {len(found)} optical faces where a lens has 2, front and rear")
+    return found[0], found[1]
+
+
+def optical_form(face: TopoDS_Face) -> OpticalForm | None:
+    """Return the surface under a face as a record; None unless it can be that of a front or a rear: a spline
+    curved in both directions, a plane across z, a sphere or a patch of a conic around z."""
+    geom = BRep_Tool.Surface_s(face)
+    corners = _corners(face)
+    half_width = rectangle_around(corners)
+    if isinstance(geom, Geom_Plane):
+        return conic_of_plane(_placement(geom.Position()), half_width)
+    if isinstance(geom, Geom_SphericalSurface):
+        placement = _placement(geom.Position())
+        below = bool(corners[:, 2].sum() < len(corners) * placement[0, 2])
+        return conic_of_sphere(placement, geom.Radius(), below, half_width)
+    # the ruled edges are straight in one direction, and OCCT's roundings have degrees up to 14
+    if not isinstance(geom, Geom_BSplineSurface) or not (
+        min(geom.UDegree(), geom.VDegree()) >= 2 and max(geom.UDegree(), geom.VDegree()) <= MAX_DEGREE
+    ):
+        return None
+    spline = spline_surface(geom)
+    return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)
+
+
+def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
+    """Return the planes across z, spheres and patches of conics around z under the faces of a shape, in their
+    order."""
+    forms = []
+    for face in faces_of(shape):
+        geom = BRep_Tool.Surface_s(face)
+        # polynomials are left out before their poles are read
+        if not isinstance(geom, Geom_BSplineSurface) or geom.IsURational() or geom.IsVRational():
+            forms.append(optical_form(face))
+    return [form for form in forms if isinstance(form, PlacedConic)]
+
+
+def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:
+    """Return the lowest and the highest optical surface, or all splines where they are more than two.
+
+    The middle is that of a spline, else that of the solid.
+    """
+    forms = [(face, optical_form(face)) for face in faces]
+    splines = [form for _, form in forms if isinstance(form, BSplineSurface)]
+    if len(splines) > 2 or not len(corners):
+        return [*splines]
+    x, y, _ = _centre(splines[0]) if splines else (corners.min(axis=0) + corners.max(axis=0)) / 2
+    conics = [form for face, form in forms if isinstance(form, PlacedConic) and _covers(face, form, x, y)]
+    heights: list[tuple[float, OpticalForm]] = [(float(_centre(form)[2]), form) for form in splines]
+    heights += [(float(form(x, y)), form) for form in conics]
+    found = [form for _, form in sorted(heights, key=lambda pair: pair[0])]
+    return [found[0], found[-1]] if len(found) > 1 else found
+
+
+def _covers(face: TopoDS_Face, conic: PlacedConic, x: float, y: float) -> bool:
+    """Return whether a face lies above or below (x, y)."""
+    point = gp_Pnt(x, y, conic(x, y))
+    return BRepClass_FaceClassifier(face, point, TOLERANCE).State() != TopAbs_OUT
+
+
+def _centre(spline: BSplineSurface) -> Floats:
+    """Return the point at the middle of the parameters, (3,), mm."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    point: Floats = spline([u], [v])[0]
+    return point
+
+
+def _corners(shape: TopoDS_Shape) -> Floats:
+    """Return the vertices of a shape, (n, 3), mm."""
+    vertices = (TopoDS.Vertex_s(vertex) for vertex in explore(shape, TopAbs_VERTEX))
+    return np.array([BRep_Tool.Pnt_s(vertex).Coord() for vertex in vertices]).reshape(-1, 3)
+
+
+def _placement(position: gp_Ax3) -> Floats:
+    """Return centre, axis and first direction, (3, 3)."""
+    rows = position.Location(), position.Direction(), position.XDirection()
+    return np.array([row.Coord() for row in rows])
 
 
 @dataclass(frozen=True, eq=False)

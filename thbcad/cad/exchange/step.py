@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.StepBasic import (
-    StepBasic_CalendarDate,
     StepBasic_DerivedUnitElement,
-    StepBasic_LocalTime,
-    StepBasic_Organization,
-    StepBasic_Person,
     StepBasic_SiUnitAndMassUnit,
 )
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
@@ -32,9 +28,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
 
+from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
-from thbcad.cad.exchange.step_writing import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.lens import Lens, Product, face_colour, require_line
@@ -42,13 +38,12 @@ from thbcad.lens import Lens, Product, face_colour, require_line
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
-SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
+SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS"}  # that are written
 SCHEMA_STARTS = {
     "AP242": "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING",
     "AP214": "AUTOMOTIVE_DESIGN",
     "AP203": "CONFIG_CONTROL_DESIGN",
 }
-UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 
 
 def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP242") -> bytes:
@@ -82,12 +77,11 @@ def part_step(
         assembly of the one part, whose numbers stay those of its own frame.
 
     Faces are named, where they have a name, and coloured; a material stands with its density in g/cm^3 and,
-    as its description, "refractive index 1.5". An AP203 file also names FILE_SCHEMA
-    'SHAPE_APPEARANCE_LAYER_MIM', whose entities the colours are: its first edition has none.
+    as its description, "refractive index 1.5".
 
     Raises
     ------
-    ValueError : another schema than AP242, AP214 and AP203; a name of a face that is not one line.
+    ValueError : another schema than AP242 and AP214; a name of a face that is not one line.
     RuntimeError : OCCT refuses the solid.
     """
     if schema not in SCHEMAS:
@@ -106,8 +100,6 @@ def part_step(
             raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
     model = writer.ChangeWriter().Model()
     for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
-        if schema == "AP203":
-            _declare(entity, product)
         if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
             entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
         if isinstance(entity, StepRepr_NextAssemblyUsageOccurrence):  # which OCCT counts in the process
@@ -178,26 +170,6 @@ def _document(part: Part, product: Product, placement: TopLoc_Location | None) -
         TDataStd_Name.Set_s(shapes.AddComponent(assembly, label, placement), _extended(product.name))
         shapes.UpdateAssemblies()
     return document
-
-
-def _declare(entity: object, product: Product) -> None:
-    """Give an AP203 entity the product's author, organization and a fixed time instead of those of the
-    machine."""
-    if isinstance(entity, StepBasic_Person):
-        entity.SetId(_string(product.author or UNKNOWN))
-        entity.SetLastName(_string(product.author or UNKNOWN))
-        entity.UnSetFirstName()
-    elif isinstance(entity, StepBasic_Organization):
-        entity.SetId(_string(product.organization or UNKNOWN))
-        entity.SetName(_string(product.organization or UNKNOWN))
-    elif isinstance(entity, StepBasic_CalendarDate):
-        entity.SetYearComponent(2000)
-        entity.SetMonthComponent(1)
-        entity.SetDayComponent(1)
-    elif isinstance(entity, StepBasic_LocalTime):
-        entity.SetHourComponent(0)
-        entity.SetMinuteComponent(0)
-        entity.Zone().SetHourOffset(0)
 
 
 def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, ...]:

@@ -17,11 +17,9 @@ from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
-from thbcad.cad.foreign.axial_heights import axial_heights
-from thbcad.cad.foreign.lens_frame import lens_axes
-from thbcad.cad.foreign.optical_surface import OpticalFace, optical_face
+from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
-from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
+from thbcad.cad.foreign.surveyed_faces import SurveyedFace, axial_heights, continued, surveyed
 from thbcad.checks import Floats
 from thbcad.io import Entity, entity_of, having, list_of, read_part21
 from thbcad.poses import Pose

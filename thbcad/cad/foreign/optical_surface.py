@@ -1,18 +1,133 @@
-"""One optical surface of a solid, of one face or of several, and what is known of it."""
+"""One optical surface of a solid, of one face or of several, and the axis of a lens and its frame, from the
+geometry of its faces alone.
+
+A spline S(u, v) in graph form is A + u a + v b + z(u, v) n.  Its poles less their best affine function of
+the Greville abscissae are then multiples of n: the first right singular vector of what is left is the axis,
+and the other singular values show how far the surface is from graph form.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.cad.foreign.lens_frame import graph_residual, in_frame
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface, NURBSSurface
 
+GRAPH = 1e-3  # of the first singular value: the second, up to which a spline counts as a graph
+NEAR = 0.9  # cosine between an axis and the mean normal of the surface: 25 degrees
+ELLIPSE = 1e-6  # of the size of a rim, by which it may be off an ellipse
+ELLIPTIC = 1e-4  # relative difference of the squares of axes, from which an ellipse has directions
+SNAP = 1e-12  # directions nearer to an axis of the file are it
+SAME = 1e-9  # between unit vectors
+ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
 ROUND = 1e-6  # relative: how well an outline must be a rectangle or an ellipse
+
+
+def in_frame(frame: Pose, points: Floats) -> Floats:
+    """Return points of the file, (..., 3), in the frame of a lens."""
+    local: Floats = frame.inverse().points(points.T).T
+    return local
+
+
+def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
+    """Return the unit vectors x, y, z of a lens as columns, (3, 3): a rotation.
+
+    z is the axis of the graph, of revolution, of a cylinder, or along planes, whichever of these comes first
+    and is within 25 degrees of the mean normal of the face `main`, which stands in where there is none.  It
+    points to where that axis of the file grows that it is nearest to; x is as near as it can to the file's.
+    """
+    mean = _unit(main.samples[1].mean(axis=0))
+    round_ = sorted((f for f in faces if not f.is_flat), key=lambda f: -f.area)
+    exact = [*(d for f in round_ if (d := f.direction) is not None), *_of_planes(faces)]
+    axis = next((d for d in (*_graph_directions(main)[:1], *exact) if abs(d @ mean) > NEAR), mean)
+    axis = next((d for d in exact if abs(d @ axis) > ALIKE), axis)
+    size = np.round(np.abs(axis[::-1]), 9)
+    dominant = 2 - int(np.argmax(size))
+    axis = _snapped(axis * np.sign(axis[dominant]))
+    x = _x_direction(main, faces, axis)
+    return np.column_stack([x, _snapped(np.cross(axis, x)), axis])
+
+
+def graph_residual(spline: BSplineSurface) -> tuple[Floats, Floats]:
+    """Return the coefficients of the best affine function of the Greville abscissae, (3, 3), rows for 1, u
+    and v, and what is left of the poles, (n, 3)."""
+    u, v = np.meshgrid(spline.kv_u.greville(), spline.kv_v.greville(), indexing="ij")
+    columns = np.column_stack([np.ones(u.size), u.ravel(), v.ravel()])
+    poles = spline.coefficients.reshape(-1, 3)
+    affine = np.asarray(np.linalg.lstsq(columns, poles, rcond=None)[0], dtype=np.float64)
+    return affine, poles - columns @ affine
+
+
+def _graph_directions(face: SurveyedFace) -> list[Floats]:
+    """Return n, a and b of a polynomial spline in graph form, [] of others."""
+    spline = face.spline
+    if not isinstance(spline, BSplineSurface):
+        return []
+    affine, rest = graph_residual(spline)
+    _, values, rows = np.linalg.svd(rest, full_matrices=False)
+    if values[1] > GRAPH * values[0]:
+        return []
+    n = rows[0]
+    return [n, *(_unit(row - (row @ n) * n) for row in affine[1:])]
+
+
+def _of_planes(faces: Sequence[SurveyedFace]) -> list[Floats]:
+    """Return the directions along two planes, and the normals of planes, those of large faces first."""
+    ordered = sorted((f for f in faces if f.is_flat), key=lambda f: -f.area)
+    normals = [d for f in ordered if (d := f.direction) is not None]
+    crossed = [np.cross(a, b) for k, a in enumerate(normals) for b in normals[k + 1 :]]
+    return [_unit(d) for d in crossed if np.linalg.norm(d) > 0.1] + normals
+
+
+def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats) -> Floats:
+    """Return the direction of a side, or of a parameter line, that is nearest to the file's x axis."""
+    graph = [_unit(d - (d @ axis) * axis) for d in _graph_directions(main)[1:]]
+    walls = [d for d in _of_planes(faces) if abs(d @ axis) < SAME]
+    if main.is_ruled and not main.is_flat and main.direction is not None:
+        walls.insert(0, _unit(main.direction - (main.direction @ axis) * axis))
+    alike = [d for d in walls if not graph or any(abs(d @ g) > ALIKE for g in graph)]
+    candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
+    toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]
+    level = np.array([(own := _unit(toward - (toward @ axis) * axis)), np.cross(axis, own)])
+    candidates = candidates or [*(_ellipse_axes(main.rim @ level.T) @ level), level[0]][:2]
+    best = max(candidates, key=lambda d: abs(round(float(d @ toward), 9)))
+    best = best - (best @ axis) * axis
+    return _snapped(best * (1 if best @ toward >= 0 else -1))
+
+
+def _ellipse_axes(points: Floats) -> Floats:
+    """Return the axes of the ellipse on which points (n, 2) lie as rows, (2, 2), (0, 2) where they lie on a
+    circle or on no ellipse.
+
+    Fitted is the quadratic polynomial without constant that is 1 on the ellipse.
+    """
+    none = np.empty((0, 2))
+    if len(points) < 5:
+        return none
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = ((points - (low + high) / 2) / (high - low).max()).T
+    columns = np.column_stack([x * x, 2 * x * y, y * y, x, y])
+    form, *_ = np.linalg.lstsq(columns, np.ones(len(x)), rcond=None)
+    values, axes = np.linalg.eigh(form[[0, 1, 1, 2]].reshape(2, 2))
+    beside = np.abs(columns @ form - 1).max()
+    round_ = values[1] - values[0] < ELLIPTIC * abs(values[1])
+    return none if beside > ELLIPSE or values[0] <= 0 or round_ else axes.T
+
+
+def _unit(vector: Floats) -> Floats:
+    result: Floats = vector / (np.linalg.norm(vector) or 1.0)
+    return result
+
+
+def _snapped(direction: Floats) -> Floats:
+    """Return the direction, or the axis of the file that it is but for rounding."""
+    rounded = np.round(direction)
+    return rounded + 0.0 if np.abs(direction - rounded).max() < SNAP else _unit(direction)
 
 
 @dataclass(frozen=True, eq=False)

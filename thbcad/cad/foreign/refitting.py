@@ -19,10 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 
-from thbcad.cad.foreign.axial_heights import axial_heights
 from thbcad.cad.foreign.conic_bounds import conic_deviation
-from thbcad.cad.foreign.lens_frame import in_frame
-from thbcad.cad.foreign.optical_surface import OpticalFace
+from thbcad.cad.foreign.optical_surface import OpticalFace, in_frame
+from thbcad.cad.foreign.surveyed_faces import axial_heights
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
 from thbcad.checks import EPS, require_number

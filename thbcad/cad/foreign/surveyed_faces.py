@@ -1,4 +1,6 @@
-"""The faces of a solid that another program wrote: kind, samples, area, and which continue each other."""
+"""The faces of a solid that another program wrote: kind, samples, area, heights along the axis, and which
+continue each other.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,9 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.GProp import GProp_GProps
+from OCP.IntCurvesFace import IntCurvesFace_Intersector
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -36,6 +39,7 @@ from scipy.optimize import minimize_scalar
 from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import Floats
+from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface, NURBSSurface
 
 KINDS = {
@@ -55,6 +59,8 @@ GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
 STEP = 1e-6  # of two samples' distance: a greatest value errs by its square
 SMOOTH = 1e-3  # rad between normals on a common edge: one surface that was split
+TOLERANCE = 1e-6  # mm: rays through the rim count
+FARTHEST = 1e6  # mm along a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,3 +242,22 @@ def _is_smooth(edge: TopoDS_Edge, first: TopoDS_Face, second: TopoDS_Face) -> bo
         low, high = BRep_Tool.Range_s(edge, face)
         normals.append(_point_and_normal(face, *curve.Value((low + high) / 2).Coord())[1])
     return float(np.linalg.norm(normals[0] - normals[1])) < SMOOTH
+
+
+def axial_heights(faces: Sequence[SurveyedFace], frame: Pose, x: Floats, y: Floats) -> Floats:
+    """Return z of the faces at positions (x, y) of the frame, (n,), NaN where they have none, mm.
+
+    About 0.1 ms per position and face.
+    """
+    intersectors = [IntCurvesFace_Intersector(face.face, TOLERANCE) for face in faces]
+    direction = gp_Dir(*frame.rotation[:, 2].tolist())
+    starts = frame.points(np.stack([x, y, np.zeros(len(x))])).T
+    heights = np.full(len(x), np.nan)
+    for k, start in enumerate(starts.tolist()):
+        line = gp_Lin(gp_Pnt(*start), direction)
+        for intersector in intersectors:
+            intersector.Perform(line, -FARTHEST, FARTHEST)
+            if intersector.IsDone() and intersector.NbPnt():
+                heights[k] = intersector.WParameter(1)
+                break
+    return heights

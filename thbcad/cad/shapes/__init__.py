@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.cad.shapes.flange_solid import flanged_part as flanged_part
-    from thbcad.cad.shapes.mould_solids import insert_part as insert_part, moulded_part as moulded_part
-    from thbcad.cad.shapes.occt_splines import (
+    from .flange_solid import flanged_part as flanged_part
+    from .mould_solids import insert_part as insert_part, moulded_part as moulded_part
+    from .occt_splines import (
         TOLERANCE as TOLERANCE,
         geom_surface as geom_surface,
         rational_geom as rational_geom,
@@ -15,17 +15,9 @@ if TYPE_CHECKING:
         spline_curve as spline_curve,
         spline_surface as spline_surface,
     )
-    from thbcad.cad.shapes.part import Part as Part
-    from thbcad.cad.shapes.patched_solid import patched_part as patched_part
-    from thbcad.cad.shapes.plain_solid import (
-        lens_part as lens_part,
-        lens_solid as lens_solid,
-        part_between as part_between,
-    )
-    from thbcad.cad.shapes.topology import NAMES as NAMES
-    from thbcad.cad.shapes.trimmed_solid import (
-        polygon_part as polygon_part,
-        trimmed_part as trimmed_part,
-    )
+    from .patched_solid import patched_part as patched_part
+    from .plain_solid import lens_part as lens_part, lens_solid as lens_solid, part_between as part_between
+    from .topology import NAMES as NAMES, Part as Part
+    from .trimmed_solid import polygon_part as polygon_part, trimmed_part as trimmed_part
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -22,9 +22,8 @@ from OCP.Geom2d import Geom2d_Curve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
-from thbcad.cad.shapes.topology import side_line, turned, turned_face
+from thbcad.cad.shapes.topology import face_on, side_line, turned, turned_face
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Corner, OpticalForm, Side, rim
 from thbcad.outlines import fitted_curve

@@ -10,18 +10,16 @@ from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.Standard import Standard_Failure
 from OCP.StdFail import StdFail_NotDone
-from OCP.TopAbs import TopAbs_SOLID
-from OCP.TopExp import TopExp_Explorer
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import form_of
-from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.rings import Ring, plane_face, wall_faces
 from thbcad.cad.shapes.tapered_wall import TaperedWall, drafted_faces
-from thbcad.cad.shapes.topology import closed_part, turned_face
+from thbcad.cad.shapes.topology import Part, closed_part, face_on, turned_face
 from thbcad.cad.shapes.trimmed_solid import trimmed_face, upright_face
-from thbcad.cad.shapes.walls import UprightWall
+from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
 from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
 
 # of OCCT's roundings: least angle between faces, then mm of spine, traces and splines in space and in the
@@ -105,11 +103,12 @@ def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
         kept = list(fillets.Modified(face)) or [face]
         names += [name] * len(kept)
         faces += map(TopoDS.Face_s, kept)
-    made: list[TopoDS_Face] = []
-    for face in (TopoDS.Face_s(face) for edge in edges for face in fillets.Generated(edge)):
-        if not any(face.IsSame(other) for other in made):
-            made.append(face)
-    return Part(solid, (*names, *(f"radius {k + 1}" for k in range(len(made)))), (*faces, *made))
+    held = TopTools_IndexedMapOfShape()  # as they lie in the solid
+    TopExp.MapShapes_s(solid, TopAbs_FACE, held)
+    order = [held.FindIndex(face) for face in faces]
+    order += [k for k in range(1, held.Extent() + 1) if k not in order]
+    names += [f"radius {k + 1}" for k in range(len(order) - len(names))]
+    return Part(solid, names, [TopoDS.Face_s(held.FindKey(k)) for k in order])
 
 
 def _edges(builder: BRep_Builder, body: MouldedBody, rings: list[Ring]) -> list[TopoDS_Face]:

@@ -15,10 +15,19 @@ import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from thbcad.cad.shapes.edge_faces import edge_face, face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
-from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, side_line, strut, turned
+from thbcad.cad.shapes.topology import (
+    NAMES,
+    Part,
+    closed_part,
+    edge_face,
+    face_on,
+    new_edge,
+    new_vertex,
+    side_line,
+    strut,
+    turned,
+)
 from thbcad.checks import Floats
 from thbcad.lens import (
     CORNERS,

@@ -10,10 +10,17 @@ from collections.abc import Sequence
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS_Solid
 
-from thbcad.cad.shapes.edge_faces import plane_edge_face, ruled_edge_face
 from thbcad.cad.shapes.forms import form_of, optical_face, ruled_trace
-from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, strut
+from thbcad.cad.shapes.topology import (
+    NAMES,
+    Part,
+    closed_part,
+    new_edge,
+    new_vertex,
+    plane_edge_face,
+    ruled_edge_face,
+    strut,
+)
 from thbcad.cad.shapes.trimmed_solid import ruled_part, upright_part
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, optical_forms, require_sound, ruled_edges
 from thbcad.outlines import UPRIGHT

@@ -13,8 +13,7 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.occt_splines import geom_curve, trace
-from thbcad.cad.shapes.rings import Ring, wall_faces
-from thbcad.cad.shapes.walls import UprightWall, level_curve, ring_along, start_of
+from thbcad.cad.shapes.walls import Ring, UprightWall, level_curve, ring_along, start_of, wall_faces
 from thbcad.moulds import DraftedWall, Foot
 from thbcad.outlines import Arc, Line
 

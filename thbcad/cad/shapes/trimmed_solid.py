@@ -12,13 +12,10 @@ from OCP.BRep import BRep_Builder
 from OCP.Geom2d import Geom2d_Curve
 from OCP.TopoDS import TopoDS_Face
 
-from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import conic_form
 from thbcad.cad.shapes.occt_splines import geom_surface, trace
-from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.rings import Ring, wall_faces
-from thbcad.cad.shapes.topology import closed_part, turned_face
-from thbcad.cad.shapes.walls import RuledWall, UprightWall
+from thbcad.cad.shapes.topology import Part, closed_part, face_on, turned_face
+from thbcad.cad.shapes.walls import Ring, RuledWall, UprightWall, wall_faces
 from thbcad.lens import (
     Lens,
     OpticalForm,

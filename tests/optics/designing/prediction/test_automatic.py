@@ -1,5 +1,7 @@
 """What a problem leaves to the program comes from the transport map: base lens, bounds of sags, levels."""
 
+import re
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -8,7 +10,7 @@ from optics.base.runtime import UserError
 from optics.designing.prediction import resolved
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
-from optics.scene.problem import AUTO, FINEST_AUTO, load_problem, problem_to_toml
+from optics.scene.problem import AUTO, FINEST_AUTO, Problem, load_problem, problem_to_toml
 from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
 from tests.optics.designing.optimisation.cases import loaded
@@ -154,6 +156,39 @@ def test_rays_that_spread_in_the_lens_have_a_map_too(tmp_path, backend):
 def test_a_target_out_of_reach_is_refused_with_what_to_do(tmp_path, backend):
     with pytest.raises(UserError, match=r'"auto" stands for: .* only \d+% of the light .*target\.half_width'):
         based(tmp_path, backend, {"target.half_width": [70.0, 70.0]})
+
+
+def test_an_element_whose_target_lies_out_of_reach_is_told_where_it_would_serve(tmp_path, backend):
+    """A part lies 50 degrees aside, beyond arccos(1 / 1.5): the place that is named has a base lens."""
+    automatic = {
+        "radius": AUTO,
+        "conic": AUTO,
+        "freeform": {"z_freedom": AUTO, "max_level": 1, "spans": [4, 4]},
+    }
+    lens = {
+        "kind": "lens",
+        "name": "L1",
+        "position": (0, 0, 2),
+        "index": 1.5,
+        "thickness": 6.0,
+        "front": {"half_width": [10, 10]},
+    }
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (9.5, 6.5)},
+        element=[lens | {"rear": {"half_width": [10, 10]} | automatic}],
+        target={
+            "kind": "tophat",
+            "position": (60, 0, 70),
+            "tilt": (0, 40, 0),
+            "half_width": (20, 20),
+            "pixels": (32, 32),
+        },
+    )
+    with pytest.raises(UserError, match=r"of the light to where it should go") as caught:
+        resolved(solvable_system(problem), backend)
+    (place,) = re.findall(r"--set 'target\.position=\[(.*?)\]'", str(caught.value))
+    nearer = problem.with_(**{"target.position": [float(p) for p in place.split(",")]})
+    assert not resolved(solvable_system(nearer), backend)[0].problem.optic.automatic
 
 
 def test_all_that_was_left_to_the_program_is_written_as_numbers(tmp_path, backend):

@@ -9,8 +9,8 @@ pytest.importorskip("mitsuba")
 
 from optics.designing.optimisation import shape_lens, vertex_knots
 from optics.designing.starts import summed_over_cells
-from optics.exchange.mitsuba import mesh_engine
-from optics.exchange.mitsuba.engine_choice import mitsuba_engine
+from optics.exchange.mitsuba import engines
+from optics.exchange.mitsuba.engines import mitsuba_engine
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
@@ -40,7 +40,7 @@ CASES = {
 @pytest.fixture(autouse=True)
 def mi(backend, monkeypatch):
     """Mitsuba on one thread, and meshes of 161 vertices in each direction."""
-    monkeypatch.setattr(mesh_engine, "FEWEST", 160)
+    monkeypatch.setattr(engines, "FEWEST", 160)
     threads = backend.dr.thread_count()
     yield load_mitsuba(threads=1)
     load_mitsuba(threads=threads)
@@ -52,8 +52,8 @@ def models(folder, backend, changes, window, axes):
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window, axes)
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
-    return *(e.model(system, lens, film) for e in engines), lens
+    pair = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
+    return *(e.model(system, lens, film) for e in pair), lens
 
 
 def error(found, wanted):
@@ -109,9 +109,9 @@ def test_vertices_follow_the_levels_spans(tmp_path):
     lens = OpticalSystem(load_problem(write_problem(tmp_path))).lens
     fine = lens.with_sags([sag.refine({0: [(0, 0)]}) for sag in lens.sags])
     for case, spans in ((lens, 4), (fine, 8)):
-        mesh = mesh_engine.lens_mesh(case)
+        mesh = engines.lens_mesh(case)
         assert (len(mesh.s) - 1) % spans == 0
-        assert len(mesh.s) > max(mesh_engine.FEWEST, mesh_engine.PER_SPAN * spans)
+        assert len(mesh.s) > max(engines.FEWEST, engines.PER_SPAN * spans)
 
 
 @pytest.mark.slow
@@ -120,8 +120,8 @@ def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend
     system = OpticalSystem(
         load_problem(problem_file({"optimizer.start": "flat", "optimizer.iterations": [3]}))
     )
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
-    states = [shape_lens(system, backend, engine)[1] for engine in engines]
+    pair = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
+    states = [shape_lens(system, backend, engine)[1] for engine in pair]
     fits = [[row.fit for row in state.history] for state in states]
     assert len({row.level for row in states[1].history}) == 3
     assert min(fits[1]) < 0.8 * fits[1][0]

@@ -10,7 +10,7 @@ pytest.importorskip("mitsuba")
 from optics.designing.optimisation import Objective
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.mesh import LensMesh
-from optics.exchange.mitsuba.mesh_tracer import MeshTracer, mesh_irradiance, mesh_pipeline
+from optics.exchange.mitsuba.mesh_tracer import MeshTracer
 from optics.light.engines import TracedModel
 from optics.light.measuring import Splat
 from optics.scene.problem import load_problem
@@ -42,6 +42,13 @@ def landings(backend, lens, rays, target_z, vertices):
         coefficients(lens)
     )
     return exact, mesh
+
+
+def mesh_model(system, lens, rays, vertices):
+    """Return the light through meshes."""
+    mesh = LensMesh.uniform(lens, (vertices, vertices))
+    tracer = MeshTracer(mesh, system.source.rays((rays, rays)), system.target.receiver)
+    return TracedModel(tracer.backend, tracer, system.target.screen(), WINDOW)
 
 
 def distance(exact, mesh):
@@ -79,7 +86,7 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
     """On a paraboloid normals are linear but for the normalisation; landing errors of 1e-5 pixels remain."""
     problem = load_problem(problem_file())
     lens, screen = OpticalSystem(problem).lens, OpticalSystem(problem).target.screen()
-    image = mesh_irradiance(OpticalSystem(problem), lens, (129, 129), WINDOW, (129, 129))
+    image = mesh_model(OpticalSystem(problem), lens, 129, 129).image(coefficients(lens))
     _, landing = tracer_to(
         backend, lens, OpticalSystem(problem).source.rays((129, 129)), target_z(problem)
     ).trace(coefficients(lens))
@@ -104,7 +111,7 @@ def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_
     exact = objective(at)
     losses, slopes = [], []
     for n in (65, 129):
-        near = mesh_pipeline(OpticalSystem(problem), lens, (97, 97), WINDOW, (n, n))(at)
+        near = Objective(mesh_model(OpticalSystem(problem), lens, 97, n), target, 0.0)(at)
         losses.append(abs(near.loss - exact.loss) / exact.loss)
         slopes.append(
             [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(near.gradients, exact.gradients)]

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("mitsuba")
 
 from optics.designing.optimisation import shape_lens, vertex_knots
-from optics.exchange.mitsuba.engine_choice import mitsuba_engine
+from optics.exchange.mitsuba.engines import mitsuba_engine
 from optics.exchange.mitsuba.integrator import light_integrator
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import ExactEngine, Film

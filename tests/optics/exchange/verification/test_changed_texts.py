@@ -11,9 +11,9 @@ from hypothesis import given, strategies as st
 
 from optics.exchange.verification.independent_checks import text_and_occt_checks, text_checks
 from optics.exchange.verification.lone_file import WITHOUT_LENS, bare_checks, text_checks_of
+from optics.exchange.verification.same_design import OTHER_TEXT, fresh_export_checks, same_checks
 from optics.exchange.verification.step_checks import verify
 from optics.exchange.verification.step_file import StepFile
-from optics.exchange.verification.text_comparison import OTHER_TEXT, fresh_export_checks, same_checks
 from optics.scene.system import OpticalSystem
 from tests.cases import examples
 from tests.optics.exchange.verification.cases import SPLINES, shaped

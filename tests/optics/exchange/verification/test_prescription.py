@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.exchange.verification.prescription import prescription_checks
+from optics.exchange.verification.same_design import prescription_checks
 from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
 from tests.optics.exchange.verification.cases import EVERY_LENS, FREE_FRONT, shaped

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from optics.exchange.verification.reference_tracer import trace_step
+from optics.exchange.verification import RaysBehind
+from optics.exchange.verification.reference_tracer import lens_faces, through_faces
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared, light_checks
-from optics.light.tracing import LandingPoints, Tracer
+from optics.light.tracing import Tracer
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
 from thbcad.cad import write_step
 from thbcad.lens import placed_surfaces
+
+
+def faces_of(system):
+    """Return the faces of a system's lens, as a file has them."""
+    front, rear = placed_surfaces(system.lens)
+    return lens_faces(SimpleNamespace(front=front, rear=rear), system.path(system.lens), system.own_faces)
 
 
 @pytest.mark.parametrize("sigma", [0.05, 0.02, 0.01, 0.005])
@@ -26,15 +34,14 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
         write_problem(tmp_path, {"source.profile": "gaussian", "source.sigma": [sigma, sigma]})
     )
     system = OpticalSystem(problem)
-    front, rear = placed_surfaces(system.lens)
-    faces = SimpleNamespace(front=front, rear=rear)
+    faces = faces_of(system)
     subnormal = []
 
     def flushing(rays):
-        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.receiver)
+        seen = through_faces(faces, rays)
         weak = seen.flux < np.finfo(float).tiny
         subnormal.append(int((weak & (seen.flux > 0)).sum()))
-        return LandingPoints(seen.points, np.where(weak, 0.0, seen.flux))
+        return replace(seen, flux=np.where(weak, 0.0, seen.flux))
 
     seen = compared(system, system.lens, backend, (129, 129), flushing)
     assert seen.mismatched == 0
@@ -44,15 +51,14 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
 
 def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backend):
     system = OpticalSystem(load_problem(write_problem(tmp_path)))
-    front, rear = placed_surfaces(system.lens)
-    faces = SimpleNamespace(front=front, rear=rear)
+    faces = faces_of(system)
 
     def losing(rays):
-        seen = trace_step(faces, rays.origin.T, rays.direction.T, rays.flux, 1.5, system.target.receiver)
+        seen = through_faces(faces, rays)
         flux = seen.flux.copy()
         flux[:3] = 0.0
         flux[3] *= 1e-13
-        return LandingPoints(seen.points, flux)
+        return replace(seen, flux=flux)
 
     assert compared(system, system.lens, backend, (9, 9), losing).mismatched == 4
 
@@ -71,7 +77,14 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         lens={"index": 1.5, "thickness": 6, "front": size, "rear": size, "outline": "round"},
         target={"kind": "tophat", "distance": 60, "half_width": (20, 20), "pixels": (16, 16)},
         stop=stops,
-    ).with_(**{"lens.clear_aperture": (7, 7), "lens.rear.radius": -40.0, "stop.1.tilt": (40, 0, 0)})
+    ).with_(
+        **{
+            "lens.clear_aperture": (7, 7),
+            "lens.rear.radius": -40.0,
+            "lens.rear.freeform.degree": 5,
+            "stop.1.tilt": (40, 0, 0),
+        }
+    )
     system = solvable_system(problem)
     lens, path = system.lens, system.path(system.lens)
     write_step(lens, tmp_path / "lens.step")
@@ -80,8 +93,9 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
     rays = single_rays(system.source.rays((101, 101)), lens)
     tracer = Tracer(system.backend, path, rays)
     _, landing = tracer.trace()
-    rows = rays.origin.T, rays.direction.T, rays.flux
-    seen = trace_step(file.solid, *rows, 1.5, path.receiver, path, file.rims)
+    faces = lens_faces(file.solid, path, system.own_faces, file.rims)
+    behind = through_faces(faces, RaysBehind(rays.origin.T, rays.direction.T, rays.flux), path.stops)
+    seen = behind.landing(path.receiver, path.stops)
     fates = tracer.fates(landing, (20, 20))
     assert fates.blocked > 0.5
     assert seen.flux.sum() == pytest.approx(fates.transmitted, abs=1e-12)

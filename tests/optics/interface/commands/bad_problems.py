@@ -120,7 +120,7 @@ WORDS = [
     ("capitals", {"source.kind": "Collimated"}, "source.kind", "must be one of 'collimated'"),
     ("unknown fit", {"target.fit": "fill"}, "target.fit", "must be one of 'crop'"),
     ("unknown window", {"optimizer.window": "box"}, "optimizer.window", "must be one of 'cells'"),
-    ("unknown schema", {"export.schema": "AP238"}, "export.schema", "must be one of 'AP203'"),
+    ("unknown schema", {"export.schema": "AP238"}, "export.schema", "must be one of 'AP214'"),
     ("unknown precision", {"run.precision": "half"}, "run.precision", "must be one of 'double'"),
     ("unknown shape", TOP_HAT | {"target.shape": "\u2b50"}, "target.shape", "must be one of 'rectangle'"),
     ("levels chosen by magic", {REAR + "max_level": "best"}, REAR + "max_level", '"auto"'),

@@ -273,7 +273,7 @@ def test_a_choice_that_the_program_cannot_make_says_why(capsys):
     told = refused(capsys, "new", "--kind", "prism")
     assert "invalid choice: 'prism'" in told
     assert told.endswith(
-        "; thbcad cannot do that: there is one element, a lens or a mirror: [[element]] says where it lies "
-        "(its README lists what it cannot do)"
+        "; thbcad cannot do that: an element is a lens or a mirror: [[element]] says where it lies, "
+        "[[path]] how light goes through it (its README lists what it cannot do)"
     )
     assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

@@ -7,6 +7,8 @@ import re
 import pytest
 
 from optics.interface.commands.cli import main
+from optics.scene.problem import load_problem
+from tests.cases import ROOT
 from tests.optics.cases import write_problem
 
 
@@ -91,13 +93,48 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
     assert main(["check", path]) == 0
     said = re.search(
         r"note: (\d+)% of the light is reflected at the rear, which bends it far, and ([\d.]+)% totally; "
-        r"make target\.half_width smaller or move target\.position nearer the axis, or let both surfaces",
+        r"at most 10% are with --set '(target\.position=.*?)', or let both surfaces bend it",
         out := capsys.readouterr().out,
     )
     assert "rel_l2: not predicted off the axis, or on a curve; the start has" in out
     assert said is not None
     assert 20 < int(said[1]) < 60
     assert 0 < float(said[2]) < int(said[1])
+    assert main(["check", path, "--set", said[3], "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["expected"]
+    assert 0.08 < found["reflected"] < 0.1
+    assert found["nearest"] == []
+
+
+@pytest.mark.slow
+def test_the_place_that_check_proposes_makes_the_light_that_total_reflection_forbade(tmp_path, capsys):
+    """The pearl, 150 mm aside, on a screen turned to a lens that bends light at its rear alone."""
+    problem = load_problem(ROOT / "examples" / "pearl.toml").with_(
+        **ASIDE
+        | {
+            "target.position": [150.0, 0.0, 340.0],
+            "target.half_width": [100.0, 100.0],
+            "target.pixels": [64, 64],
+        }
+        | {"lens.thickness": 60.0, "lens.rear.freeform.z_freedom": "auto", "lens.rear.freeform.max_level": 3}
+        | {"optimizer.iterations": [40]}
+    )
+    (tmp_path / "c1.toml").write_text(problem.to_toml(), "utf-8")
+    path, folder = str(tmp_path / "c1.toml"), str(tmp_path / "made")
+    assert main(["check", path, "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)["expected"]
+    assert expected["reflected"] > 0.2
+    assert expected["totally"] > 0
+    (option,) = expected["nearest"]
+    change = ["--set", option.removeprefix("--set ").strip("'")]
+    assert main(["check", path, *change]) == 0
+    assert "reflected at the rear" not in capsys.readouterr().out
+    assert main(["design", path, "--out", folder]) == 1  # the light misses what was asked for
+    assert main(["design", path, *change, "--out", folder, "--force"]) == 0
+    metrics = json.loads((tmp_path / "made" / "metrics.json").read_text())
+    assert metrics["rel_l2"] < 0.1
+    assert metrics["fates_w"]["rear_reflected"] < 0.1
+    assert metrics["fates_w"]["total_internal"] == 0
 
 
 def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):

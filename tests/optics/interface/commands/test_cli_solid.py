@@ -90,7 +90,7 @@ def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("key", "value", "word"),
-    [("author", "someone else", "author"), ("schema", "AP203", "schema"), ("product", "other", "name")],
+    [("author", "someone else", "author"), ("schema", "AP242", "schema"), ("product", "other", "name")],
 )
 def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value, word):
     """The names are part of what a fresh export gives."""

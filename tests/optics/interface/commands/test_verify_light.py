@@ -108,7 +108,7 @@ def test_a_full_disk_is_not_a_file_that_cannot_be_read(capsys, result, monkeypat
     def full(path, content):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("optics.interface.commands.light_of_file.write_bytes", full)
+    monkeypatch.setattr("optics.interface.commands.verify_command.write_bytes", full)
     words = ["--light", "occt", "--rays", "1000", "--no-optiland", "--quiet"]
     message = refused(capsys, "verify", result, *words)
     assert "cannot write or read" in message

@@ -11,11 +11,11 @@ import pytest
 import optics
 from optics.base.runtime import UserError
 from optics.exchange.results import fingerprint
-from optics.interface.sweeps import metric_plots, running, sweep_folder
-from optics.interface.sweeps.contact_sheet import _texts
+from optics.interface.sweeps import running, sweep_folder, sweep_views
 from optics.interface.sweeps.running import run_sweep
 from optics.interface.sweeps.sweep_rows import SweepRow
 from optics.interface.sweeps.sweep_store import open_store
+from optics.interface.sweeps.sweep_views import _texts
 from tests.optics.interface.sweeps.cases import (
     DISTANCES,
     picky,
@@ -53,7 +53,7 @@ def rows(folder):
 
 
 def test_a_sweep_has_a_row_for_every_variant_and_files_that_show_them(by, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_folder, "metric_plots", metric_plots.metric_plots)
+    monkeypatch.setattr(sweep_folder, "metric_plots", sweep_views.metric_plots)
     ranges = DISTANCES | {"lens.rear.freeform.max_level": [1, 2]}
     found = optics.sweep(problem(), ranges, tmp_path / "out", workers=1)
     table = rows(tmp_path / "out")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.interface.sweeps.value_lists import value_list
+from optics.interface.sweeps.variants import value_list
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_fates_sum_to_the_flux_and_every_ray_is_resolved(
         else pointed((23, 21), half_angle, distance=distance)
     )
     landing, budget, _ = traced(backend, lens, rays, target_z, (60.0, 60.0))
-    fates = vars(budget)
+    fates = budget.flux
     assert sum(fates.values()) == pytest.approx(1.0, abs=1e-12)
     assert min(fates.values()) >= -1e-12
     assert budget.unresolved == 0

@@ -5,7 +5,7 @@ import pytest
 
 import optics
 from optics.light.analysis import cell_irradiance
-from optics.light.tracing import TargetArea, Tracer, flux_by_fate, trace_nonsequential, transmittances
+from optics.light.tracing import TargetArea, Tracer, trace_nonsequential, transmittances
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem, solvable_system
@@ -33,7 +33,7 @@ def light(scene: OpticalSystem):
     """Return (irradiance, fates) by cells."""
     cells = scene.source.cells((48, 48))
     image, fates = cell_irradiance(scene.path(scene.lens), scene.target.screen(), cells, scene.backend)
-    assert sum(vars(fates).values()) == pytest.approx(1, abs=1e-12)
+    assert fates.total == pytest.approx(1, abs=1e-12)
     return image, fates
 
 
@@ -107,7 +107,7 @@ def test_rays_with_known_meeting_points_are_blocked_like_all_others():
     (fates, counts), (others, other_counts) = seen
     assert counts == other_counts
     assert counts["blocked"] > 1000
-    assert flux_by_fate(fates) == pytest.approx(flux_by_fate(others), abs=1e-13)
+    assert fates.by_name == pytest.approx(others.by_name, abs=1e-13)
 
 
 def all_ways(scene: OpticalSystem):
@@ -158,7 +158,7 @@ def test_nothing_is_said_of_blocked_light_where_nothing_blocks():
     scene = system()
     tracer = Tracer(scene.backend, scene.path(scene.lens), scene.source.rays((8, 8)))
     _, landing = tracer.trace()
-    assert "blocked" not in flux_by_fate(tracer.fates(landing, (12, 12)))
+    assert "blocked" not in tracer.fates(landing, (12, 12)).by_name
     assert "blocked" not in tracer.counts(landing, (12, 12))
 
 

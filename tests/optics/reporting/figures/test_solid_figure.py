@@ -8,7 +8,7 @@ import pytest
 from matplotlib import pyplot as plt
 from PIL import Image
 
-from optics.reporting.figures.solid_figure import solid_views
+from optics.reporting.figures.scene_figure import solid_views
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

@@ -6,7 +6,7 @@ import pytest
 from optics.light.tracing import TargetArea, trace_paths
 from optics.reporting.view import scene_paths
 from optics.reporting.view.drawn_rays import sequential_paths
-from optics.scene.paths import LightPath, Stop
+from optics.scene.paths import AIR, LightPath, Stop, Surface
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
 from optics.scene.sources import Rays
@@ -20,12 +20,15 @@ PLATE = Lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0)), 6.0, 
 ABOVE = Plane(Pose.tilted((0, 50, 0), (-90, 0, 0)))  # light comes along +y
 
 
+MIRROR = Surface(PLATE.front, Pose.tilted((0, 0, 0), (45, 0, 0)), "reflect", 0.9)
+
+
 def by_mirror(backend, origins, **path):
     """Return rays along +z by a mirror at 45 degrees, which turns them to +y, as points and fates."""
     origin = np.array(origins, float).T
     direction = np.broadcast_to([[0.0], [0.0], [1.0]], origin.shape)
     rays = Rays(origin, direction, np.ones(origin.shape[1]))
-    way = LightPath.by_mirror(PLATE, 0.9, Pose.tilted((0, 0, 0), (45, 0, 0)), ABOVE, **path)
+    way = LightPath((MIRROR,), (AIR, AIR), ABOVE, **path)
     found = sequential_paths(backend, way, rays, (8.0, 6.0))
     return [(ray.points, ray.fate) for ray in found]
 
@@ -48,7 +51,7 @@ def test_a_plane_mirror_turns_rays_and_they_end_where_they_are_lost(backend):
 def test_what_goes_away_from_the_screen_ends_on_the_mirror(backend):
     origin, direction = np.array([[0.0], [0.0], [-20.0]]), np.array([[0.0], [0.0], [1.0]])
     away = Plane(Pose.tilted((0, 50, 0), (90, 0, 0)))  # light comes along -y
-    way = LightPath.by_mirror(PLATE, 0.9, Pose.tilted((0, 0, 0), (45, 0, 0)), away)
+    way = LightPath((MIRROR,), (AIR, AIR), away)
     (ray,) = sequential_paths(backend, way, Rays(origin, direction, np.ones(1)), (8.0, 6.0))
     assert ray.fate == "back"
     np.testing.assert_allclose(ray.points[-1], 0, atol=1e-12)

@@ -90,6 +90,6 @@ def test_what_is_wrong_with_an_element_is_one_sentence(mirror, changes, words):
     assert one_sentence(str(caught.value))
 
 
-def test_two_elements_are_refused_by_their_names(tmp_path):
-    with pytest.raises(UserError, match="one \\[\\[element\\]\\] can be designed, got 2: M1, L1"):
+def test_a_second_free_element_is_refused_by_its_name(tmp_path):
+    with pytest.raises(UserError, match=r"element\.L1\.rear is free, and so is a surface of another element"):
         load_text(tmp_path, MIRROR + LENS)

@@ -20,7 +20,7 @@ from optics.tolerancing.metrology import (
     as_built_lines,
     light_as_built,
 )
-from optics.tolerancing.metrology.measured_area import measured_light
+from optics.tolerancing.metrology.corrected_surface import measured_light
 from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.metrology.cases import ripple

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology import FileFrame, point_text, read_measured
+from optics.tolerancing.metrology import FileFrame, measured_points, read_measured
 from tests.cases import examples
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad.io import cloud_text, sag_text
@@ -136,6 +136,6 @@ def test_a_missing_file_and_a_wrong_word_are_named(tmp_path: Path) -> None:
 
 
 def test_a_device_without_end_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr(point_text, "MOST_BYTES", 1000)
+    monkeypatch.setattr(measured_points, "MOST_BYTES", 1000)
     with pytest.raises(UserError, match="more than 1,000 bytes"):
-        point_text.read_text("/dev/zero")
+        measured_points.read_text("/dev/zero")

@@ -12,7 +12,7 @@ from tests.thbcad.cases import LENSES, assert_same_surface
 from tests.thbcad.io.cases import written
 from thbcad.cad import read_faces, read_step
 from thbcad.cad.exchange import step_bytes
-from thbcad.cad.exchange.complex_splines import common_splines
+from thbcad.cad.exchange.reading import common_splines
 from thbcad.io import parse_brep
 
 SIMPLE = re.compile(r"=\s*(B_SPLINE_(SURFACE|CURVE))_WITH_KNOTS\('',((?:[^;])*?\.[TFU]\.)(,\(\d[^;]*)\);")

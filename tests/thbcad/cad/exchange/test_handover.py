@@ -17,8 +17,8 @@ from OCP.GProp import GProp_GProps
 from tests.cases import ROOT, examples
 from tests.thbcad.cad.exchange.cases import CURVES, REFINED, SURFACES, assert_same
 from tests.thbcad.cases import LENSES, lenses
-from thbcad.cad.exchange.front_and_rear import optical_form
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
+from thbcad.cad.exchange.solid_file import optical_form
 from thbcad.cad.shapes import NAMES, lens_part, spline_surface
 from thbcad.lens import optical_forms
 from thbcad.sags import PlacedConic

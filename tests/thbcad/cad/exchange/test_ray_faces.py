@@ -6,7 +6,7 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 
 from tests.thbcad.cases import LENSES
 from thbcad import write_step
-from thbcad.cad.exchange.ray_faces import face_hits, step_solid
+from thbcad.cad.exchange.face_points import face_hits, step_solid
 from thbcad.cad.shapes import lens_solid
 
 ROUNDING = 1e-12  # mm: some hundred last digits of numbers up to 100

@@ -32,6 +32,7 @@ from OCP.XCAFDoc import (
 from tests.thbcad.cases import LENSES, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, write_step
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
+from thbcad.cad.exchange.occt_texts import silence
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
 from thbcad.cad.exchange.step import (
@@ -40,7 +41,6 @@ from thbcad.cad.exchange.step import (
     read_step,
     step_bytes,
 )
-from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, face_colour, optical_forms
@@ -199,24 +199,12 @@ def test_build123d_sees_the_name_and_a_colour(written):
 
 
 def test_a_file_names_neither_machine_nor_user_nor_day(written):
-    schema, path = written
+    _, path = written
     text = path.read_text("ascii")
     for word in (socket.gethostname(), getpass.getuser()):
         assert f"'{word}" not in text
     assert set(re.findall(r"\d{4}-\d\d-\d\dT[\d:]+", text)) == {"2000-01-01T00:00:00"}
-    assert set(re.findall(r"CALENDAR_DATE\(.*\)", text)) == (
-        {"CALENDAR_DATE(2000,1,1)"} if schema == "AP203" else set()
-    )
-
-
-def test_ap203_declares_the_colours_as_its_second_list_of_entities(written):
-    schema, path = written
-    text = re.sub(r"\s", "", path.read_text("ascii"))
-    (listed,) = re.findall(r"FILE_SCHEMA\(\((.*?)\)\)", text)
-    assert (listed == "'CONFIG_CONTROL_DESIGN','SHAPE_APPEARANCE_LAYER_MIM'") == (schema == "AP203")
-    if schema == "AP203":
-        assert "=PERSON('A.Grinder','A.Grinder',$,$,$,$);" in text
-        assert "=ORGANIZATION('OpticsLtd','OpticsLtd','');" in text
+    assert "CALENDAR_DATE" not in text
 
 
 # ---- texts ----
@@ -294,7 +282,7 @@ def test_other_files_in_between_do_not_change_the_bytes(schema, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((PRODUCT, "AP209"), "schema must be AP242, AP214, AP203, got 'AP209'"),
+        ((PRODUCT, "AP209"), "schema must be AP242, AP214, got 'AP209'"),
         (("lens",), "product must be a Product, got str"),
     ],
 )

@@ -15,8 +15,8 @@ from oracles.spline_definitions import flux_volume
 from tests.cases import examples
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
 from thbcad import write_step
+from thbcad.cad.exchange.occt_texts import compact
 from thbcad.cad.exchange.step import read_step
-from thbcad.cad.exchange.step_writing import compact
 from thbcad.cad.shapes import lens_solid
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, optical_forms, placed_surfaces

@@ -1,5 +1,10 @@
 """Bodies that leave a mould: sound solids whose draft and volume other programs find in their STEP files."""
 
+import json
+import os
+import subprocess
+from shutil import which
+
 import numpy as np
 import pytest
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -137,6 +142,12 @@ ROUNDED = {
 }
 
 
+def radii(points):
+    """Radii of the circles through three points each, (3, n, 3)."""
+    a, b, c = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=2)
+    return a * b * c / (2 * np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0]), axis=1))
+
+
 @pytest.mark.parametrize("name", ROUNDED)
 def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear(name, tmp_path):
     """In the file, read by build123d: arcs across every rounding through three points to 1e-6 mm, and every
@@ -160,9 +171,7 @@ def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear
         u = np.linspace(adaptor.FirstUParameter(), adaptor.LastUParameter(), 3)
         v = np.linspace(adaptor.FirstVParameter(), adaptor.LastVParameter(), 9)
         points = np.array([[adaptor.Value(a, b).Coord() for b in v] for a in u])
-        a, b, c = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=2)
-        across = np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0]), axis=1)
-        assert a * b * c / (2 * across) == pytest.approx(options.edge_radius, abs=1e-6)
+        assert radii(points) == pytest.approx(options.edge_radius, abs=1e-6)
         assert not clear.contains(*points[..., :2].T).any()
 
 
@@ -183,3 +192,49 @@ def test_a_radius_that_comes_near_the_clear_aperture_is_refused():
     lens = BODIES["round"][0]
     with pytest.raises(ValueError, match="eats the clear aperture"):
         MouldedBody.of(lens, BodyOptions(edge_radius=0.5), (Outline.ellipse((9.6, 9.6)),) * 2)
+
+
+FREECAD = """
+import json, os, Part
+found, folder = {}, os.environ["STEP_FOLDER"]
+for name in os.listdir(folder):
+    shape, rows = Part.Shape(), []
+    shape.read(os.path.join(folder, name))
+    for face in shape.Faces:
+        a, b, c, d = face.ParameterRange
+        rows.append([[[*face.valueAt(a + (b - a) * i / 8, c + (d - c) * j / 8),
+                       *face.normalAt(a + (b - a) * i / 8, c + (d - c) * j / 8)]
+                      for j in range(9)] for i in range(9)])
+    found[name] = {"sound": shape.isValid() and len(shape.Solids) == 1, "faces": rows}
+print("\\n" + json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not which("freecadcmd"), reason="freecadcmd is not installed: apt-get install freecad")
+def test_freecad_measures_draft_and_radii_of_the_files(tmp_path):
+    """Of walls the normals to 1e-6 degrees, of roundings the arcs through three points to 1e-6 mm."""
+    (tmp_path / "bodies").mkdir()
+    given = [*BODIES.values(), *((BODIES[name][0], options) for name, options in ROUNDED.items())]
+    for k, body in enumerate(given):
+        file = part_step(moulded_part(MouldedBody.of(*body)), Product(), "AP242")
+        (tmp_path / "bodies" / f"{k}.step").write_bytes(file)
+    (tmp_path / "measure.py").write_text(FREECAD)
+    told = subprocess.run(
+        ["freecadcmd", tmp_path / "measure.py"],
+        env={**os.environ, "STEP_FOLDER": str(tmp_path / "bodies")},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    found = json.loads(told.stdout.strip().splitlines()[-1])
+    for k, (_, options) in enumerate(given):
+        names, seen = read_step(tmp_path / "bodies" / f"{k}.step").face_names, found[f"{k}.step"]
+        assert seen["sound"]
+        for name, face in zip(names, seen["faces"], strict=True):
+            points, normals = np.split(np.array(face), 2, axis=-1)
+            if name.startswith(("edge", "step")):
+                draft = np.degrees(np.arcsin(abs(normals[..., 2])))
+                assert draft == pytest.approx(options.draft, abs=1e-6)
+            if name.startswith("radius"):
+                assert radii(points[::4]) == pytest.approx(options.edge_radius, abs=1e-6)

@@ -1,0 +1,41 @@
+"""The share of light that a surface reflects, or cannot send, on its way to the places of a transport map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from optics.designing.starts.rear_light import Floats, RearLight
+from optics.designing.transport import height_from_slopes
+from optics.light.refraction import ShapedSurface
+from optics.light.tracing import transmittances
+from optics.scene.paths import LightPath
+
+CELLS = 64  # in a direction, at most: they tell the share to a thousandth
+STEPS = 4  # of slopes and height, which depend on each other
+
+
+def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[Floats]) -> float:
+    """Return the share of the light that a surface loses which sends it to places of the receiver.
+
+    Lost is what no slope can send there, and what bare glass reflects of the rest.
+
+    number : of the surface; its height follows.  places : u and v, (nx, ny), of the cells of the light.
+    """
+    shaped, surface = ShapedSurface.of(path, number), path.surfaces[number]
+    some = tuple(slice(n // CELLS // 2, None, max(1, n // CELLS)) for n in (light.x.size, light.y.size))
+    x, y = (row[part] for row, part in zip((light.x, light.y), some))
+    p, q, r = along = [d[some] for d in light.direction]
+    flux, wanted = light.emitted(light.direction[0].shape)[some], [a[some] for a in places]
+    jet = [surface.shape.conic(x[:, None], y[None, :], d) for d in ((0, 0), (1, 0), (0, 1))]
+    height, base = jet[0], jet[1:]
+    for _ in range(STEPS):
+        asked, possible = shaped.slopes((x[:, None], y[None, :], height), along, wanted)
+        sx, sy = (np.where(possible & (flux > 0), s, b) for s, b in zip(asked, base))
+        height = height_from_slopes(sx, sy, [x[1] - x[0], y[1] - y[0]]) + jet[0].mean()
+    if surface.share is None:
+        cosine = (r - p * sx - q * sy) / np.sqrt(1 + sx**2 + sy**2)
+        passing = np.mean(transmittances(*shaped.indices, np.arccos(np.clip(cosine, 0, 1)).ravel()), axis=0)
+        possible = possible * passing.reshape(cosine.shape)
+    return 1 - float(np.average(possible, weights=flux))

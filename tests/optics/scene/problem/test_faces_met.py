@@ -1,0 +1,120 @@
+"""The faces that light meets: every element in its order, or as [[path]] names them, and what is refused."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from optics.base.runtime import UserError
+from optics.scene.problem import Problem
+
+SIZE = (10.0, 10.0)
+FREE = {"kind": "mirror", "name": "M1", "position": (0, 0, 60), "thickness": 5, "face": {"half_width": SIZE}}
+FREE |= {"tilt": (45, 0, 0)}
+SIDES = {"front": {"half_width": SIZE}, "rear": {"half_width": SIZE, "freeform": None}}
+FIXED = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 5, **SIDES}
+INSIDE = FIXED | {"name": "P1", "rear": {"half_width": SIZE}}
+
+
+def problem(elements, faces=None, **more):
+    target = {"kind": "tophat", "position": (0, 80, 60), "half_width": SIZE, "pixels": (16, 16)}
+    return Problem(
+        source={"kind": "collimated", "half_width": (5, 5)},
+        element=elements,
+        target=target | {"tilt": (-90, 0, 0)},
+        path=() if faces is None else ({"faces": faces},),
+        **more,
+    )
+
+
+def met(elements, faces=None):
+    return [
+        (face.name, face.reflects, face.backwards, face.into_glass)
+        for face in problem(elements, faces).faces_met
+    ]
+
+
+def test_without_a_path_light_meets_all_elements_in_their_order():
+    through = [("L1.front", False, False, True), ("L1.rear", False, False, False)]
+    assert met([FIXED, FREE]) == [*through, ("M1.face", True, False, False)]
+    assert met([FIXED, FREE], ["L1.front", "L1.rear", "M1"]) == met([FIXED, FREE])
+    assert met([FREE, FIXED], ["L1.front", "L1.rear", "M1.face"]) == met([FIXED, FREE])
+
+
+def test_a_reflection_inside_turns_the_light_until_it_leaves():
+    """A Mangin mirror: in by the front, back from the rear, out by the front, to its own -z."""
+    assert met([INSIDE], ["P1.front", "P1.rear:reflect", "P1.front"]) == [
+        ("P1.front", False, False, True),
+        ("P1.rear", True, False, True),
+        ("P1.front", False, True, False),
+    ]
+    twice = ["L1.front", "L1.rear:reflect", "L1.front:reflect", "L1.rear", "M1"]
+    assert [row[1:] for row in met([FIXED, FREE], twice)] == [
+        (False, False, True),
+        (True, False, True),
+        (True, True, True),
+        (False, False, False),
+        (True, False, False),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("elements", "faces", "words"),
+    [
+        (
+            [FIXED, FREE],
+            ["L1.front", "M1"],
+            'light in the glass behind "L1.front" meets "L1.rear" next, not "M1',
+        ),
+        ([FIXED, FREE], ["L1.front", "L1.rear"], "path[0].faces meets no face of element.M1"),
+        ([FIXED, FREE], ["M1"], "path[0].faces meets no face of element.L1"),
+        ([FIXED, FREE], ["L1.rear", "L1.front", "M1"], 'write "L1.front" there, or turn the lens round'),
+        (
+            [FIXED, FREE],
+            ["L1.front:reflect", "M1"],
+            'enters a lens by its front, refracted; write "L1.front"',
+        ),
+        ([FIXED, FREE], ["M1", "L1.front"], 'ends in the glass behind "L1.front"'),
+        ([FIXED, FREE], ["L2.front", "M1"], "path[0].faces[0] names 'L2', but the elements are L1, M1"),
+        ([FIXED, FREE], ["L1", "M1"], '"L1" names no face of a lens; write "L1.front" or "L1.rear"'),
+        ([FIXED, FREE], ["M1.back", "L1.front"], 'light meets the face of a mirror only; write "M1"'),
+        ([FIXED, FREE], ["M1", "L1.front", "L1.rear", "M1"], 'the free surface "M1.face" twice'),
+        (
+            [FIXED | {"front": {"half_width": SIZE, "freeform": {}}}],
+            ["L1.front", "L1.rear:reflect", "L1.front"],
+            'the free surface "L1.front" twice; make the other surface of the lens the free one',
+        ),
+        (
+            [FREE, FREE | {"name": "M2"}],
+            None,
+            "element.M2.face is free, and so is a surface of another element",
+        ),
+        (
+            [FREE, FIXED | {"front": {"half_width": SIZE, "radius": "auto"}}],
+            None,
+            "element.L1.front.radius and element.L1.front.conic must be numbers",
+        ),
+        ([FIXED], None, "element.L1.rear.freeform = false leaves no surface to design"),
+    ],
+)
+def test_a_path_that_light_cannot_take_is_one_sentence(elements, faces, words):
+    with pytest.raises(UserError, match=re.escape(words)) as caught:
+        problem(elements, faces)
+    assert str(caught.value).count("\n") == 0
+
+
+def test_one_path_of_elements_can_be_named():
+    whole = problem([FIXED, FREE])
+    with pytest.raises(UserError, match=r"got 2 tables; keep one"):
+        replace(whole, path=2 * ({"faces": ["L1.front", "L1.rear", "M1"]},))
+    lens = {"index": 1.5, "thickness": 5, **SIDES, "rear": {"half_width": SIZE}}
+    target = {"kind": "tophat", "distance": 60, "half_width": SIZE, "pixels": (16, 16)}
+    with pytest.raises(UserError, match=r"got 1 tables beside \[lens\]"):
+        replace(whole, lens=lens, element=(), target=target, path=({"faces": ["M1"]},))
+
+
+def test_from_the_free_element_on_counts_the_throw():
+    """60 mm from (0, 0, 0) to the mirror at (0, 0, 60), and 80 mm from there."""
+    assert problem([FIXED, FREE]).throw == pytest.approx(80)
+    mirror = FREE | {"face": {"half_width": SIZE, "freeform": None}}
+    assert problem([INSIDE, mirror]).throw == pytest.approx(140)
