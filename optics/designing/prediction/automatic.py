@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
-from optics.designing.prediction.expectation import gentler_targets
+from optics.designing.prediction.expectation import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
@@ -87,7 +87,7 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
         if start.bent < LEAST_BENT:
-            nearest = " or ".join(gentler_targets(wide, start))
+            nearest = " or ".join(gentler_geometries(wide, start))
             raise UserError(
                 f'no transport map tells what "{AUTO}" stands for: the surface can send only '
                 f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
+from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
@@ -22,7 +23,7 @@ from optics.scene.system.lens_material import (
 )
 from optics.scene.system.moulded import body_options, moulded
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
-from optics.scene.system.source import Own, source_of
+from optics.scene.system.source import source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
@@ -35,6 +36,20 @@ if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
 STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """Classes of a script, that no problem file names, in place of what the problem describes.
+
+    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
+    """
+
+    source: LightSource | None = None
+    receiver: Receiver | None = None
+
+    def __bool__(self) -> bool:
+        return self.source is not None or self.receiver is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,9 +285,10 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
-    def with_target(self, **changes: Any) -> OpticalSystem:
-        """Return the system with other values of keys of the target that change neither lens nor picture."""
-        other = replace(self, problem=replace(self.problem, target=replace(self.problem.target, **changes)))
+    def elsewhere(self, problem: Problem) -> OpticalSystem:
+        """Return the system of a problem that differs in where things lie; lens and picture are not made
+        again."""
+        other = replace(self, problem=problem)
         other.__dict__["lens"] = self.lens
         other.target.__dict__["light"] = self.target.light
         return other
