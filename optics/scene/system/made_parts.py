@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from optics.scene.problem import Optic, Placed
+from optics.scene.problem import Optic
 from optics.scene.system.lens import lens_product
 from optics.scene.system.moulded import made_of
 from optics.scene.system.optical_system import OpticalSystem
@@ -56,12 +56,8 @@ def scene_parts(system: OpticalSystem, lens: Lens) -> tuple[MadePart, ...]:
     designed = designed_part(system, lens)
     designed = replace(designed, product=replace(designed.product, name=designed.name))
     fixed = {part.name: part for part in fixed_parts(system)}
-    return tuple(fixed.get(_name(optic), designed) for optic in system.problem.optics)
+    return tuple(fixed.get(optic.called, designed) for optic in system.problem.optics)
 
 
 def _part(optic: Optic, lens: Lens, product: Product) -> MadePart:
-    return MadePart(_name(optic), made_of(optic, lens), product, pose_of(optic))
-
-
-def _name(optic: Optic) -> str:
-    return optic.name if isinstance(optic, Placed) else optic.noun
+    return MadePart(optic.called, made_of(optic, lens), product, pose_of(optic))
