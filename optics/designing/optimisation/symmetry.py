@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.scene.sources import Profile
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, pose_of
 from thbcad.hierarchy import THBSpace
 
 TOLERANCE = 1e-12  # of the greatest value
@@ -32,11 +32,13 @@ def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...
 
 
 def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
-    """Return the directions in which source, stops, receiver and target are their own mirror images."""
+    """Return the directions in which source, elements, stops, receiver and target are their own mirror
+    images."""
     if not system.source.symmetric:
         return ()
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
-    poses = [system.target.receiver.pose, *(stop.pose for stop in system.stops)]
+    poses = [system.pose, *(pose_of(optic) for optic, _ in system.fixed)]
+    poses += [system.target.receiver.pose, *(stop.pose for stop in system.stops)]
     return tuple(axis for axis in axes if all(axis in pose.mirror_axes for pose in poses))
 
 

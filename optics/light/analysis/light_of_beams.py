@@ -67,7 +67,7 @@ def beam_irradiance(
         for samples in _sets(system):
             parts = [
                 cell_irradiance(
-                    path.with_slope_errors(s.errors[: len(path.surfaces)]),
+                    path.with_slope_errors(s.errors),
                     screen,
                     system.source.cells(counts, direction=s.direction),
                     backend,

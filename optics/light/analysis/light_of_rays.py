@@ -69,7 +69,7 @@ def _trace(
     fates = []
     for part in parts:
         errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in slope_rms]
-        tracer = Tracer(backend, path.with_slope_errors(errors[: len(path.surfaces)]), part)
+        tracer = Tracer(backend, path.with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
             image = image + splat(landing.x, landing.y, landing.flux)

@@ -81,11 +81,11 @@ class BlurOnto:
 class Blur:
     """The spot that all light of one point of the rear makes.
 
-    spread : of the beam; None of light without divergence.  slope_rms : of front and rear.
+    spread : of the beam; None of light without divergence.  slope_rms : of the surfaces.
     """
 
     spread: Divergence | None
-    slope_rms: tuple[float, float]
+    slope_rms: tuple[float, ...]
     shifts: LandingShifts
 
     @property

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         scene_parts as scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
-    from optics.scene.system.placed_faces import TURNED as TURNED
+    from optics.scene.system.placed_faces import TURNED as TURNED, pose_of as pose_of
     from optics.scene.system.reach import (
         can_be_lit as can_be_lit,
         require_lens_on_axis as require_lens_on_axis,

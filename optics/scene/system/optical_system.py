@@ -163,9 +163,9 @@ class OpticalSystem:
         return self.parallel or (self.shaped == "front" and self.source.collimated)
 
     @property
-    def slope_rms(self) -> tuple[float, float]:
-        """Of front and rear, radians."""
-        return self.problem.optic.front.slope_rms, self.problem.optic.rear.slope_rms
+    def slope_rms(self) -> tuple[float, ...]:
+        """Of the faces that light meets, radians."""
+        return tuple(getattr(face.optic, face.face).slope_rms for face in self.problem.faces_met)
 
     @property
     def blurred(self) -> bool:

@@ -46,7 +46,8 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     ------
     UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
         read, a source or a target that lies in the lens, a target that no lens can light, from before or at
-        all, a material that is not known, a stop in the lens, before the source or behind the target.
+        all, a material that is not known, a stop in the lens, before the source or behind the target, blur of
+        a row of elements.
     """
     require_limits(problem)
     told = source_of(problem).told
@@ -60,6 +61,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     require_room(system)
     require_places(problem, system.lens, system.stops, system.source.collimated)
     require_light(system)
+    require_sharp(system)
     require_reachable(system)
     return system
 
@@ -79,6 +81,21 @@ def require_light(system: OpticalSystem) -> None:
         raise UserError(
             "source.image is dark wherever it meets the lens; make source.half_width smaller or "
             f"{system.problem.optic.key('front.half_width')} larger"
+        )
+
+
+def require_sharp(system: OpticalSystem) -> None:
+    """Refuse blur of light that meets more than one lens or one mirror.
+
+    Raises
+    ------
+    UserError : names the faces that light meets.
+    """
+    if system.blurred and not system.lone_lens and len(system.problem.faces_met) > 1:
+        raise UserError(
+            "the blur of a diverging beam and of rough surfaces is known of one lens or one mirror, and "
+            f"light meets {', '.join(system.problem.face_names)}; set source.divergence and every slope_rms "
+            'to 0, or take source.kind = "lambertian"'
         )
 
 

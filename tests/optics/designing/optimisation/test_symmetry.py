@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation.loop import shape_lens
-from optics.designing.optimisation.symmetry import Mirrors, mirror_axes
+from optics.designing.optimisation.symmetry import Mirrors, mirror_axes, symmetry_axes
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem
 from tests.cases import slow_unless
@@ -238,3 +238,25 @@ def test_a_problem_symmetric_in_one_direction_keeps_that_one(tmp_path, two_threa
     assert max(across) == 0
     up = [abs(by_function.get((n, i, (4 << n) + 2 - j), np.inf) - v) for (n, i, j), v in by_function.items()]
     assert max(up) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "axes"),
+    [
+        ({}, (0, 1)),
+        ({"element.L1.tilt": [10, 0, 0]}, (0,)),
+        ({"element.L1.position": [3, 0, -30]}, (1,)),
+        ({"element.L2.tilt": [0, 5, 0]}, (1,)),
+        ({"element.L2.position": [0, 2, 0]}, (0,)),
+    ],
+)
+def test_an_element_out_of_a_plane_ends_the_symmetry_across_it(changes, axes):
+    sides = {"front": {"half_width": (14, 14)}, "rear": {"half_width": (14, 14)}}
+    lens = {"kind": "lens", "index": 1.5, "thickness": 6, **sides}
+    fixed = sides | {"rear": {"half_width": (14, 14), "radius": 200, "freeform": False}}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (9, 9), "distance": 60},
+        element=[lens | fixed | {"name": "L1", "position": (0, 0, -30)}, lens | {"name": "L2"}],
+        target={"kind": "tophat", "position": (0, 0, 90), "half_width": (20, 20), "pixels": (8, 8)},
+    )
+    assert symmetry_axes(OpticalSystem(problem.with_(**changes))) == axes

@@ -64,3 +64,23 @@ def test_roughness_and_divergence_add_up(tmp_path):
     assert measured.metrics["rel_l2_sharp"] == pytest.approx(plain.metrics["rel_l2"], abs=1e-9)
     assert plain.sharp is None
     assert measured.metrics["estimator"] == "beams"
+
+
+def test_a_rough_fixed_mirror_behind_the_lens_spreads_light_by_its_own_slopes():
+    """Slopes d of a mirror at 45 degrees turn light by 2 d across the fold, and by 2 d cos(45) along it."""
+    sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
+    face = {"half_width": (30, 40), "radius": np.inf, "conic": 0.0, "freeform": False}
+    mirror = {"kind": "mirror", "name": "M1", "position": (0, 0, 60), "tilt": (45, 0, 0), "thickness": 5}
+    target = {"position": (0, 100, 60), "tilt": (-90, 0, 0), "half_width": (20, 20), "pixels": (64, 64)}
+    lamp = {"kind": "lambertian", "half_width": (0.01, 0.01), "half_angle": 2, "distance": 40}
+    variances = []
+    for rms in (0.0, 0.02):
+        lens = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 5, **sides}
+        rough = mirror | {"face": face | {"slope_rms": rms}}
+        problem = optics.Problem(source=lamp, element=[lens, rough], target={"kind": "tophat", **target})
+        system = optics.System(problem)
+        light = system.measure(system.optical.lens).irradiance
+        x = (2 * np.arange(64) + 1) / 64 * 20 - 20
+        variances.append([light.sum(axis=axis) @ x**2 / light.sum() for axis in (0, 1)])
+    spread = np.diff(variances, axis=0)[0] / (2 * 100 * 0.02) ** 2
+    np.testing.assert_allclose(spread, [0.5, 1.0], rtol=0.02)  # noise of 80 000 rays, cubes of the slopes

@@ -111,3 +111,20 @@ def test_a_row_that_light_cannot_go_through_is_one_sentence(elements, words):
     with pytest.raises(UserError, match=re.escape(words)) as caught:
         solvable_system(row(*elements))
     assert str(caught.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"source.divergence": 0.3},
+        {"source.divergence_profile": "sun"},
+        {"element.M1.face.slope_rms": 0.01},
+        {"element.L1.rear.slope_rms": 0.01},
+    ],
+)
+def test_blur_of_a_row_is_refused_but_that_of_a_source_with_extent(changes):
+    problem = row(LENS, MIRROR).with_(**changes)
+    with pytest.raises(UserError, match=r"light meets L1.front, L1.rear, M1.face; set source.divergence and"):
+        solvable_system(problem)
+    if "element" in next(iter(changes)):
+        solvable_system(problem.with_(**{"source.kind": "lambertian", "source.half_angle": 5.0}))
