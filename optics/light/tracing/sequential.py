@@ -25,7 +25,7 @@ from optics.light.intersections import (
     device_flux,
     on_device,
 )
-from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates
+from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates, by_name
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.obstructions import Obstruction, ShadingBody
 from optics.light.tracing.traced_surface import (
@@ -261,7 +261,7 @@ class Tracer:
         counts[Fate("blocked")] = counts.get(Fate("blocked"), 0) + count(alive & landing.blocked)
         alive = dr.select(landing.blocked, False, alive)
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
-        return {fate.name: n for fate, n in counts.items() if n or not fate.rare}
+        return by_name(counts)
 
     def _in_the_way(self, frames: list[Pose], parallel: bool) -> list[Obstruction]:
         """Return what is in the way to every surface and to the receiver.

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from optics.scene.system.geometry_search import nearest_geometry as nearest_geometry
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
     from optics.scene.system.lens_material import index_at as index_at
-    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
+    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem, Own as Own
     from optics.scene.system.placed_faces import TURNED as TURNED
     from optics.scene.system.reach import (
         can_be_lit as can_be_lit,
