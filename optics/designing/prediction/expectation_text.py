@@ -39,8 +39,8 @@ def _blocked(expected: Expectation) -> str:
     if round(expected.blocked, 3) == 0:
         return ""
     several = len(expected.blocking) > 1
-    by = [name + f" ({share:.1%} alone)" * several for name, share in expected.blocking.items()]
-    return f", {expected.blocked:.1%} blocked" + f" by {', '.join(by)}" * bool(by)
+    by = (name + f" ({share:.1%} alone)" * several for name, share in expected.blocking.items())
+    return f", {expected.blocked:.1%} blocked by {', '.join(by)}"
 
 
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:

@@ -57,10 +57,7 @@ def light_before(
 
 
 def blocking(system: OpticalSystem, lens: Lens, backend: Backend, coarsening: int = 1) -> dict[str, float]:
-    """Return the share of the source's flux that each thing alone would block on its way, by its name.
-
-    coarsening : as of `light_before`.
-    """
+    """Return the share of the source's flux that each thing would block alone, by name, as `light_before`."""
     path = system.shaded_path(lens)
     bare = path.without_stops()
     alone = {"the clear aperture": replace(path, stops=(), bodies=())}

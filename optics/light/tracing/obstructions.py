@@ -75,9 +75,9 @@ class Obstruction:
     def __init__(
         self,
         backend: Backend,
-        stops: Sequence[Stop] = (),
-        bodies: Sequence[tuple[ShadingBody, Pose, bool]] = (),
-        start: float = 0.0,
+        stops: Sequence[Stop],
+        bodies: Sequence[tuple[ShadingBody, Pose, bool]],
+        start: float,
     ) -> None:
         self._backend, self._stops, self._bodies, self._start = backend, stops, bodies, start
 
@@ -102,8 +102,7 @@ class Obstruction:
             length = stop.distance(rays.origin, rays.direction, dr, number, partial(gauge, self._backend))
             blocked = length < reach if blocked is False else blocked | (length < reach)
         if self._bodies:
-            shaded = self._shaded(rays, dr.select(meets, self._backend.Float(end), -dr.inf))
-            blocked = shaded if blocked is False else blocked | shaded
+            blocked = blocked | self._shaded(rays, dr.select(meets, self._backend.Float(end), -dr.inf))
         return blocked
 
     def _shaded(self, rays: DeviceRays, reach: DrArray) -> DrArray | bool:
@@ -123,5 +122,5 @@ class Obstruction:
                 if taken.any():
                     mine = dr.zeros(Float, dr.width(mask))
                     dr.scatter(mine, self._backend.array(taken.astype(float)), chosen)
-                    shaded = mine > 0 if shaded is False else shaded | (mine > 0)
+                    shaded = shaded | (mine > 0)
         return shaded

@@ -271,13 +271,11 @@ class Tracer:
         path, backend = self._path, self._backend
         bodies, ways = [ShadingBody(backend, body) for body in path.bodies], []
         for k, (medium, frame) in enumerate(zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])):
-            if medium != AIR:
-                ways.append(Obstruction(backend))
-                continue
-            back = frame.inverse()
-            placed = [(b, back @ b.body.pose, bool({k - 1, k} & {*b.body.faces})) for b in bodies]
+            back, air = frame.inverse(), medium == AIR
+            stops = [stop.moved(back) for stop in path.stops if air]
+            placed = [(b, back @ b.body.pose, not {k - 1, k}.isdisjoint(b.body.faces)) for b in bodies if air]
             start = max(0.0, path.emitted - path.before) if parallel and not k else 0.0
-            ways.append(Obstruction(backend, [stop.moved(back) for stop in path.stops], placed, start))
+            ways.append(Obstruction(backend, stops, placed, start))
         return ways
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:

@@ -271,13 +271,8 @@ class LightPath:
             return self
         back = pose.inverse()
         surfaces = (replace(s, pose=back @ s.pose) for s in self.surfaces)
-        path = replace(
-            self,
-            surfaces=tuple(surfaces),
-            receiver=self.receiver.seen_from(pose),
-            bodies=tuple(body.moved(back) for body in self.bodies),
-        )
-        return path.with_stops_moved(back)
+        path = replace(self, surfaces=tuple(surfaces), receiver=self.receiver.seen_from(pose))
+        return replace(path.with_stops_moved(back), bodies=tuple(body.moved(back) for body in self.bodies))
 
     def with_soft_rims(self, share: float) -> LightPath:
         """Return the path over rims within which light fades."""

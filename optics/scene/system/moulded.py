@@ -19,7 +19,6 @@ from thbcad.outlines import Outline
 if TYPE_CHECKING:
     from thbcad.moulds import MouldedBody, Solid
 
-
 SCREEN = 1e-3  # of its half-width: the thickness of a screen
 
 
@@ -30,15 +29,10 @@ def bodies_of(
 
     met : the faces along the path.  elements : with their lenses or blanks.
     """
-    bodies = [
-        Body(
-            solid_of(optic, lens),
-            pose_of(optic),
-            tuple(k for k, face in enumerate(met) if face.optic is optic),
-            optic.table,
-        )
-        for optic, lens in elements
-    ]
+    bodies = []
+    for optic, lens in elements:
+        own = tuple(k for k, face in enumerate(met) if face.optic is optic)
+        bodies.append(Body(solid_of(optic, lens), pose_of(optic), own, optic.table))
     if isinstance(target.receiver, Plane):
         side = FreeformSurface(target.settings.half_width)
         plate = Lens(side, side, SCREEN * max(side.half_width), 1.0)
