@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Freeform, Front, MirrorElement, Optic, Problem, Rear, base_of
+from optics.scene.problem import Freeform, Front, MirrorElement, Optic, Placed, Problem, Rear, base_of
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
@@ -27,12 +27,13 @@ def base_lens(spec: Optic) -> Lens:
         raise UserError(f"{spec.table}: {error}".replace("lens.", f"{spec.table}.")) from None
 
 
-def lens_product(problem: Problem) -> Product:
-    """Return what the CAD files say about the lens."""
-    spec, names = problem.optic, problem.export
+def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
+    """Return what the CAD files say about the lens, or about a fixed element, under its own name."""
+    spec, names = fixed or problem.optic, problem.export
+    own = fixed.name if isinstance(fixed, Placed) else ""
     glass = None if isinstance(spec, MirrorElement) else spec.known_index
     return Product(
-        name=names.product or one_line(problem.title) or "lens",
+        name=own or names.product or one_line(problem.title) or "lens",
         author=names.author,
         organization=names.organization,
         material=spec.material or (f"transparent, n = {glass:g}" if glass else "blank of a mirror"),

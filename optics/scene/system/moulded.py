@@ -32,7 +32,7 @@ def bodies_of(
     bodies = []
     for optic, lens in elements:
         own = tuple(k for k, face in enumerate(met) if face.optic is optic)
-        bodies.append(Body(solid_of(optic, lens), pose_of(optic), own, optic.table))
+        bodies.append(Body(made_of(optic, lens), pose_of(optic), own, optic.table))
     if isinstance(target.receiver, Plane):
         side = FreeformSurface(target.settings.half_width)
         plate = Lens(side, side, SCREEN * max(side.half_width), 1.0)
@@ -48,10 +48,10 @@ def body_options(spec: Optic) -> BodyOptions | None:
     return BodyOptions(spec.body.draft, parting, spec.body.annulus, land, spec.body.edge_radius)
 
 
-def solid_of(spec: Optic, lens: Lens) -> Solid:
+def made_of(optic: Optic, lens: Lens) -> Solid:
     """Return what an element's lens is made as: itself, or a body as `moulded`, which also raises."""
-    options = body_options(spec)
-    return lens if options is None else moulded(lens, options, clear_aperture_of(spec, lens))
+    body = body_options(optic)
+    return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
 
 
 @lru_cache(maxsize=2)
