@@ -20,7 +20,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, made_of
+from optics.scene.system.moulded import bodies_of, body_options, made_of
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
@@ -284,7 +284,7 @@ class OpticalSystem:
         lens : the element that is designed, of whatever shape; the others are as the problem has them.
         """
         optic, media = self.problem.optic, self.media_at(self.problem.source.wavelength)
-        lenses = {id(fixed): blank for fixed, blank in self.fixed} | {id(optic): lens}
+        lenses = {id(other): blank for other, blank in self.elements(lens)}
         surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
         black = optic.wall == "absorbing"
         return tuple(
@@ -298,6 +298,21 @@ class OpticalSystem:
         """Return the path through a lens, where there is one."""
         (path,) = self.paths(lens)
         return path
+
+    def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
+        """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
+        return (self.problem.optic, lens), *self.fixed
+
+    def shaded_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens, among the bodies of all elements and a plane screen.
+
+        A lens on the axis before a target across it has none in the way.
+        """
+        path = self.path(lens)
+        if self.axial:
+            return path
+        bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
+        return replace(path, bodies=bodies, emitted=-self.problem.source.distance)
 
     @property
     def lens_on_axis(self) -> bool:
