@@ -3,6 +3,7 @@
 # make quick  a fast part of the tests, of every room
 # make slow   the tests that `make test` leaves out: whole programs, statistical repetitions; and the
 #             property tests once more, with more examples
+# make all    every test once: as `make test` and `make slow` together, without the properties twice
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
@@ -17,7 +18,7 @@ export PYTHON
 # fifth of the time of the tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick slow coverage lint docs dist licences gallery setup clean
+.PHONY: demo test quick slow all coverage lint docs dist licences gallery setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -35,6 +36,9 @@ test: setup
 
 slow: setup
 	@HYPOTHESIS_PROFILE=thorough $(PYTEST) -m "slow or hypothesis"
+
+all: setup
+	@HYPOTHESIS_PROFILE=thorough $(PYTEST)
 
 coverage: setup
 	@$(PYTEST) -m "not slow" --cov --cov-report=term

@@ -43,7 +43,7 @@ def exact_image(
         area = signed_area(corners)
         whole = abs(area) >= LEAST_AREA
         turned = ((corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]) for k in range(3))
-        edge = max(turned, key=_square)  # of equal ones the first
+        edge = corners if whole else max(turned, key=_square)  # of equal ones the first
         for i in _touched([p[0] for p in corners], rows):
             for j in _touched([p[1] for p in corners], columns):
                 part = area_within(corners, i, j) / area if whole else thickness_within(edge, i, j)
@@ -145,14 +145,17 @@ def _square(corners: tuple[Point, Point, Point]) -> Fraction:
 
 def _beyond(polygon: list[Point], axis: int, line: Fraction, sign: int) -> list[Point]:
     """Return the part of a convex polygon on one side of a line (Sutherland and Hodgman)."""
+    heights = [sign * (point[axis] - line) for point in polygon]
+    if all(height >= 0 for height in heights):
+        return polygon
     out = []
-    for p, q in zip(polygon, [*polygon[1:], *polygon[:1]]):
-        above, next_above = sign * (p[axis] - line), sign * (q[axis] - line)
-        if above >= 0:
-            out.append(p)
-        if above * next_above < 0:
-            t = above / (above - next_above)
+    for k, (q, after) in enumerate(zip(polygon, heights)):
+        p, before = polygon[k - 1], heights[k - 1]
+        if before < 0 < after or after < 0 < before:
+            t = before / (before - after)
             out.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
+        if after >= 0:
+            out.append(q)
     return out
 
 

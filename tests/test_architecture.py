@@ -115,7 +115,7 @@ def test_the_walk_finds_the_modules():
         "optics/base/runtime/backend.py",
     } <= set(names)
     assert "drjit" in packages(ROOT / "optics/base/runtime/backend.py")
-    assert "OCP" in packages(ROOT / "thbcad/cad/shapes/plain_solid.py")
+    assert "OCP" in packages(ROOT / "thbcad/cad/shapes/lens_parts.py")
     assert "thbcad.splines.knot_vector.KnotVector" in imported(ROOT / "thbcad/splines/__init__.py")
     assert "thbcad.splines.KnotVector" in imported(ROOT / "thbcad/__init__.py")
 

@@ -121,7 +121,7 @@ def third_party(path):
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        elif isinstance(node, ast.ImportFrom) and not node.level:  # a door names its own files as .file
             found.add(node.module.partition(".")[0])
     return found - {"thbcad", "optics", "_typeshed", *sys.stdlib_module_names}
 

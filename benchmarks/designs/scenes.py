@@ -29,6 +29,8 @@ SQUARE = {"target.half_width": [100.0, 100.0], "target.pixels": [256, 256], "opt
 BESIDE = SQUARE | {"target.position": [0, 300, 0], "target.tilt": [-90, 0, 180]}
 NEAR = BESIDE | {"element.M1.face.half_width": [53.0, 87.5]}
 ASIDE = SQUARE | {"target.distance": None, "target.position": [150, 0, 340]}
+# of uneven light, by a mirror near a lamp or on a turned screen: a level more than the usual five pays there
+AUTO = {"z_freedom": "auto", "max_level": "auto"}
 THICK = {"lens.thickness": 60.0, "lens.rear.freeform.z_freedom": "auto"}
 
 
@@ -37,7 +39,7 @@ def _tilted(beam: float, front: float, rear: float, position: list[float], tilt:
 
     beam, front, rear : mm, half-widths in x.  position : of the front vertex.  tilt : degrees about y.
     """
-    free = {"half_width": [rear, 50.0], "radius": "auto", "conic": "auto", "freeform": {"z_freedom": "auto"}}
+    free = {"half_width": [rear, 50.0], "radius": "auto", "conic": "auto", "freeform": AUTO}
     lens = {
         "kind": "lens",
         "name": "L1",
@@ -63,7 +65,9 @@ class Scene:
 SCENES = {
     "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE),
     "mirror, beam at 45 degrees, top hat": Scene("mirror", 0.005, BESIDE | TOP_HAT),
-    "mirror, point, pearl": Scene("lamp_reflector", 0.035, NEAR | PEARL),
+    "mirror, point, pearl": Scene(
+        "lamp_reflector", 0.035, NEAR | PEARL | {"element.M1.face.freeform.max_level": "auto"}
+    ),
     "mirror, point, top hat": Scene("lamp_reflector", 0.006, NEAR | {"target.lit": [0.8, 0.8]}),
     # the light in the glass is turned by 13 degrees, towards the screen
     "lens, screen turned to it, both faces bend": Scene(

@@ -81,6 +81,8 @@ class ConvexRegion:
         limits = self.offsets - self.normals @ origin
         for normal, limit in zip(flat, limits):
             beyond = polygon @ normal - limit
+            if (beyond < 0).all():
+                continue
             following, after = np.roll(polygon, -1, axis=0), np.roll(beyond, -1)
             cut = (beyond < 0) != (after < 0)
             share = np.where(cut, beyond / np.where(cut, beyond - after, 1.0), 0.0)

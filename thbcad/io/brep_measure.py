@@ -220,9 +220,10 @@ def _estimates(
 
     def estimate(more: int) -> float:
         nodes = exact or (SMOOTH_NODES // 2 + more,) * 2
+        fewest = 1 if exact else SMOOTH_NODES // 4  # edges of a spline face are cut at all of its knots
         total = 0.0
         for passage, breaks in zip(loops, pieces):
-            t, weights = gauss_rule(breaks, SMOOTH_NODES // 4 + more)
+            t, weights = gauss_rule(breaks, fewest + more)
             rate = weights * (-passage.rates(t)[:, 0] if straight else passage.rates(t)[:, 1])
             if rate.any():
                 u, v = _inside(face, passage.points(t)).T

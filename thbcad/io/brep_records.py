@@ -61,7 +61,8 @@ class BrepCurve:
         elif self.weights is not None:
             points = NURBSCurve(self.kv, self.poles, self.weights)(t, derivative)
         else:
-            points = self.kv.collocation(t, derivative) @ self.poles
+            first, values = self.kv.basis(t, derivative)
+            points = sum(v[:, None] * self.poles[first + k] for k, v in enumerate(values.T))
         return points
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Product as Product,
         face_colour as face_colour,
         one_line as one_line,
+        optical_places as optical_places,
         require_line as require_line,
     )
     from .rims import (

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 # control characters, separators of lines and halves of surrogate pairs: a file would not give them back
 FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
 LONGEST = 500  # characters; OCCT writes unreadable IGES files from 1000 on and ends the process from 2000 on
 
+LENS_SIDES, MIRROR_SIDES = ("front", "rear"), ("face", "back")  # names of the optical faces in files
 COLOURS = {
     "front": (0.72, 0.85, 0.95),
+    "face": (0.72, 0.85, 0.95),
     "rear": (0.60, 0.75, 0.90),
 }  # sRGB, by the first word of a face's name
 OTHER_COLOUR = (0.80, 0.80, 0.80)
@@ -23,6 +26,7 @@ class Product:
     name : of the solid, not empty.  author, organization, material : empty is unknown.
     density : g/cm^3, 0 is unknown.  index : refractive index, None is unknown.
     Density and index stand in a file only beside a material.
+    sides : what front and rear are called.
 
     Raises
     ------
@@ -46,6 +50,7 @@ class Product:
     material: str = ""
     density: float = 0.0
     index: float | None = None
+    sides: tuple[str, str] = LENS_SIDES
 
     def __post_init__(self) -> None:
         from thbcad.checks import require_number  # loads numpy, which `require_line` does without
@@ -64,6 +69,19 @@ class Product:
                 f"material must be named for a density or an index, got {self.density:g} g/cm^3 and index "
                 f"{self.index}"
             )
+
+    def named(self, names: Sequence[str]) -> list[str]:
+        """Return names of faces, those of its sides in place of front and rear."""
+        own = dict(zip(LENS_SIDES, self.sides))
+        return [own.get(name, name) for name in names]
+
+
+def optical_places(names: Sequence[str]) -> tuple[int, int] | None:
+    """Return where front and rear, or face and back of a mirror, are in names; None unless each is once."""
+    for front, rear in (LENS_SIDES, MIRROR_SIDES):
+        if names.count(front) == names.count(rear) == 1:
+            return names.index(front), names.index(rear)
+    return None
 
 
 def require_line(key: str, text: object) -> None:

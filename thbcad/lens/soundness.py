@@ -1,9 +1,9 @@
 """The proof that a lens is a body that CAD files can hold: its surfaces and its ruled wall do not cross.
 
-Where corners are cut off and front and rear differ in size, the wall of a lens crosses neither its surfaces
-nor itself: the wall joins points e of the unit outline, of half-widths 1.  At w it lies at X(w) = ((1 - w) h
-+ w h') e, from the rim of one surface G of half-widths h, its base, to that of the other, of half-widths h'.
-It lies
+Where corners are cut off and front and rear differ in size, the wall of a lens must cross neither its
+surfaces nor itself.  It joins points e of the unit outline, of half-widths 1.  At w it lies at
+X(w) = ((1 - w) h + w h') e, from the rim of one surface G of half-widths h, its base, to that of the other,
+of half-widths h'.  It lies
 
     w (gap(e) - mean over 0..w of sum_i (h'_i - h_i) e_i dG/dx_i(X))
 

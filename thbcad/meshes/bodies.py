@@ -1,8 +1,8 @@
 """Watertight meshes of a lens within an outline, its own or an elliptic aperture, with a flange or without,
 with a proven chord error; those of polygons are next door.
 
-Where front and rear differ in size they have one plan, scaled.  Of the rims F(w) and R(w) a wall is ruled, (1
-- v) F + v R.  With a bound M of |F''| and |R''| it lies within M d^2 / 8 of the bilinear patches between
+Where front and rear differ in size they have one plan, scaled.  Of the rims F(w) and R(w) a wall is ruled,
+(1 - v) F + v R.  With a bound M of |F''| and |R''| it lies within M d^2 / 8 of the bilinear patches between
 chords over d in w.
 
 A patch with the sides E and G = E + T lies within |N| / 4 max(1, |E|^2 / (E.G)) of its triangle over E, where

@@ -35,6 +35,7 @@ from optics.designing.optimisation.stage_search import Interrupted, Log, Search,
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
 from optics.designing.starts import TransportFit, TransportStart
+from optics.light.analysis import loss_notes
 from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
@@ -59,7 +60,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     ------
     UserError : (almost) nothing passes the lens.
     """
-    which = "unoptimised lens" if lens is None else "lens"
+    optic, units = system.problem.optic, system.units
+    which = f"unoptimised {optic.noun}" if lens is None else optic.noun
     lens, target, source = lens or system.lens, system.target, system.problem.source
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
     path = system.path(lens)
@@ -68,10 +70,9 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * source.flux:
         raise UserError(
-            f"only {fates.transmitted:.3g} {source.unit} of {source.flux:.3g} {source.unit} pass the {which} "
-            f"(totally reflected {fates.total_internal:.3g}, past the rear surface {fates.missed_rear:.3g}, "
-            f"absorbed {fates.absorbed:.3g}, blocked by stops or a clear aperture {fates.blocked:.3g}); "
-            "change the lens prescription"
+            f"only {fates.transmitted:.3g} {units.flux} of {source.flux:.3g} {units.flux} pass the {which}: "
+            f"{', '.join(loss_notes({units.key('fates'): fates.by_name}, units)) or 'much is reflected'}; "
+            + ("change the lens prescription" if system.problem.lens else f"move {optic.table}, or change it")
         )
     return fates.transmitted
 

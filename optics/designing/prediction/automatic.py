@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
-from optics.designing.prediction.expectation import gentler_targets
+from optics.designing.prediction.expectation import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
@@ -68,7 +68,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     spec = system.problem.optic
     front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
     rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
-    return OpticalSystem(system.problem.with_optic(front=front, rear=rear)), start
+    return replace(system, problem=system.problem.with_optic(front=front, rear=rear)), start
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
@@ -82,12 +82,12 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     asked, base = system.problem, base_of(_based(system.problem))
     widest = min(asked.optic.thickness, ROOM * system.problem.throw)
     for _ in range(STEPS):
-        wide = solvable_system(_with_numbers(asked, base, widest))
+        wide = solvable_system(_with_numbers(asked, base, widest), system.own)
         if not wide.parallel:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
         if start.bent < LEAST_BENT:
-            nearest = " or ".join(gentler_targets(wide, start))
+            nearest = " or ".join(gentler_geometries(wide, start))
             raise UserError(
                 f'no transport map tells what "{AUTO}" stands for: the surface can send only '
                 f"{start.bent:.0%} of the light to where it should go; give radius, conic and z_freedom of "
@@ -97,8 +97,8 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
             )
         light, slopes = start.rear_slopes()
         base = _nearest_base(asked, light, slopes, system.problem.throw)
-    based = solvable_system(_with_numbers(asked, base, widest))
-    return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)))
+    based = solvable_system(_with_numbers(asked, base, widest), system.own)
+    return solvable_system(_with_numbers(asked, base, _freedom(based, light, slopes)), system.own)
 
 
 def _nearest_base(

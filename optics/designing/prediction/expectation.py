@@ -118,7 +118,7 @@ def expected(
         blocked=fates.blocked / flux,
         reflected=reflected,
         totally=fates.total_internal / flux,
-        nearest=gentler_targets(system, start) if system.shaped == "rear" and reflected > STEEP else [],
+        nearest=gentler_geometries(system, start) if system.shaped == "rear" and reflected > STEEP else [],
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
@@ -135,11 +135,9 @@ def expected(
     ), plan
 
 
-def gentler_targets(system: OpticalSystem, start: TransportStart) -> list[str]:
-    """Return the options of the nearest targets to which the surface sends light of which it loses little."""
-    return nearest_geometry(
-        system, lambda other: can_be_lit(other) and start.lost(other.target) <= SURELY * STEEP
-    )
+def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:
+    """Return the options of the nearest geometries in which the surface loses little light."""
+    return nearest_geometry(system, lambda other: can_be_lit(other) and start.lost(other) <= SURELY * STEEP)
 
 
 def predicted_rel_l2(target: Floats, start_error: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from optics.designing.starts.rear_light import Floats, RearLight
 from optics.designing.transport import height_from_slopes
@@ -14,6 +15,19 @@ from optics.scene.paths import LightPath
 
 CELLS = 64  # in a direction, at most: they tell the share to a thousandth
 STEPS = 4  # of slopes and height, which depend on each other
+
+
+def stretched(places: Sequence[Floats], before: RearLight, now: RearLight) -> list[Floats]:
+    """Return places for light on a turned surface: its rectangle takes those of its rectangle before."""
+    at = []
+    for axis, (row, new) in enumerate(((before.x, now.x), (before.y, now.y))):
+        (a, b), (c, d) = (
+            r[light.emitted(light.weight.shape).sum(axis=1 - axis) > 0][[0, -1]]
+            for r, light in ((row, before), (new, now))
+        )
+        at.append((a + (new - c) * (b - a) / (d - c) - row[0]) / (row[1] - row[0]))
+    grid = np.meshgrid(*at, indexing="ij")
+    return [map_coordinates(place, grid, order=1, mode="nearest") for place in places]
 
 
 def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[Floats]) -> float:

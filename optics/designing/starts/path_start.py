@@ -3,7 +3,8 @@
 In the frame of the surface, for every cell of the light that meets it: optimal transport tells the place
 (u, v) on the receiver, what lies behind the surface the direction to it, the law of refraction or reflection
 the normal, and a fit the height; then all again.  Off axis no surface has the slopes that are asked for.
-What would land beside is asked for elsewhere (`prewarped`), until that changes little.
+What would land beside is asked for elsewhere (`prewarped`), until that changes little.  There half of the
+cells in each direction do in all rounds but the last.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ COARSE_FITS = 3  # in a round, since the slopes that are wanted depend on the he
 COARSE, FINE = 2, 4  # levels of these fits, at most
 CELLS_PER_FUNCTION = 1.5  # in a direction, at least
 MOST_ROUNDS = 5
+LEAST_CELLS = 64  # in each direction, of the rounds before the last
 CHANGE = 0.05  # of the light to ask for, relative to that wanted: with less another round does not pay
+# pixels that light lands beside its place, root mean square, from which on this is as uneven as the picture
+# (pearl on a screen turned by 71 degrees: the start's rel_l2 is 0.136 with fine bins and 0.195 without)
+FAR = 1.0
 MOVED = 1e-3  # of the surface's width: light that its new height moves by less is not traced again
 
 
@@ -86,13 +91,15 @@ def shaped_along(
     assert shape.sag is not None
     coarse, fine = _meshes(shape.sag.space, counts, finest)
     sag, asked, chart = THBSurface(coarse, np.zeros(coarse.dim)), wanted, None
-    for _ in range(MOST_ROUNDS):
-        light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, counts)
-        flux, first = light.emitted(counts), sag.grid(light.x, light.y)
+    settled = path.receiver.across_axis
+    for left in reversed(range(MOST_ROUNDS)):
+        grid = counts if settled or not left else _halved(counts)
+        light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, grid)
+        flux, first = light.emitted(grid), sag.grid(light.x, light.y)
         if chart is None:
             height = shape.conic(light.x[:, None], light.y[None, :]) + first
             chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
-        sent = _sent(backend, light, chart, asked, counts)
+        sent = _sent(backend, light, chart, asked, grid)
         for mesh in [coarse] * COARSE_FITS + [fine]:
             points, slopes = _jet(shape.with_sag(sag), light)
             needed, possible = shaped.slopes(points, light.direction, sent)
@@ -100,19 +107,29 @@ def shaped_along(
             conic = _jet(FreeformSurface(shape.half_width, shape.conic), light)[1]
             # elsewhere slopes go on as coarse fits let them; a fine one then takes all alike, which is quick
             zx, zy = above = [np.where(known, n, s) - c for n, s, c in zip(needed, slopes, conic)]
-            weight = np.ones(counts) if mesh is fine else np.where(known, 1.0, LEAST_WEIGHT)
+            weight = np.ones(grid) if mesh is fine else np.where(known, 1.0, LEAST_WEIGHT)
             sag = fit_slopes(mesh, light.x, light.y, zx, zy, weight)
         points, slopes = _jet(shape.with_sag(sag), light)
         landed = shaped.landing(points, light.direction, slopes)
         beside = [np.nan_to_num((a - b) / h) for a, b, h in zip(landed, sent, wanted.half)]
+        off = sum((d * n / 2) ** 2 for d, n in zip(beside, wanted.flux.shape))
+        far = bool(np.average(off, weights=flux) > FAR**2)
         before = asked
-        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux))
+        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux, far))
         p, q, r = light.direction
         aside = (sag.grid(light.x, light.y) - first) * np.hypot(p, q) / r
         moved = np.sqrt(np.average(aside**2, weights=flux)) / (2 * max(shape.half_width))
-        if moved < MOVED and _difference(asked, before) < CHANGE * _difference(wanted):
+        unchanged = moved < MOVED and _difference(asked, before) < CHANGE * _difference(wanted)
+        if unchanged and grid == counts:
             break
+        settled = settled or unchanged
     return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent)
+
+
+def _halved(counts: tuple[int, int]) -> tuple[int, int]:
+    """Return half as many cells in each direction, but no fewer than LEAST_CELLS where there are more."""
+    nx, ny = (min(n, max(LEAST_CELLS, n // 2)) for n in counts)
+    return nx, ny
 
 
 def _meshes(space: THBSpace, counts: tuple[int, int], finest: int) -> tuple[THBSpace, THBSpace]:

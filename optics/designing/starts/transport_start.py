@@ -16,7 +16,8 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.designing.starts.cell_sums import summed_over_cells
-from optics.designing.starts.lost_light import lost_share
+from optics.designing.starts.lost_light import CELLS, lost_share, stretched
+from optics.designing.starts.path_light import light_on
 from optics.designing.starts.path_start import Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
@@ -31,7 +32,7 @@ from optics.designing.transport import height_from_slopes, prewarped, transport_
 from optics.light.blur import aimed
 from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.receivers import Screen, lit_part
-from optics.scene.system import LightTarget, OpticalSystem, target_irradiance
+from optics.scene.system import OpticalSystem, target_irradiance
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
@@ -152,13 +153,19 @@ class TransportStart:
         x, y = light.x[:, None], light.y[None, :]
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
-    def lost(self, target: LightTarget) -> float:
-        """Return the share of the light that a surface loses which sends it to the same places of a target,
-        see `lost_share`."""
-        path, sides = self._system.path(self._lens).onto(target.receiver), target.settings.half_width
-        number = max(k for k, surface in enumerate(path.surfaces) if surface.shape.sag is not None)
-        scales = (new / old for new, old in zip(sides, self._system.target.settings.half_width))
-        return lost_share(path, number, self._light, [s * a for s, a in zip(scales, self._places)])
+    def lost(self, system: OpticalSystem) -> float:
+        """Return the share of the light that the surface loses, see `lost_share`, which sends it to the same
+        places of a target that lies elsewhere; with what misses an element that is turned."""
+        path, here = system.path(self._lens), self._system.path(self._lens)
+        number = path.shaped
+        sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
+        places = [new / old * a for (new, old), a in zip(sides, self._places)]
+        if np.array_equal(system.pose.rotation, self._system.pose.rotation):
+            return lost_share(path, number, self._light, places)
+        lights = [light_on(self._backend, p, number, system.source, (CELLS, CELLS)) for p in (here, path)]
+        before, now = (float(light.emitted((CELLS, CELLS)).sum()) for light in lights)
+        turned = lost_share(path, number, lights[1], stretched(places, self._light, lights[1]))
+        return 1 - now / before * (1 - turned)
 
     def level(self, least: int, finest: int) -> int:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL

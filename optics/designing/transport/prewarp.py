@@ -20,24 +20,28 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
 Floats = NDArray[np.float64]
 
 CELLS_PER_BIN = 4  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
+CELLS_PER_FINE_BIN = 2
 FEW = 1e-3  # of the mean light of a bin: with less its d is that of the nearest other
 SAMPLES = 2  # of a cell in each direction
 
 
-def prewarped(wanted: Floats, sent: Sequence[Floats], beside: Sequence[Floats], light: Floats) -> Floats:
+def prewarped(
+    wanted: Floats, sent: Sequence[Floats], beside: Sequence[Floats], light: Floats, fine: bool = False
+) -> Floats:
     """Return the density to ask for, (nx, ny), of any scale.
 
     wanted : T, (nx, ny), its cell means over the target.
     sent : two arrays (mx, my), where the light of source cells is sent, the target being [-1, 1]^2.
     beside : two such arrays, d.  light : (mx, my), flux of the source cells.
+    fine : d is as uneven as the picture.
     """
-    bins = [-(-n // CELLS_PER_BIN) for n in wanted.shape]
-    fine = [SAMPLES * n for n in wanted.shape]
+    bins = [-(-n // (CELLS_PER_FINE_BIN if fine else CELLS_PER_BIN)) for n in wanted.shape]
+    samples = [SAMPLES * n for n in wanted.shape]
     cells = [
-        zoom(d, [m / k for m, k in zip(fine, bins)], order=1, mode="nearest", grid_mode=True) * (n / 2)
-        for d, n in zip(_binned(sent, beside, light, bins), fine)
+        zoom(d, [m / k for m, k in zip(samples, bins)], order=1, mode="nearest", grid_mode=True) * (n / 2)
+        for d, n in zip(_binned(sent, beside, light, bins), samples)
     ]
-    row, column = (np.floor(d + k + 0.5).astype(int) // SAMPLES for d, k in zip(cells, np.indices(fine)))
+    row, column = (np.floor(d + k + 0.5).astype(int) // SAMPLES for d, k in zip(cells, np.indices(samples)))
     on_target = (row >= 0) & (row < wanted.shape[0]) & (column >= 0) & (column < wanted.shape[1])
     arriving = np.where(on_target, wanted[np.where(on_target, row, 0), np.where(on_target, column, 0)], 0.0)
     (xx, xy), (yx, yy) = (np.gradient(d) for d in cells)

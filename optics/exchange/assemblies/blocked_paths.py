@@ -52,8 +52,9 @@ def _node(triangles: Floats) -> _Node:
 def _search(node: _Node, start: Floats, along: Floats, paths: NDArray[np.int64], met: Booleans) -> None:
     """Mark the paths, by number, that meet a triangle below a node."""
     paths = paths[~met[paths]]
+    origin, way = start[paths], along[paths]
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = ((end - start[paths]) / along[paths] for end in (node.low, node.high))
+        a, b = ((end - origin) / way for end in (node.low, node.high))
     # a path in the plane of a side, 0 / 0, is inside as far as that side goes
     first = np.fmax.reduce(np.fmin(a, b), axis=1, initial=0.0)
     last = np.fmin.reduce(np.fmax(a, b), axis=1, initial=1.0)

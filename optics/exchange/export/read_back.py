@@ -15,6 +15,7 @@ from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.wall_distance import wall_distance
 from optics.exchange.verification import state_checks
+from thbcad.checks import Floats
 from thbcad.doors import pip_command
 from thbcad.io import patched_deviation
 from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation
@@ -35,8 +36,6 @@ READERS = {
     "3mf": ("lib3mf", "trimesh"),
     "glb": ("trimesh",),
 }
-
-Array = NDArray[np.float64]
 
 
 def require_readers(name: str) -> None:
@@ -197,11 +196,11 @@ def array_checks(lens: Lens, path: Path) -> list[Check]:
     return checks
 
 
-def _greatest(values: Array) -> float:
+def _greatest(values: Floats) -> float:
     return float(np.abs(values).max())
 
 
-def _samples(corners: Array, triangles: NDArray[np.int64]) -> Array:
+def _samples(corners: Floats, triangles: NDArray[np.int64]) -> Floats:
     """Return corners, middles of the sides and centroids of triangles, (n, 3)."""
     step = -(-5 * len(triangles) // SAMPLES)
     a, b, c = (corners[triangles[::step, k]] for k in range(3))

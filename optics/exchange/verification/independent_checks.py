@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import Crossed, occt_through
@@ -27,6 +26,7 @@ from optics.exchange.verification.step_file import (
 from optics.exchange.verification.trace_comparison import compared
 from optics.scene.problem import Verify
 from optics.scene.system import MadePart, OpticalSystem
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
 from thbcad.moulds import lens_of
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from thbcad.moulds import MouldedBody, Solid
 
 
-Rows = NDArray[np.float64]
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
 ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
@@ -212,7 +211,7 @@ def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:
     return loose + int((edge.poles[[0, -1]] != edge.ends).any())
 
 
-def _corners(form: OpticalForm) -> Iterator[Rows]:
+def _corners(form: OpticalForm) -> Iterator[Floats]:
     """Yield the corners of front or rear, (3,), mm."""
     for corner in CORNERS:
         if isinstance(form, BSplineSurface):
@@ -247,6 +246,6 @@ def _leads(edge: BrepEdge) -> bool:
     return bool(wanted @ line > 0 and beside <= ROUNDING * np.linalg.norm(wanted) * np.linalg.norm(line))
 
 
-def _bits(array: Rows) -> bytes:
+def _bits(array: Floats) -> bytes:
     """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return np.ascontiguousarray(array + 0.0).tobytes()

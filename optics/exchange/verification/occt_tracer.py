@@ -6,25 +6,25 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from thbcad.cad.exchange import face_hits
+from thbcad.checks import Floats
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import TopoDS_Shape
 
-Rows = NDArray[np.float64]
+
 Crossed = tuple[int, float | None]  # front or rear (0, 1), and index before / behind; None reflects all
 
 
 def occt_trace(
     solid: TopoDS_Shape,
     optical: tuple[int, int],
-    origins: Rows,
-    directions: Rows,
+    origins: Floats,
+    directions: Floats,
     index: float | None,
     target: Receiver,
 ) -> LandingPoints:
@@ -61,7 +61,7 @@ def occt_through(
     return RaysBehind(points, onward, weight)
 
 
-def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, Rows]:
+def _refracted(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Floats]:
     """Return (directions, transmittance) by Snell's law and Fresnel's equations, 0 where totally reflected.
 
     With the cosines a and b of the angles to the normal before and behind the face,

@@ -32,6 +32,7 @@ from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens, OpticalForm
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface
@@ -42,7 +43,6 @@ if TYPE_CHECKING:  # optiland takes seconds to load
 
     Frames = Iterator[tuple[NDArray[np.int64], BaseGeometry]]  # numbers of rays and the geometry for them
 
-Rows = NDArray[np.float64]
 AT_ONCE = 1000  # rays
 HEIGHTS = 17  # from the lowest to the highest pole of a face
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12  # mm; about ten times the rounding at 1 m from the face
@@ -79,8 +79,8 @@ def tracer_by_optiland(file: StepFile, index: float | None) -> Callable[[RaysBeh
 def optiland_trace(
     front: OpticalForm,
     rear: OpticalForm,
-    origins: Rows,
-    directions: Rows,
+    origins: Floats,
+    directions: Floats,
     index: float | None,
     target: Receiver,
     rims: Sequence[FaceRim] = (),
@@ -182,8 +182,8 @@ def _conic_geometry(conic: PlacedConic) -> Plane | StandardGeometry:
 
 
 def _through(
-    surface: OpticalForm, points: Rows, directions: Rows, indices: tuple[float, float] | None
-) -> tuple[Rows, Rows, Rows]:
+    surface: OpticalForm, points: Floats, directions: Floats, indices: tuple[float, float] | None
+) -> tuple[Floats, Floats, Floats]:
     """Return (points, directions, transmittance) of rays behind a face, or of those that it reflects.
 
     Rays that do not pass have the transmittance 0 and the direction NaN.
@@ -205,7 +205,7 @@ def _through(
     return met, onward, transmittance
 
 
-def _frames(surface: BSplineSurface, points: Rows, directions: Rows) -> Frames:
+def _frames(surface: BSplineSurface, points: Floats, directions: Floats) -> Frames:
     """Yield (numbers of rays, geometry in a frame near the height at which they fall through a spline)."""
     z = surface.coefficients[..., 2]
     heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
@@ -214,7 +214,9 @@ def _frames(surface: BSplineSurface, points: Rows, directions: Rows) -> Frames:
         yield np.flatnonzero(nearest == k), _spline_geometry(surface, heights[k])
 
 
-def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
+def _nearest(
+    surface: BSplineSurface, heights: Floats, points: Floats, directions: Floats
+) -> NDArray[np.int64]:
     """Return the index of the first height at which a ray has fallen through a face, (n,), -1 for none."""
     geometry = _spline_geometry(surface, 0.0)
     poles = np.asarray(geometry.P)
@@ -231,8 +233,8 @@ def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: R
 
 
 def _meeting(
-    geometry: BaseGeometry, corners: tuple[Rows, Rows], points: Rows, directions: Rows
-) -> tuple[Rows, NDArray[np.bool_]]:
+    geometry: BaseGeometry, corners: tuple[Floats, Floats], points: Floats, directions: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Return (points, met) where rays meet a face; rays that pass it by end anywhere.
 
     corners : least and greatest (x, y) of the face
@@ -251,8 +253,8 @@ def _meeting(
 
 
 def _refracted(
-    geometry: BaseGeometry, points: Rows, directions: Rows, indices: tuple[float, float] | None
-) -> tuple[Rows, Rows]:
+    geometry: BaseGeometry, points: Floats, directions: Floats, indices: tuple[float, float] | None
+) -> tuple[Floats, Floats]:
     """Return (directions, transmittance) behind a face, 0 where totally reflected; without indices those of a
     mirror.
 
@@ -277,7 +279,7 @@ def _refracted(
     return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
 
 
-def _rays(points: Rows, directions: Rows) -> RealRays:
+def _rays(points: Floats, directions: Floats) -> RealRays:
     """Return optiland's container of rays."""
     from optiland.rays import RealRays
 

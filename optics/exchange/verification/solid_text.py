@@ -12,7 +12,7 @@ from optics.base.runtime import Check
 from optics.exchange.verification.step_file import optical_form
 from thbcad.cad.exchange import SolidState, solid_volume
 from thbcad.io import MILLIMETRE, Brep, NotMeasured, areas, image_distance, turned_faces, volume
-from thbcad.lens import OpticalForm
+from thbcad.lens import OpticalForm, optical_places
 from thbcad.sags import PlacedConic
 
 FINE_VOLUME = 1e-9  # relative
@@ -24,7 +24,7 @@ SCHEMAS = (
     "CONFIG_CONTROL_DESIGN",
 )  # AP242, AP214, AP203
 EXTRUDED = "area by OCCT: its integral over the wall of an ellipse is off by up to 1e-4 at any tolerance"
-OWN_NAMES = ("front", "rear", "edge", "flange")  # the first words of this package's names of faces
+OWN_NAMES = ("front", "rear", "face", "back", "edge", "flange")  # first words of own names of faces
 
 
 def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check], list[str]]:
@@ -37,8 +37,10 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
         turned = turned_faces(solid)
     names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
     again = sum(names.values()) - len(names)
-    middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
-    again += int(len(middle) == 2 and not middle["front"] < middle["rear"])
+    places = optical_places([face.name for face in solid.faces])
+    if places is not None:
+        front, rear = (_middle(optical_form(solid, solid.faces[k])) for k in places)
+        again += int(not front < rear)
     other = not any(word.startswith(SCHEMAS) for word in solid.labels["schema"])
     return [
         Check.none_of("text of the file: schema that is none of AP203, AP214, AP242", other),

@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.verification.traced_faces import FaceRim
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepFace, parse_brep, volume
-from thbcad.lens import Lens, OpticalForm, edge_names
+from thbcad.lens import Lens, OpticalForm, edge_names, optical_places
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
     from thbcad.moulds import Solid
-
-Rows = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -175,9 +173,9 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     ------
     ValueError : there are not two.
     """
-    names = [face.name for face in solid.faces]
-    if names.count("front") == names.count("rear") == 1:
-        return names.index("front"), names.index("rear")
+    places = optical_places([face.name for face in solid.faces])
+    if places is not None:
+        return places
     forms = {k: optical_form(solid, face) for k, face in enumerate(solid.faces)}
     centres = {k: _centre(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
     if len(centres) > 2:
@@ -196,7 +194,7 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     return order[0], order[-1]
 
 
-def _centre(spline: BSplineSurface) -> Rows:
+def _centre(spline: BSplineSurface) -> Floats:
     """Return the point at the middle of the parameters, (3,), mm."""
     u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
     return spline([u], [v])[0]
@@ -219,7 +217,7 @@ def optical_form(solid: Brep, face: BrepFace) -> OpticalForm | None:
     return None if surface is None else conic_of_patch(surface, half_width)
 
 
-def face_corners(solid: Brep, face: BrepFace) -> Rows:
+def face_corners(solid: Brep, face: BrepFace) -> Floats:
     """Return the ends of the edges around a face, (n, 3), mm."""
     numbers = {number for loop in face.loops for number, _ in loop}
     ends = [edge.ends for edge in solid.edges if edge.number in numbers]

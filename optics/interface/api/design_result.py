@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
 from optics.exchange.results import ResultFolder
@@ -127,10 +128,12 @@ class Design(DesignRecord):
         ------
         UserError : the folder cannot be written, or something in it would be lost.
         """
+        self._require_told("saved")
         return save(self, ResultFolder(folder), force)
 
     def verify(self) -> dict[str, Any]:
         """Return the checks of the lens's STEP file and of its light, as in verify.json."""
+        self._require_told("verified")
         return verified(self)
 
     def relight(self, source: str | Source) -> Measurement:
@@ -142,6 +145,7 @@ class Design(DesignRecord):
         ------
         UserError : other words, or light that does not go with the lens.
         """
+        self._require_told("relit")
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
             measurement = relit(self.problem, self.lens, light, self.system.backend)
@@ -189,10 +193,24 @@ class Design(DesignRecord):
 
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
+        self._require_told("viewed")
         plain = OpticalSystem(self.problem)
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
+
+    def _require_told(self, done: str) -> None:
+        """Refuse what takes the light from the problem, where a script brought its own.
+
+        Raises
+        ------
+        UserError : names what cannot be done.
+        """
+        if self.system.own:
+            raise UserError(
+                f"a design with a source or a receiver of a script's own cannot be {done}, as no problem "
+                "file describes it; take its lens, its irradiance and its metrics"
+            )
 
     def __repr__(self) -> str:
         return f"Design({self.problem.title!r}, {self.run_metrics['dof']} degrees of freedom)"

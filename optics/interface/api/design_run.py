@@ -14,19 +14,26 @@ from optics.interface.api.level_records import LevelKeeper
 from optics.interface.api.prepared_problem import Prepared, prepared, shaping_by
 from optics.light.engines import Engine
 from optics.scene.problem import Problem
-from optics.scene.system import advice, solvable_system
+from optics.scene.receivers import Receiver
+from optics.scene.sources import LightSource
+from optics.scene.system import Own, advice, solvable_system
 
 Show = Callable[[ProgressEvent], None]
 
 
 def design(
-    problem: Problem, progress: bool | Show | None = None, engine: str | Engine | None = None
+    problem: Problem,
+    progress: bool | Show | None = None,
+    engine: str | Engine | None = None,
+    source: LightSource | None = None,
+    receiver: Receiver | None = None,
 ) -> Design:
     """Shape the lens of a problem and return the Design.
 
     progress : True draws a bar in terminals and notebooks; a function is called with every
         `optics.base.runtime.ProgressEvent`.
     engine : a name as of `optimizer.engine`, an `optics.light.engines.Engine`, or None for the problem's own.
+    source, receiver : as of `System`.
 
     Ctrl-C ends the work.  The design then holds the best lens so far, and `interrupted` is true; where no
     level had begun, the KeyboardInterrupt goes on.
@@ -40,7 +47,7 @@ def design(
         raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
     clock, notes = RunClock(_progress(progress)), Notes()
     with clock.progress, DEVICE:
-        system = solvable_system(problem)
+        system = solvable_system(problem, Own(source, receiver))
         clock.progress.asked(system)
         made = designed(problem, prepared(system), clock, notes, engine)
     if made.interrupted:

@@ -23,7 +23,9 @@ from optics.interface.api.prepared_problem import prepared, shaping_by
 from optics.light.analysis import Measurement, measure
 from optics.light.engines import Engine, Film
 from optics.scene.problem import Problem
-from optics.scene.system import solvable_system
+from optics.scene.receivers import Receiver
+from optics.scene.sources import LightSource
+from optics.scene.system import Own, solvable_system
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import Lens, require_sound
 from thbcad.surfaces import THBSurface
@@ -38,6 +40,8 @@ class System:
 
     It is built again from its problem where it is copied or pickled.
 
+    source, receiver : objects of classes of your own, in place of what the problem describes, see `Own`.
+
     Raises
     ------
     UserError : a problem that cannot be solved; one sentence says why.
@@ -48,15 +52,18 @@ class System:
     289
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(
+        self, problem: Problem, source: LightSource | None = None, receiver: Receiver | None = None
+    ) -> None:
         if not isinstance(problem, Problem):
             raise UserError(f"System takes a Problem, got {problem!r}; optics.load_problem reads a file")
         with DEVICE:
-            ready = prepared(solvable_system(problem))
+            ready = prepared(solvable_system(problem, Own(source, receiver)))
         self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
 
-    def __reduce__(self) -> tuple[type[System], tuple[Problem]]:
-        return System, (self.problem,)
+    def __reduce__(self) -> tuple[type[System], tuple[object, ...]]:
+        own = self.optical.own
+        return System, (self.problem, own.source, own.receiver)
 
     @property
     def problem(self) -> Problem:

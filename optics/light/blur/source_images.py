@@ -81,18 +81,20 @@ def patch_images(
 
     backend : of double precision.  rays : their product counts.
 
-    The position in a patch at which a ray leaves the rear moves its image.  A quadratic in this position is
-    fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the image.
+    The position in a patch at which a ray leaves the rear, or a mirror's face, moves its image.  A quadratic
+    in this position is fitted to the landing points of every patch, weighted by flux, and subtracted; the
+    rest is the image.
     """
-    tracer = Tracer(backend, system.path(lens), system.source.rays(rays))
+    path = system.path(lens)
+    tracer, last = Tracer(backend, path, system.source.rays(rays)), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at(1)
+        hits, _, _ = tracer.at(last)
         _, landing = tracer.trace()
         values = [hits.x, hits.y, landing.x, landing.y, landing.flux]
         backend.dr.eval(values)
     x, y, *arrival, flux = (a.numpy() for a in values)
     lit = flux > 0
-    positions = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), lens.rear.half_width)]
+    positions = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), path.surfaces[last].shape.half_width)]
     cells = [np.clip(np.floor(a).astype(int), 0, PATCHES - 1) for a in positions]
     within = [2 * (a - c) - 1 for a, c in zip(positions, cells)]
     patch = cells[0] * PATCHES + cells[1]

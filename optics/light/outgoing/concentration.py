@@ -250,9 +250,9 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
-    first = system.problem.face_names[0]
+    first = _the(system.problem.face_names[0])
     return (
-        f"greatest concentration of light: {found.times:.3g} times that on the {first}, "
+        f"greatest concentration of light: {found.times:.3g} times that on {first}, "
         f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
         f"without losses; searched up to {_length(found.searched)})"
     )
@@ -265,7 +265,13 @@ def _length(mm: float) -> str:
 def _place(system: OpticalSystem) -> str:
     """Return from where the way of light is counted."""
     last = system.problem.faces_met[-1]
-    return f"{'before' if last.reflects or last.backwards else 'behind'} the {system.problem.face_names[-1]}"
+    side = "before" if last.reflects or last.backwards else "behind"
+    return f"{side} {_the(system.problem.face_names[-1])}"
+
+
+def _the(face: str) -> str:
+    """Return what a sentence calls a face: one of several elements has a name of its own."""
+    return face if "." in face else f"the {face}"
 
 
 def fire_warning(system: OpticalSystem, found: Concentration) -> str:

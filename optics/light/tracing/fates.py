@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+Number = TypeVar("Number", int, float)
 # every fate of the light of a lens alone with the sentence that reports print
 SENTENCES = {
     "beside_lens": "passes beside the lens",
@@ -147,7 +148,7 @@ class SequentialFates:
     @property
     def by_name(self) -> dict[str, float]:
         """The flux by the name of its fate; what is rare only where there is some."""
-        return _in_order({fate.name: flux for fate, flux in self.flux.items() if flux or not fate.rare})
+        return _in_order(by_name(self.flux))
 
     def landing(self, on_target: float, off_target: float) -> SequentialFates:
         """Return it with other flux on the target and beside it."""
@@ -222,6 +223,15 @@ def fate_sentences(fates: Iterable[str]) -> dict[str, str]:
         (name, word, text) for name in names for word, text in OF_FACE.values() if name.endswith(f" {word}")
     ]
     return OF_SCENE | {name: text.format(name.removesuffix(f" {word}")) for name, word, text in ends}
+
+
+def by_name(shares: Mapping[Fate, Number]) -> dict[str, Number]:
+    """Return what light has by the names of its fates; a face that it meets twice has one of each."""
+    found: dict[str, Number] = {}
+    for fate, share in shares.items():
+        if share or not fate.rare:
+            found[fate.name] = found.get(fate.name, type(share)(0)) + share
+    return found
 
 
 def _in_order(flux: dict[str, float]) -> dict[str, float]:

@@ -25,7 +25,7 @@ from optics.light.intersections import (
     device_flux,
     on_device,
 )
-from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates
+from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates, by_name
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.parallel_light import stays_parallel, through_plane
 from optics.light.tracing.traced_surface import Passage, TracedSurface, blocked_rays, knots_of
@@ -261,7 +261,7 @@ class Tracer:
         counts[Fate("blocked")] = counts.get(Fate("blocked"), 0) + count(alive & landing.blocked)
         alive = dr.select(landing.blocked, False, alive)
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
-        return {fate.name: n for fate, n in counts.items() if n or not fate.rare}
+        return by_name(counts)
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
         """Return a surface of the path.  grid : of light along z, which meets it behind a plane."""

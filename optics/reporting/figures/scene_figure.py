@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
-from numpy.typing import NDArray
 
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
@@ -35,10 +34,9 @@ from optics.reporting.view import (
 from optics.scene.problem import FaceMet
 from optics.scene.receivers import Plane
 from optics.scene.system import LightTarget, OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.moulds import Solid, lens_of
-
-Array = NDArray[np.float64]
 
 INK = "0.2"
 LABEL = {"facecolor": "white", "alpha": 0.6, "lw": 0, "pad": 1.5}
@@ -83,7 +81,7 @@ def solid_views(solid: Solid, sides: tuple[str, str] = LENS) -> bytes:
     return png_bytes(figure)
 
 
-def _turns(sides: tuple[str, str]) -> dict[str, Array]:
+def _turns(sides: tuple[str, str]) -> dict[str, Floats]:
     """Return the views by name; rows are right, up and towards the viewer, in the frame of the lens."""
     front, rear = sides
     return {
@@ -117,7 +115,7 @@ def draw_solid(axes: Axes, faces: Sequence[Face], view: View, alpha: float = 1.0
     axes.plot(*np.concatenate(lines, axis=1), color=INK, lw=0.9, zorder=2)
 
 
-def _dimensions(axes: Axes, box: Sequence[Array], half_size: float, height: bool) -> None:
+def _dimensions(axes: Axes, box: Sequence[Floats], half_size: float, height: bool) -> None:
     """Draw the width of the outline below it, and its height at its left."""
     (left, bottom), (right, top) = box
     gap = 0.07 * half_size
@@ -139,7 +137,7 @@ def _dimensions(axes: Axes, box: Sequence[Array], half_size: float, height: bool
         )
 
 
-def _names(axes: Axes, faces: Sequence[Face], turn: Array, names: dict[str, str]) -> None:
+def _names(axes: Axes, faces: Sequence[Face], turn: Floats, names: dict[str, str]) -> None:
     """Write the names of the faces that the viewer sees in the middle of them.  names : of front and rear."""
     for face in faces:
         middle = (slice(None), *(n // 2 for n in face.points.shape[1:]))
@@ -163,7 +161,7 @@ def _text(lens: Lens, steeper: dict[str, float], names: dict[str, str]) -> str:
     )
 
 
-def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
+def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Sequence[RayPath]) -> bytes:
     """Return a PNG of source, element, rays and the light on the target, in parallel projection.
 
     Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, and a short one of
@@ -240,7 +238,7 @@ def _draw(
             axes.annotate(element.name, under, (0, -3), textcoords="offset points", ha="center", va="top")
 
 
-def _by_visit(points: Array, visits: Sequence[Sequence[Any]]) -> list[Array]:
+def _by_visit(points: Floats, visits: Sequence[Sequence[Any]]) -> list[Floats]:
     """Return the points (3, n) of a path cut in the middle between an element and the next."""
     parts = []
     for visit in visits[:-1]:
@@ -253,7 +251,7 @@ def _by_visit(points: Array, visits: Sequence[Sequence[Any]]) -> list[Array]:
     return [*parts, points]
 
 
-def _stop(axes: Axes, scene: Scene, rims: Sequence[Array]) -> None:
+def _stop(axes: Axes, scene: Scene, rims: Sequence[Floats]) -> None:
     """Draw a stop as a thin plate.  rims : as of `stop_rims`."""
     closed = (np.concatenate([rim, rim[:, :1]], axis=1) for rim in rims)
     shape = Path.make_compound_path(*(Path(scene(rim).T, closed=True) for rim in closed))
@@ -261,20 +259,20 @@ def _stop(axes: Axes, scene: Scene, rims: Sequence[Array]) -> None:
     axes.add_patch(PathPatch(shape, facecolor=INK, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order))
 
 
-def _wider(box: Array, margin: float) -> Array:
+def _wider(box: Floats, margin: float) -> Floats:
     """Return a (2, 2) box with a margin around it, relative to its longer side."""
     room = margin * np.ptp(box, axis=0).max()
     return box + np.array([[-room], [room]])
 
 
-def _target(axes: Axes, scene: Scene, target: LightTarget, irradiance: Array) -> None:
+def _target(axes: Axes, scene: Scene, target: LightTarget, irradiance: Floats) -> None:
     """Draw the light on the target, a curved one pixel by pixel, or block by block."""
     receiver, (x, y) = target.receiver, target.settings.half_width
     behind = scene.turn[2] @ np.array(receiver.normal(0.0, 0.0)) > 0
     order = (4.0 if behind else 2.5) if scene.nearer(scene.outlook) else 0.5
     shown: dict[str, Any] = {"cmap": "gray", "vmin": 0, "vmax": float(np.quantile(irradiance, 0.999)) or 1.0}
 
-    def seen(u: Array, v: Array) -> Array:
+    def seen(u: Floats, v: Floats) -> Floats:
         return scene(np.stack(np.broadcast_arrays(*receiver.points(u, v))))
 
     if isinstance(receiver, Plane):

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing import RayPath, TargetArea, Tracer, trace_paths
@@ -14,10 +13,9 @@ from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.outlines import Outline
-
-Array = NDArray[np.float64]
 
 BUNDLE = (8, 8)  # rays
 FAR = 4.0  # half-widths of the last surface behind it, to where rays to the far field are drawn
@@ -59,7 +57,7 @@ def sequential_paths(
     n = rays.flux.size
     ends, parts, fates = [rays.origin], np.ones(n, dtype=int), np.full(n, "on_target", dtype=object)
 
-    def go(there: Array, lost: dict[str, Array]) -> None:
+    def go(there: Floats, lost: dict[str, Floats]) -> None:
         """Take rays to points (3, n).  lost : who ends there by fate, first the fate that comes first."""
         going = fates == "on_target"
         for fate, some in lost.items():
@@ -86,7 +84,7 @@ def sequential_paths(
     return [RayPath(ways[:count, :, k], fate) for k, (count, fate) in enumerate(zip(parts, fates))]
 
 
-def _on_stops(stops: Iterable[Stop], start: Array, end: Array) -> Array:
+def _on_stops(stops: Iterable[Stop], start: Floats, end: Floats) -> Floats:
     """Return where stops take light on its way from points to points; its end where they do not."""
     length = np.maximum(np.sqrt(((end - start) ** 2).sum(axis=0)), np.finfo(float).tiny)
     direction, first = (end - start) / length, length
@@ -95,18 +93,18 @@ def _on_stops(stops: Iterable[Stop], start: Array, end: Array) -> Array:
     return start + first * direction
 
 
-def _rows(values: Iterable[Any], n: int) -> Array:
+def _rows(values: Iterable[Any], n: int) -> Floats:
     """Return arrays of the device, or numbers, as rows of n numbers."""
     return np.stack([np.zeros(n) + (v.numpy() if hasattr(v, "numpy") else v) for v in values])
 
 
-def stop_rims(system: OpticalSystem, lens: Lens) -> list[list[Array]]:
+def stop_rims(system: OpticalSystem, lens: Lens) -> list[list[Floats]]:
     """Return the rims of every stop, (3, n) each, mm: the outer one first, each the other way round."""
     hx, hy = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
     return [_rims(stop, (hx, hy)) for stop in system.stops]
 
 
-def _rims(stop: Stop, size: tuple[float, float]) -> list[Array]:
+def _rims(stop: Stop, size: tuple[float, float]) -> list[Floats]:
     outlines = [stop.outline] if stop.inner is None else [stop.outline, stop.inner]
     if stop.hole:
         hx, hy = (AROUND * max(pair) for pair in zip(size, stop.outline.half_width))
@@ -115,7 +113,7 @@ def _rims(stop: Stop, size: tuple[float, float]) -> list[Array]:
     return [rim[:, :: -1 if k % 2 else 1] for k, rim in enumerate(rims)]
 
 
-def _rim(outline: Outline) -> Array:
+def _rim(outline: Outline) -> Floats:
     """Return points along a rectangle or an ellipse, in its plane, (3, n)."""
     hx, hy = outline.half_width
     if outline.is_rectangle:

@@ -1,6 +1,6 @@
 """A picture like a photograph: the lens as glass, and its light on a screen in a dark room.
 
-Rays of a camera go through the exact lens, with all refractions and reflections at its six faces.  What they
+Rays of a camera go through the exact lens, with all refractions and reflections at its faces.  What they
 meet behind it is an invented room; the light on the screen is the measured one.
 """
 
@@ -24,9 +24,8 @@ from optics.scene.photometry import encoded_srgb
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Array = NDArray[np.float64]
 
 STRIP = 90  # lines at once: their rays take some 30 MB
 GLOSS = 0.04, 0.5  # what the table reflects of light from above, and at most
@@ -82,7 +81,7 @@ def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
     )
 
 
-def photograph(problem: Problem, lens: Lens, irradiance: Array, sight: LensSight) -> bytes:
+def photograph(problem: Problem, lens: Lens, irradiance: Floats, sight: LensSight) -> bytes:
     """Return a PNG of the lens before its light on a screen, in central projection.
 
     `photo_caption` says what is not drawn as it is.
@@ -128,14 +127,14 @@ def _camera_rays(light: PhotoLight) -> Iterator[tuple[NDArray[Any], ...]]:
         yield first[on] + pixel[0], np.full(on.size, LINES), weight, ray
 
 
-def _add(picture: Array, pixel: NDArray[np.int64], count: NDArray[np.int64], colour: Array) -> None:
+def _add(picture: Floats, pixel: NDArray[np.int64], count: NDArray[np.int64], colour: Floats) -> None:
     """Add colours (n, 3) to the parts of pixels that they stand for: one, or one and the one below."""
     picture[pixel] += colour
     both = count == LINES
     picture[pixel[both] + PIXELS[0]] += colour[both]
 
 
-def _towards_lens(light: PhotoLight, origin: Array, direction: Array) -> NDArray[np.int64]:
+def _towards_lens(light: PhotoLight, origin: Floats, direction: Floats) -> NDArray[np.int64]:
     """Return the numbers of the rays that meet the box around the lens before the screen."""
     low, high = light.room.lens.T[:, :, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,7 +143,7 @@ def _towards_lens(light: PhotoLight, origin: Array, direction: Array) -> NDArray
     return np.flatnonzero((begin < end) & (end > 0) & (begin < light.screen_path(origin, direction)))
 
 
-def _shown(irradiance: Array, problem: Problem, room: PhotoRoom) -> Array:
+def _shown(irradiance: Floats, problem: Problem, room: PhotoRoom) -> Floats:
     """Return the light on the screen as linear colours up to 1, (rows, columns, 3)."""
     shown = block_means(irradiance, -(-max(irradiance.shape) // MOST_PIXELS))
     if room.angular:

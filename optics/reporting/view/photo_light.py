@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.reporting.view.photo_room import PhotoRoom
+from thbcad.checks import Floats
 
-Array = NDArray[np.float64]
 # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
-Meeting = tuple[Array, Callable[[NDArray[np.int64]], Array]]
+Meeting = tuple[Floats, Callable[[NDArray[np.int64]], Floats]]
 
 WARM, COOL = np.array([1.0, 0.96, 0.9]), np.array([0.78, 0.88, 1.0])
 FRAME = 1.025  # of the screen's half-width
@@ -35,7 +35,7 @@ class PhotoLight:
     """A room and the light on its screen, (rows, columns, 3), linear sRGB, row 0 at +y."""
 
     room: PhotoRoom
-    picture: Array
+    picture: Floats
 
     @cached_property
     def size(self) -> float:
@@ -43,10 +43,10 @@ class PhotoLight:
         return float(np.ptp(self.room.lens[:2], axis=1).max() / 2)
 
     @cached_property
-    def mean(self) -> Array:
+    def mean(self) -> Floats:
         return self.picture.mean(axis=(0, 1))
 
-    def along(self, origin: Array, direction: Array) -> Array:
+    def along(self, origin: Floats, direction: Floats) -> Floats:
         """Return the radiance that rays (3, n) meet, (n, 3)."""
         # a dark room with a soft lamp above on the left
         up = np.clip(direction[1], -1, 1)
@@ -65,24 +65,24 @@ class PhotoLight:
             colour[first] = shade(first)
         return colour
 
-    def table_path(self, origin: Array, direction: Array) -> Array:
+    def table_path(self, origin: Floats, direction: Floats) -> Floats:
         """Return the path to the table where it is met first, inf elsewhere, (n,)."""
         path = self._table(origin, direction)[0]
         for other in (self._screen, self._post, self._lamp):
             path[other(origin, direction)[0] < path] = np.inf
         return path
 
-    def screen_path(self, origin: Array, direction: Array) -> Array:
+    def screen_path(self, origin: Floats, direction: Floats) -> Floats:
         """Return the path to the screen with its frame, inf where it is not met, (n,)."""
         return self._screen(origin, direction)[0]
 
-    def _table(self, origin: Array, direction: Array) -> Meeting:
+    def _table(self, origin: Floats, direction: Floats) -> Meeting:
         with np.errstate(divide="ignore"):
             path = np.where(direction[1] < 0, (self.room.table - origin[1]) / direction[1], np.inf)
         path[path <= 0] = np.inf
         hx, hy, z = self.room.screen
 
-        def shade(some: NDArray[np.int64]) -> Array:
+        def shade(some: NDArray[np.int64]) -> Floats:
             x, _, depth = origin[:, some] + path[some] * direction[:, some]
             wide = 2.5 * (hx + z)
             room = 1 / (1 + (x * x + (depth - z / 2) ** 2) / wide**2) ** 2
@@ -92,7 +92,7 @@ class PhotoLight:
 
         return path, shade
 
-    def _rectangle(self, origin: Array, direction: Array, z: float) -> tuple[Array, Array, Array]:
+    def _rectangle(self, origin: Floats, direction: Floats, z: float) -> tuple[Floats, Floats, Floats]:
         """Return the path to a plane z, inf where it is never met, and x and y there."""
         with np.errstate(divide="ignore", invalid="ignore"):
             path = (z - origin[2]) / direction[2]
@@ -100,14 +100,14 @@ class PhotoLight:
         reached = np.where(np.isfinite(path), path, 0.0)
         return path, origin[0] + reached * direction[0], origin[1] + reached * direction[1]
 
-    def _lamp(self, origin: Array, direction: Array) -> Meeting:
+    def _lamp(self, origin: Floats, direction: Floats) -> Meeting:
         hx, hy, z = self.room.lamp
         path, x, y = self._rectangle(origin, direction, z)
         x, y = x / hx, y / hy
         outside = x * x + y * y > 1 if self.room.round_lamp else np.maximum(abs(x), abs(y)) > 1
         path[outside | (direction[2] >= 0)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Array:
+        def shade(some: NDArray[np.int64]) -> Floats:
             if not self.room.parallel:
                 return np.broadcast_to(1.5 * WARM, (some.size, 3))
             dots = (np.cos(DOTS * np.pi * x[some]) * np.cos(DOTS * np.pi * y[some])) ** 8
@@ -116,7 +116,7 @@ class PhotoLight:
 
         return path, shade
 
-    def _post(self, origin: Array, direction: Array) -> Meeting:
+    def _post(self, origin: Floats, direction: Floats) -> Meeting:
         """The post below the lens: an upright cylinder."""
         (_, _), (bottom, _), depths = self.room.lens
         radius = POST * self.size
@@ -129,7 +129,7 @@ class PhotoLight:
         y = origin[1] + reached * direction[1]
         path[(path <= 0) | (y > bottom) | (y < self.room.table)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Array:
+        def shade(some: NDArray[np.int64]) -> Floats:
             normal = (ox[some] + path[some] * dx[some]) / radius
             depth = (oz[some] + path[some] * dz[some]) / radius
             lit = 0.3 + 0.9 * np.maximum(-0.8 * normal + 0.2 * depth, 0) ** 3
@@ -137,12 +137,12 @@ class PhotoLight:
 
         return path, shade
 
-    def _screen(self, origin: Array, direction: Array) -> Meeting:
+    def _screen(self, origin: Floats, direction: Floats) -> Meeting:
         hx, hy, z = self.room.screen
         path, x, y = self._rectangle(origin, direction, z)
         path[(abs(x) > FRAME * hx) | (abs(y) > FRAME * hy)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Array:
+        def shade(some: NDArray[np.int64]) -> Floats:
             u, v = x[some] / hx, y[some] / hy
             on = (abs(u) <= 1) & (abs(v) <= 1)
             colour = np.where(on[:, None], BLACK, 0.4 * METAL)
@@ -152,7 +152,7 @@ class PhotoLight:
         return path, shade
 
 
-def interpolated(picture: Array, u: Array, v: Array) -> Array:
+def interpolated(picture: Floats, u: Floats, v: Floats) -> Floats:
     """Return a picture between its pixels, linearly.  u, v : (n,) in [-1, 1], to the right and up."""
     rows, columns = picture.shape[:2]
     x = np.clip((u + 1) * columns / 2 - 0.5, 0, columns - 1)

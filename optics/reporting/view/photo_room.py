@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, drawn_elements, placed
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, source_of
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Array = NDArray[np.float64]
 
 PIXELS = (960, 540)  # columns and rows
 COARSE = 61  # samples across a face, for the box around it
@@ -46,20 +45,20 @@ class PhotoRoom:
     smaller : how many times screen and throw are drawn smaller.  stretch : the throw again, longer (above 1).
     """
 
-    lens: Array
+    lens: Floats
     lamp: tuple[float, float, float]
     round_lamp: bool
     parallel: bool
     screen: tuple[float, float, float]
     angular: bool
     table: float
-    eye: Array
-    forward: Array
+    eye: Floats
+    forward: Floats
     window: tuple[float, float, float, float]
     smaller: float
     stretch: float
 
-    def directions(self, lines: NDArray[np.int64]) -> Array:
+    def directions(self, lines: NDArray[np.int64]) -> Floats:
         """Return the unit directions of the rays of some lines, line by line, (3, n)."""
         left, right, bottom, top = self.window
         beside = np.where(lines % LINES, 0.75, 0.25)[:, None]
@@ -117,7 +116,7 @@ def _screen(problem: Problem, size: float, top: float) -> tuple[float, float, fl
     return hx / smaller, hy / smaller, (problem.optic.thickness + problem.throw - top) / smaller, smaller
 
 
-def _aim(eye: Array, points: Array) -> tuple[Array, tuple[float, float, float, float]]:
+def _aim(eye: Floats, points: Floats) -> tuple[Floats, tuple[float, float, float, float]]:
     """Return the horizontal direction of a camera and the window of its picture that holds points (3, n)."""
     seen = points - eye[:, None]
     angles = np.arctan2(-seen[0], -seen[2])

@@ -10,7 +10,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.reporting.view.drawn_rays import FAR
 from optics.reporting.view.solid_renderer import (
@@ -23,10 +22,9 @@ from optics.reporting.view.solid_renderer import (
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane, Receiver
 from optics.scene.system import OpticalSystem, designed_part, fixed_parts
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
-
-Array = NDArray[np.float64]
 
 TURNS, RISES = range(-50, 310, 10), (18.0, 35.0)  # degrees, of the views that are tried, the usual one first
 LINES = 16  # directions in the picture, in which two parts may stand apart
@@ -50,8 +48,8 @@ BENDS = 25  # points of a curved target in each direction
 
 
 def best_view(
-    parts: Sequence[Array], face: Array | None, receiver: Receiver, half_width: tuple[float, float]
-) -> Array:
+    parts: Sequence[Floats], face: Floats | None, receiver: Receiver, half_width: tuple[float, float]
+) -> Floats:
     """Return the rotation of a view, rows right, up and towards the viewer, (3, 3).
 
     parts : points (3, n) of source, elements in the order of the light, and target.
@@ -79,7 +77,7 @@ def best_view(
     return turns[int(np.argmax(worth))]
 
 
-def _apart(right: Array, up: Array, pair: Sequence[Array]) -> Array:
+def _apart(right: Floats, up: Floats, pair: Sequence[Floats]) -> Floats:
     """Return how far two parts stand apart in views, relative to the smaller, (m,): -1 where one hides it."""
     angles = 2 * np.pi / LINES * np.arange(LINES)
     lines = np.cos(angles)[:, None, None] * right + np.sin(angles)[:, None, None] * up
@@ -98,7 +96,7 @@ class DrawnElement:
     pose: Pose
 
     @cached_property
-    def box(self) -> Array:
+    def box(self) -> Floats:
         """The corners of its own box, (3, 8)."""
         return np.asarray(self.pose.points(corners(_box(outermost(self.faces)))))
 
@@ -141,17 +139,17 @@ class Scene:
     squeeze : how many times that gap is drawn shorter than it is (below 1: longer)
     """
 
-    turn: Array
-    bodies: tuple[Array, ...]
-    body: Array
-    source: Array
-    target: Array
-    outlook: Array
-    along: Array
+    turn: Floats
+    bodies: tuple[Floats, ...]
+    body: Floats
+    source: Floats
+    target: Floats
+    outlook: Floats
+    along: Floats
     gap: tuple[float, float] = (0.0, 0.0)
     squeeze: float = 1.0
 
-    def __call__(self, points: Array) -> Array:
+    def __call__(self, points: Floats) -> Floats:
         """Return points (3, ...) in the picture, (2, ...)."""
         flat = points.reshape(3, -1)
         start, end = self.gap
@@ -159,16 +157,16 @@ class Scene:
         return (self.turn[:2] @ (flat - np.outer(self.along, left_out))).reshape(2, *points.shape[1:])
 
     @property
-    def lens(self) -> Array:
+    def lens(self) -> Floats:
         """Least and greatest corner of the box around the element, (3, 2)."""
         return np.stack([self.body.min(axis=1), self.body.max(axis=1)], axis=1)
 
-    def nearer(self, points: Array) -> bool:
+    def nearer(self, points: Floats) -> bool:
         """Return whether points (3, n) stand nearer to the viewer than the elements."""
         middle = np.concatenate(self.bodies, axis=1).mean(axis=1)
         return bool(self.turn[2] @ (points.mean(axis=1) - middle) > 0)
 
-    def visible(self, path: Array) -> Array:
+    def visible(self, path: Floats) -> Floats:
         """Return the points (k, 3) of a path as (3, k), from the source's picture on.
 
         Parallel light comes from before it.
@@ -178,7 +176,7 @@ class Scene:
             points[:, 0] = *points[:2, 0], self.source[2, 0]
         return points
 
-    def box(self, *parts: Array) -> Array:
+    def box(self, *parts: Floats) -> Floats:
         """Return the (2, 2) least and greatest corner of what is drawn of points."""
         seen = self(np.concatenate(parts, axis=1))
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
@@ -225,12 +223,12 @@ def _shorter(throw: float, width: float) -> float:
     return float(FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0))
 
 
-def _box(points: Array) -> Array:
+def _box(points: Floats) -> Floats:
     """Return the least and the greatest corner of points (3, n), (3, 2)."""
     return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
 
 
-def _source(system: OpticalSystem, body: Array, widest: Array) -> Array:
+def _source(system: OpticalSystem, body: Floats, widest: Floats) -> Floats:
     """Return the outline of the source, (3, n); that of a wide beam only beside the element.
 
     widest : greatest |x| and |y| of the front
@@ -245,25 +243,25 @@ def _source(system: OpticalSystem, body: Array, widest: Array) -> Array:
     return np.stack([*sides, np.full(around.size, before)])
 
 
-def _around_far_rays(leaving: Pose, body: Array) -> Array:
+def _around_far_rays(leaving: Pose, body: Floats) -> Floats:
     """Return points around the element and what is shown of rays to the far field behind it, (3, 8)."""
     *across, (low, high) = _box(leaving.inverse().points(body))
     long = [low, high + FAR / 2 * np.ptp(across, axis=1).max()]
     return np.asarray(leaving.points(corners(np.stack([*(1.5 * a for a in across), long]))))
 
 
-def rim(screen: Array) -> Array:
+def rim(screen: Floats) -> Floats:
     """Return the points around a grid (3, n, m), (3, k)."""
     sides = screen[:, 0], screen[:, :, -1], screen[:, -1, ::-1], screen[:, ::-1, 0]
     return np.concatenate([side[:, :-1] for side in sides], axis=1)
 
 
-def corners(box: Array) -> Array:
+def corners(box: Floats) -> Floats:
     """Return the eight corners of a box (3, 2), (3, 8)."""
     return np.array(np.meshgrid(*box)).reshape(3, 8)
 
 
-def block_means(data: Array, side: int) -> Array:
+def block_means(data: Floats, side: int) -> Floats:
     """Return the means of blocks of side x side pixels; those at the last row and column may be cut."""
     if side == 1:
         return data

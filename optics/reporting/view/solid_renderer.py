@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
+from thbcad.checks import Floats
 from thbcad.lens import SIDES, FreeformSurface, Lens
 from thbcad.moulds import MouldedBody, Solid, lens_of
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
-
-Array = NDArray[np.float64]
 
 SAMPLES = 420  # across a face
 PIXELS = 440  # across a view, in which a face takes 350 at most
@@ -37,8 +36,8 @@ class Face:
     """A face as a grid of points, mm, with the outward normals that it is shaded by, both (3, n, m)."""
 
     name: str
-    points: Array
-    normals: Array
+    points: Floats
+    normals: Floats
     colour: tuple[float, float, float]
 
     def posed(self, pose: Pose) -> Face:
@@ -55,8 +54,8 @@ class View:
     half_size : half the width and height of the view, mm
     """
 
-    turn: Array
-    centre: Array
+    turn: Floats
+    centre: Floats
     half_size: float
 
     @property
@@ -65,14 +64,14 @@ class View:
         (x, y), r = self.centre, self.half_size
         return (x - r, x + r, y - r, y + r)
 
-    def pixels(self, seen: Array) -> NDArray[np.int64]:
+    def pixels(self, seen: Floats) -> NDArray[np.int64]:
         """Return the number of the pixel of every turned point (3, n), (n,)."""
         scale = PIXELS / (2 * self.half_size)
         column, row = ((seen[:2] + (self.half_size - self.centre)[:, None]) * scale).astype(np.int64)
         return row * PIXELS + column
 
 
-def oblique(turn: float, rise: float) -> Array:
+def oblique(turn: float, rise: float) -> Floats:
     """Return the rotation of a view on the rear from `turn` degrees to the right and `rise` above, (3, 3)."""
     a, b = np.deg2rad([turn, rise])
     right = np.array([np.cos(a), 0.0, -np.sin(a)])
@@ -122,7 +121,7 @@ def solid_faces(solid: Solid, samples: int = SAMPLES) -> tuple[list[Face], dict[
     return faces, steeper
 
 
-def within_foot(body: MouldedBody, number: int, x: Array, y: Array) -> tuple[Array, Array]:
+def within_foot(body: MouldedBody, number: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return points within the outline of front (0) or rear (1) moved along rays from the axis, the outline
     onto the foot of the wall there, mm."""
     surface, vertex = ((body.lens.front, 0.0), (body.lens.rear, body.lens.thickness))[number]
@@ -139,13 +138,13 @@ def within_foot(body: MouldedBody, number: int, x: Array, y: Array) -> tuple[Arr
     return share * x, share * y
 
 
-def outermost(faces: Sequence[Face]) -> Array:
+def outermost(faces: Sequence[Face]) -> Floats:
     """Return points of faces among which the outermost are, (3, n): front, rear, and the edges of others."""
     edges = (face.points[:, :, [0, -1]] for face in faces[2:])
     return np.concatenate([p.reshape(3, -1) for p in (*(f.points for f in faces[:2]), *edges)], axis=1)
 
 
-def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
+def rendered(faces: Sequence[Face], view: View) -> tuple[Floats, Floats]:
     """Return the depth and the colour of the nearest point of every pixel.
 
     Shapes (PIXELS, PIXELS) and (PIXELS, PIXELS, 4).  The depth is -inf where there is no point.
@@ -164,7 +163,7 @@ def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
     return _closed(depth.reshape(PIXELS, PIXELS), image.reshape(PIXELS, PIXELS, 4), 0.02 * view.half_size)
 
 
-def _positions(surface: FreeformSurface, samples: int) -> list[Array]:
+def _positions(surface: FreeformSurface, samples: int) -> list[Floats]:
     """Return x and y of samples, denser where the surface is steep.
 
     They are equal steps of a length that grows, at every x or y, as the steepest of the lines across it.
@@ -179,26 +178,26 @@ def _positions(surface: FreeformSurface, samples: int) -> list[Array]:
     return positions
 
 
-def _linear(slope: Array, x: Array, y: Array) -> Array:
+def _linear(slope: Floats, x: Floats, y: Floats) -> Floats:
     """Return the linear function of x and y that is nearest to values on a grid."""
     x, y = x - x.mean(), y - y.mean()
     return slope.mean() + np.mean(slope.T @ x / (x @ x)) * x[:, None] + np.mean(slope @ y / (y @ y)) * y
 
 
-def _rims(face: Face) -> list[Array]:
+def _rims(face: Face) -> list[Floats]:
     """Return the points along the four sides of front or rear, (3, n, 1) each."""
     sides = ((np.s_[:, :, side.end], np.s_[:, side.end])[side.axis] for side in SIDES)
     return [face.points[side].reshape(3, -1, 1) for side in sides]
 
 
-def _level(rims: Sequence[Array], outline: Outline, z: float) -> list[Array]:
+def _level(rims: Sequence[Floats], outline: Outline, z: float) -> list[Floats]:
     """Return the points of a level outline in the directions of rims."""
     return [
         np.stack([x / outline.gauge(x, y), y / outline.gauge(x, y), np.full_like(x, z)]) for x, y, _ in rims
     ]
 
 
-def _edges(lows: Sequence[Array], highs: Sequence[Array], count: int) -> list[Face]:
+def _edges(lows: Sequence[Floats], highs: Sequence[Floats], count: int) -> list[Face]:
     """Return the four ruled faces between two rims, `count` points from one to the other."""
     w, edges = np.linspace(0, 1, count), []
     for side, low, high in zip(SIDES, lows, highs):
@@ -218,12 +217,12 @@ def _joined(edges: Sequence[Face]) -> Face:
     return Face("edge", points, normals, GROUND)
 
 
-def _unit(x: Array, y: Array, z: Array) -> Array:
+def _unit(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return vectors divided by their length, (3, ...)."""
     return np.stack([x, y, z]) / np.sqrt(x * x + y * y + z * z)
 
 
-def _closed(depth: Array, image: Array, step: float) -> tuple[Array, Array]:
+def _closed(depth: Floats, image: Floats, step: float) -> tuple[Floats, Floats]:
     """Return depth and image with the pixels closed that steep samples leave open, by their neighbours."""
     with np.errstate(invalid="ignore"):
         holes = grey_closing(depth, 3) - depth > step

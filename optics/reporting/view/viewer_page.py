@@ -15,16 +15,14 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.light.tracing import RayPath
 from optics.reporting.view.drawn_rays import stop_rims
 from optics.reporting.view.scene_layout import Scene, block_means, caption, drawn_elements, placed
 from optics.reporting.view.solid_renderer import Face
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
-
-Array = NDArray[np.float64]
 
 SAMPLES = 177  # across a face: two faces of 8 bytes a point take 0.67 MB as text; the indices have 16 bits
 OTHERS = 41  # the same of elements that are not designed
@@ -33,7 +31,7 @@ MOST_PATHS = 96
 INT16 = 32767
 
 
-def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> str:
+def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Sequence[RayPath]) -> str:
     """Return an HTML page of source, element, rays and the light on the target, of at most 1 MB.
 
     It shows what the picture by `figures.scene_view` shows.  Where that draws the throw shorter or longer,
@@ -79,12 +77,12 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     return page.replace("DATA", text, 1).replace("TITLE", escape(system.problem.title), 1)
 
 
-def _packed(array: Array, kind: type) -> str:
+def _packed(array: Floats, kind: type) -> str:
     """Return numbers as base64, little-endian, row by row."""
     return b64encode(array.astype(np.dtype(kind).newbyteorder("<")).tobytes()).decode()
 
 
-def _grid(values: Array, kind: type) -> tuple[int, int, str]:
+def _grid(values: Floats, kind: type) -> tuple[int, int, str]:
     """Return numbers on a grid as (rows, columns, numbers): one row or column where all are equal."""
     if not np.ptp(values, axis=0).any():
         values = values[:1]
@@ -115,7 +113,7 @@ def _face(face: Face, turned: bool) -> dict[str, Any]:
     }
 
 
-def _target(scene: Scene, irradiance: Array) -> dict[str, Any] | None:
+def _target(scene: Scene, irradiance: Floats) -> dict[str, Any] | None:
     """Return the target's points as a grid, and the light on it as grey levels up to the 99.9 % quantile."""
     if not scene.target.size:
         return None
@@ -131,9 +129,9 @@ def _target(scene: Scene, irradiance: Array) -> dict[str, Any] | None:
     }
 
 
-def _rays(shown: Sequence[tuple[Array, str]]) -> dict[str, Any]:
+def _rays(shown: Sequence[tuple[Floats, str]]) -> dict[str, Any]:
     """Return the ends of the straight parts of all paths, and how many ends belong to paths that hit."""
-    parts: dict[bool, list[Array]] = {True: [], False: []}
+    parts: dict[bool, list[Floats]] = {True: [], False: []}
     for points, fate in shown:
         parts[fate.endswith("on_target")].append(np.repeat(points, 2, axis=1)[:, 1:-1])
     ends = np.concatenate([np.zeros((3, 0)), *parts[True], *parts[False]], axis=1)

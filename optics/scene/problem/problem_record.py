@@ -117,9 +117,9 @@ class Problem:
         """Return a variation with other values of keys of an element.  of : None is the one that is free."""
         if self.lens:
             return replace(self, lens=replace(self.lens, **changes))
-        changed = of or self.optic
-        pairs = zip(self.element, self.optics)
-        return replace(self, element=tuple(e.with_keys(**changes) if o is changed else e for e, o in pairs))
+        table = (of or self.optic).table
+        changed = (e.with_keys(**changes) if e.table == table else e for e in self.element)
+        return replace(self, element=tuple(changed))
 
     @property
     def throw(self) -> float:
@@ -229,6 +229,11 @@ def _require_elements(problem: Problem) -> None:
         raise UserError(
             f"target.distance = {problem.target.distance:g} is that of [lens]; beside an [[element]] give "
             'target.position, or target.surface = "far_field"'
+        )
+    if problem.element and problem.target.position is None and not problem.target.far_field:
+        raise UserError(
+            "the key target.position is missing (mm, of the middle of the target); add it, or "
+            'target.surface = "far_field"'
         )
     require_named_elements(problem.element)
     if len(problem.path) > 1 or (problem.path and problem.lens):

@@ -102,6 +102,11 @@ def checked_values(
         if key not in known:
             if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
                 raise UserError(f"unknown key {prefix}{key}; {reason}")
+            others = getattr(kind, "kinds", {}).items()
+            if owners := [name for name, other in others if key in {f.name for f in fields(other)}]:
+                raise UserError(
+                    f'unknown key {prefix}{key}: it is that of kind = "{owners[0]}"; leave it out'
+                )
             meant = did_you_mean(re.sub(r"\[\d+\]", "", f"{prefix}{key}"), root)
             where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
             raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         fixed_parts as fixed_parts,
         scene_parts as scene_parts,
     )
-    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
+    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem, Own as Own
     from optics.scene.system.placed_faces import TURNED as TURNED
     from optics.scene.system.reach import (
         can_be_lit as can_be_lit,

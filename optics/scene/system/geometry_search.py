@@ -1,100 +1,136 @@
-"""The nearest geometry that works: how far one key of the target must change until light can be sent there.
+"""The nearest geometry that works: how far one key of the scene must change until light can be sent there.
 
 A target is turned until it faces the lens or the mirror, moved farther away along its line to it, swung to
-where light goes that nothing bends, or made smaller.  Each is tried in STEPS steps, by bisection.
+where light goes that nothing bends, or made smaller; an element is turned towards the target.  Each is tried
+in STEPS steps: every STRIDE of them, then by bisection.
 """
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import floor, log10
+from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import UserError
+from optics.scene.problem import Placed, Problem
 from optics.scene.system.optical_system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 
-STEPS = 64
+STEPS, STRIDE = 64, 8
 FARTHEST = 8.0  # times the distance that it has
 DIGITS = 3  # of lengths
 ANGLES = 1  # digits behind the point, of degrees
 PARALLEL = 1e-9  # of the sine of an angle
 
-Works = Callable[[OpticalSystem], bool]
+
+@dataclass(frozen=True)
+class Step:
+    """A key with another value, and the problem that has it."""
+
+    key: str
+    value: list[float]
+    problem: Problem
+
+    @property
+    def option(self) -> str:
+        """As it is written on a command line."""
+        numbers = ", ".join(f"{v:g}" for v in self.value)
+        return (
+            f"--set {shlex.quote(f'{self.key}=[{numbers}]')}"
+            if len(self.value) > 1
+            else (f"--set {self.key}={numbers}")
+        )
 
 
-def nearest_geometry(system: OpticalSystem, works: Works) -> list[str]:
+def nearest_geometry(system: OpticalSystem, works: Callable[[OpticalSystem], bool]) -> list[str]:
     """Return options `--set KEY=VALUE`, each of which makes a system work, with the least change of its key.
 
     Every value that is returned was tried as it is written.  A smaller target is named where nothing else
     serves.
 
-    works : told of a system with another target.
+    works : told of a system with another target, or with its element turned.
     """
-    found = [*filter(None, (_nearest(system, works, way) for way in (_turned, _farther, _swung)))]
-    return found or [*filter(None, [_nearest(system, works, _smaller)])]
+
+    def nearest(way: Callable[[OpticalSystem, float], Step | None]) -> list[str]:
+        def tried(k: int) -> Step | None:
+            try:
+                step = way(system, k / STEPS)
+                return step if step and works(system.elsewhere(step.problem)) else None
+            except UserError:
+                return None
+
+        high, found = next(
+            ((k, step) for k in range(STRIDE, STEPS + 1, STRIDE) if (step := tried(k))), (0, None)
+        )
+        low = high - STRIDE
+        while found and high - low > 1:
+            step = tried(middle := (low + high) // 2)
+            low, high, found = (low, middle, step) if step else (middle, high, found)
+        return [found.option] if found else []
+
+    every = [option for way in (_turned, _leant, _farther, _swung) for option in nearest(way)]
+    return every or nearest(_smaller)
 
 
-def _nearest(
-    system: OpticalSystem, works: Works, way: Callable[[OpticalSystem, float], dict[str, list[float]]]
-) -> str:
-    """Return the option for the first step of a way that works; "" where there is none."""
-    if not way(system, 1.0) or not _tried(system, works, way(system, 1.0)):
-        return ""
-    low, high = 0, STEPS
-    while high - low > 1:
-        middle = (low + high) // 2
-        serves = _tried(system, works, way(system, middle / STEPS))
-        low, high = (low, middle) if serves else (middle, high)
-    ((key, value),) = way(system, high / STEPS).items()
-    numbers = ", ".join(f"{v:g}" for v in value)
-    return (
-        f"--set {shlex.quote(f'target.{key}=[{numbers}]' if len(value) > 1 else f'target.{key}={numbers}')}"
-    )
-
-
-def _tried(system: OpticalSystem, works: Works, change: dict[str, list[float]]) -> bool:
-    try:
-        return works(system.with_target(**{k: v[0] if len(v) == 1 else tuple(v) for k, v in change.items()}))
-    except UserError:
-        return False
-
-
-def _turned(system: OpticalSystem, t: float) -> dict[str, list[float]]:
+def _turned(system: OpticalSystem, t: float) -> Step | None:
     """Return the tilt of the target, turned about its middle; at t = 1 it faces the lens."""
     pose = system.target.receiver.pose
     turn = _turn(pose.rotation[:, 2], _straight(system) if system.target.far_field else _line(system))
-    if not turn.any():
-        return {}
-    return {"tilt": [round(a, ANGLES) + 0.0 for a in (Pose.at(rotation_vector=t * turn) @ pose).tilt]}
+    return _of_target(system, "tilt", _tilt(t * turn, pose)) if turn.any() else None
 
 
-def _farther(system: OpticalSystem, t: float) -> dict[str, list[float]]:
+def _leant(system: OpticalSystem, t: float) -> Step | None:
+    """Return the tilt of an element; at t = 1 it points to the target, or reflects light to its middle."""
+    optic = system.problem.optic
+    if not isinstance(optic, Placed):
+        return None
+    far, normal = system.target.far_field, system.target.receiver.pose.rotation[:, 2]
+    goal = normal if far else _line(system) / np.linalg.norm(_line(system))
+    if system.reflects:
+        goal = _coming(system) / np.linalg.norm(_coming(system)) - goal
+    tilt = _tilt(t * _turn(system.pose.rotation[:, 2], goal), system.pose)
+    return Step(optic.key("tilt"), tilt, system.problem.with_optic(tilt=tuple(tilt)))
+
+
+def _farther(system: OpticalSystem, t: float) -> Step | None:
     """Return the place of the target, FARTHEST times as far away at t = 1."""
-    times, settings = FARTHEST**t, system.target.settings
+    times = FARTHEST**t
     if system.target.far_field:
-        return {}
-    if settings.position is None:
-        return {"distance": _rounded(np.array([times * system.problem.throw]))}
-    return {"position": _rounded(_vertex(system) + times * _line(system))}
+        return None
+    if system.target.settings.position is None:
+        return _of_target(system, "distance", _rounded(np.array([times * system.problem.throw])))
+    return _of_target(system, "position", _rounded(_vertex(system) + times * _line(system)))
 
 
-def _swung(system: OpticalSystem, t: float) -> dict[str, list[float]]:
+def _swung(system: OpticalSystem, t: float) -> Step | None:
     """Return the place of the target, as far away as it is; at t = 1 no light to its middle is bent."""
     if system.target.far_field or system.target.settings.position is None:
-        return {}
-    turn = _turn(_line(system), _straight(system))
-    return {
-        "position": _rounded(_vertex(system) + Pose.at(rotation_vector=t * turn).directions(_line(system)))
-    }
+        return None
+    swing = Pose.at(rotation_vector=t * _turn(_line(system), _straight(system)))
+    return _of_target(system, "position", _rounded(_vertex(system) + swing.directions(_line(system))))
 
 
-def _smaller(system: OpticalSystem, t: float) -> dict[str, list[float]]:
+def _smaller(system: OpticalSystem, t: float) -> Step:
     """Return the half-widths of the target, of which hardly anything is left at t = 1."""
-    return {"half_width": _rounded((1 - t * (1 - 1 / STEPS)) * np.array(system.target.settings.half_width))}
+    half = np.array(system.target.settings.half_width)
+    return _of_target(system, "half_width", _rounded((1 - t * (1 - 1 / STEPS)) * half))
+
+
+def _of_target(system: OpticalSystem, key: str, value: list[float]) -> Step:
+    """Return another value of a key of the target."""
+    problem = system.problem
+    changes: dict[str, Any] = {key: tuple(value) if len(value) > 1 else value[0]}
+    return Step(f"target.{key}", value, replace(problem, target=replace(problem.target, **changes)))
+
+
+def _tilt(turn: Floats, pose: Pose) -> list[float]:
+    """Return the tilt of a pose that is turned by a rotation vector."""
+    return [round(a, ANGLES) + 0.0 for a in (Pose.at(rotation_vector=turn) @ pose).tilt]
 
 
 def _vertex(system: OpticalSystem) -> Floats:
@@ -108,12 +144,15 @@ def _line(system: OpticalSystem) -> Floats:
     return np.array(system.target.receiver.pose.shift - _vertex(system))
 
 
+def _coming(system: OpticalSystem) -> Floats:
+    """Return a vector along the light that comes to the vertex."""
+    afar = system.source.from_afar
+    return np.array((0.0, 0.0, 1.0)) if afar else _vertex(system) - system.source.middle
+
+
 def _straight(system: OpticalSystem) -> Floats:
-    """Return the direction along which light leaves that a plate, or a plane mirror, sends on."""
-    along = np.array([0.0, 0.0, 1.0])
-    axis = np.array(system.pose.directions(along))
-    if not system.source.from_afar:
-        along = _vertex(system) - system.source.middle
+    """Return a vector along the light that leaves a plate, or a plane mirror."""
+    along, axis = _coming(system), system.pose.rotation[:, 2]
     return along - 2 * (along @ axis) * axis if system.reflects else along
 
 

@@ -24,7 +24,7 @@ def base_lens(spec: Optic) -> Lens:
     try:
         return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
     except ValueError as error:
-        raise UserError(f"{spec.table}: {error}") from None
+        raise UserError(f"{spec.table}: {error}".replace("lens.", f"{spec.table}.")) from None
 
 
 def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
@@ -38,6 +38,7 @@ def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
         material=spec.material or (f"transparent, n = {glass:g}" if glass else "blank of a mirror"),
         density=spec.density,
         index=glass,
+        sides=(spec.face_name("front"), spec.face_name("rear")),
     )
 
 

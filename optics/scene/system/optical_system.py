@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optics.base.runtime import Backend, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
+from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
@@ -38,11 +39,26 @@ STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and
 
 
 @dataclass(frozen=True, eq=False)
+class Own:
+    """Classes of a script, that no problem file names, in place of what the problem describes.
+
+    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
+    """
+
+    source: LightSource | None = None
+    receiver: Receiver | None = None
+
+    def __bool__(self) -> bool:
+        return self.source is not None or self.receiver is not None
+
+
+@dataclass(frozen=True, eq=False)
 class OpticalSystem:
     """Lens, sources and targets of a problem.  Every part is built when it is first asked for, and once.
 
     Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
     `problem` is the one given, with numbers for what it leaves to the material of the lens.
+    own : what a script brings in place of the source and the receiver that the problem describes.
     aim : what the light of a sharp system is to be that stands for a blurred one, see `blur.aimed`;
         None of other systems.
 
@@ -53,6 +69,7 @@ class OpticalSystem:
 
     problem: Problem
     aim: LightTarget | None = None
+    own: Own = Own()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "problem", with_material(self.problem))
@@ -187,11 +204,11 @@ class OpticalSystem:
         if self.source.diverging:
             source = replace(source, divergence=0.0, divergence_profile="uniform")
         problem = replace(self.problem.with_optic(**smooth), source=source)
-        return OpticalSystem(problem, self.target if self.blurred else None)
+        return replace(self, problem=problem, aim=self.target if self.blurred else None)
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
-        return (source_of(self.problem),)
+        return (self.own.source or source_of(self.problem),)
 
     @cached_property
     def wavelengths(self) -> tuple[Wavelength, ...]:
@@ -225,7 +242,8 @@ class OpticalSystem:
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
-        return (LightTarget(target, receiver_of(target, self.problem.optic.thickness)),)
+        receiver = self.own.receiver or receiver_of(target, self.problem.optic.thickness)
+        return (LightTarget(target, receiver),)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -267,9 +285,10 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
-    def with_target(self, **changes: Any) -> OpticalSystem:
-        """Return the system with other values of keys of the target that change neither lens nor picture."""
-        other = OpticalSystem(replace(self.problem, target=replace(self.problem.target, **changes)), self.aim)
+    def elsewhere(self, problem: Problem) -> OpticalSystem:
+        """Return the system of a problem that differs in where things lie; lens and picture are not made
+        again."""
+        other = replace(self, problem=problem)
         other.__dict__["lens"] = self.lens
         other.target.__dict__["light"] = self.target.light
         return other

@@ -4,7 +4,7 @@ than it bends.  All is seen in the frame of the element."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from thbcad.lens import Lens
 LINES = 17  # through the box around the lens in each direction, along which a target is looked for
 FAR = 1e9  # mm, of points of the far field
 GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
+EDGE_ON = 1e-9  # of a cosine: light that meets an element so, along its face, never meets it
 LITTLE = 0.01  # of the light
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
@@ -51,8 +52,10 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
         )
 
 
-def require_met(system: OpticalSystem) -> None:
+def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
     """Refuse an element that light would meet from behind: each comes from its own -z, from the one before.
+
+    least : cosine of a beam's angle to the axis of the first.
 
     Raises
     ------
@@ -62,7 +65,7 @@ def require_met(system: OpticalSystem) -> None:
     entered = [face.optic for k, face in enumerate(met) if not k or face.optic is not met[k - 1].optic]
     if system.source.from_afar:
         first = pose_of(entered[0]).inverse()
-        if first.directions(np.array([0.0, 0.0, 1.0]))[2] <= 0:
+        if first.directions(np.array([0.0, 0.0, 1.0]))[2] <= least:
             raise UserError(
                 f"light along +z meets {_named(entered[0])} from behind, or never; turn it by "
                 f"{entered[0].key('tilt')} so that light comes from its own -z"
@@ -176,8 +179,11 @@ def can_be_lit(system: OpticalSystem) -> bool:
 
     Raises
     ------
-    UserError : the target cuts the lens.
+    UserError : the target cuts the lens, or light meets an element from behind, or elements overlap.
     """
+    if system.problem.element:
+        require_met(system, GRAZING)
+        require_apart(system)
     if not system.target.far_field:
         require_clear_of_lens(system)
     if not _shaped_last(system):
@@ -212,9 +218,7 @@ def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
     u, v = screen.centres[0][columns], screen.centres[1][rows]
     receiver = target.receiver.seen_from(system.pose)
     normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
-    points = FAR * normals
-    if not target.far_field:
-        points = np.stack(np.broadcast_arrays(*receiver.points(u, v)))
+    points = FAR * normals if target.far_field else np.stack(np.broadcast_arrays(*receiver.points(u, v)))
     return points, normals, light[rows, columns] / light.sum()
 
 
@@ -225,7 +229,7 @@ def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats
     """
     lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
-    nearest = np.min([np.array(corner) @ normals for corner in product(*rear)], axis=0)
+    nearest = sum(np.minimum(a * n, b * n) for (a, b), n in zip(rear, normals))  # of the corners
     sign, end = (-1, high) if system.reflects else (1, low)
     before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
     named = _named(system.problem.optic)

@@ -10,7 +10,7 @@ import numpy as np
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import Problem, freedom_of, load_problem
-from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.optical_system import OpticalSystem, Own
 from optics.scene.system.reach import (
     require_apart,
     require_clear_of_lens,
@@ -21,6 +21,7 @@ from optics.scene.system.source import source_of
 from optics.scene.system.stops import require_places
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+NOTHING = Own()
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
@@ -38,8 +39,8 @@ def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -
         return solvable_system(problem)
 
 
-def solvable_system(problem: Problem) -> OpticalSystem:
-    """Return the OpticalSystem of a problem that can be solved.
+def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
+    """Return the OpticalSystem of a problem that can be solved.  own : see there.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     """
     require_limits(problem)
     told = source_of(problem).told
-    system = OpticalSystem(problem.with_(**told) if told else problem)
+    system = OpticalSystem(problem.with_(**told) if told else problem, own=own)
     _ = (
         system.target.light,
         system.lens,

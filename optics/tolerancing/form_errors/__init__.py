@@ -6,18 +6,16 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .allowed_errors import (
+        FORM_HEAD as FORM_HEAD,
         BandCost as BandCost,
         FormErrors as FormErrors,
         SideCost as SideCost,
         form_errors_of as form_errors_of,
-    )
-    from .form_trace import form_obstacle as form_obstacle
-    from .form_words import (
-        FORM_HEAD as FORM_HEAD,
         form_rows as form_rows,
         form_sentences as form_sentences,
         height_text as height_text,
     )
+    from .form_trace import form_obstacle as form_obstacle
     from .local_formula import LocalFormula as LocalFormula, local_formula_of as local_formula_of
     from .period_bands import BandFormula as BandFormula, pixel_mtf as pixel_mtf
 

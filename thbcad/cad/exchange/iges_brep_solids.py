@@ -32,7 +32,7 @@ def iges_bytes(lens: Lens, product: Product | None = None) -> bytes:
 
 def part_iges(part: Part, product: Product) -> bytes:
     """Return an IGES file of a Part, as `iges_bytes`."""
-    return iges_text(part.solid, SOLID, product, part.names)
+    return iges_text(part.solid, SOLID, product, product.named(part.names))
 
 
 def brep_bytes(lens: Lens) -> bytes:

@@ -28,11 +28,10 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from thbcad.cad.exchange.reading import explore, faces_of
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import MAX_DEGREE, Floats
-from thbcad.lens import OpticalForm
+from thbcad.lens import OpticalForm, optical_places
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface, NURBSSurface
 
-OPTICAL = ("front", "rear")
 VOLUME_TOLERANCE = AREA_TOLERANCE = 1e-6  # relative
 
 
@@ -52,14 +51,15 @@ def front_and_rear(
     ValueError : there are not two, or a face of these names is another surface.
     """
     faces = faces_of(shape)
-    if all(names.count(name) == 1 for name in OPTICAL):
+    places = optical_places(names)
+    if places is not None:
         named = []
-        for name in OPTICAL:
-            form = optical_form(faces[names.index(name)])
+        for place in places:
+            form = optical_form(faces[place])
             if form is None:
                 raise ValueError(
-                    f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a "
-                    "sphere or another conic around z; export the lens again"
+                    f"the {names[place]} in {path} is neither a spline curved in both directions, nor a "
+                    "plane, a sphere or another conic around z; export the lens again"
                 )
             named.append(form)
         return named[0], named[1]
@@ -190,16 +190,6 @@ class SolidState:
     def volume(self) -> float:
         """The volume in mm^3 by OCCT."""
         return solid_volume(self.shape, VOLUME_TOLERANCE)
-
-    @property
-    def default_volume(self) -> float:
-        """The volume in mm^3 by the default quadrature of OCCT, as other programs show it.
-
-        It takes few points per face: on rough faces it is off by up to 2.5e-4.
-        """
-        properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(self.shape, properties)
-        return properties.Mass()
 
     @property
     def box(self) -> tuple[float, ...]:

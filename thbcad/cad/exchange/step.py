@@ -158,7 +158,7 @@ def _document(part: Part, product: Product, placement: TopLoc_Location | None) -
     colours = XCAFDoc_DocumentTool.ColorTool_s(main)
     label = shapes.AddShape(part.solid, False)
     TDataStd_Name.Set_s(label, _extended(product.name))
-    for name, face in zip(part.names, part.faces, strict=True):
+    for name, face in zip(product.named(part.names), part.faces, strict=True):
         sub = shapes.AddSubShape(label, face)
         if name:
             TDataStd_Name.Set_s(sub, _extended(name))

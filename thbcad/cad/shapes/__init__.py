@@ -6,6 +6,13 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .flange_solid import flanged_part as flanged_part
+    from .lens_parts import (
+        lens_part as lens_part,
+        lens_solid as lens_solid,
+        part_between as part_between,
+        polygon_part as polygon_part,
+        trimmed_part as trimmed_part,
+    )
     from .mould_solids import insert_part as insert_part, moulded_part as moulded_part
     from .occt_splines import (
         TOLERANCE as TOLERANCE,
@@ -16,8 +23,6 @@ if TYPE_CHECKING:
         spline_surface as spline_surface,
     )
     from .patched_solid import patched_part as patched_part
-    from .plain_solid import lens_part as lens_part, lens_solid as lens_solid, part_between as part_between
     from .topology import NAMES as NAMES, Part as Part
-    from .trimmed_solid import polygon_part as polygon_part, trimmed_part as trimmed_part
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -9,8 +9,8 @@ from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.forms import form_of, optical_face
+from thbcad.cad.shapes.lens_parts import Bounded, ruled_faces, upright_faces
 from thbcad.cad.shapes.topology import Part, closed_part, turned
-from thbcad.cad.shapes.trimmed_solid import Bounded, ruled_faces, upright_faces
 from thbcad.cad.shapes.walls import RuledWall, UprightWall, Wall, form_ring, plane_face, wall_faces
 from thbcad.lens import (
     SIDES,

@@ -16,9 +16,9 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from thbcad.cad.shapes.forms import form_of
+from thbcad.cad.shapes.lens_parts import trimmed_face, upright_face
 from thbcad.cad.shapes.tapered_wall import TaperedWall, drafted_faces
 from thbcad.cad.shapes.topology import Part, closed_part, face_on, turned_face
-from thbcad.cad.shapes.trimmed_solid import trimmed_face, upright_face
 from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
 from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
 

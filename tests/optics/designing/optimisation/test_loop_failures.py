@@ -9,6 +9,8 @@ from optics.base.runtime import NumericalError, UserError
 from optics.designing.optimisation.loop import shape_lens, transmitted_flux
 from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
+from optics.scene.problem import Problem
+from optics.scene.system import solvable_system
 from tests.optics.designing.optimisation.cases import FLAT, loaded
 from thbcad.surfaces import THBSurface
 
@@ -35,16 +37,44 @@ def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
     system = loaded(tmp_path, {"lens.rear.radius": 0.3})
     with pytest.raises(
         UserError,
-        match=r"only .* W of 1 W pass the unoptimised lens \(totally reflected 0\.9.*change the lens "
-        r"prescription",
+        match=r"only .* W of 1 W pass the unoptimised lens: 9\d% of the light is reflected "
+        r"totally at the rear.*change the lens prescription",
     ):
         shape_lens(system, backend, ExactEngine(backend))
 
 
 def test_a_lens_that_absorbs_all_light_is_refused(tmp_path, backend):
     system = loaded(tmp_path, {"lens.absorption": 10.0})
-    with pytest.raises(UserError, match=r"past the rear surface 0, absorbed 0\.96"):
+    with pytest.raises(UserError, match=r"lens: 96% of the light is absorbed in the lens; change"):
         shape_lens(system, backend, ExactEngine(backend))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"position": (100, 0, 0)}, "100% of the light misses M1.face; move element.M1"),
+        ({"position": (0, -14, 0)}, "100% of the light misses M1.face; move element.M1"),
+        ({"reflectance": 0.0}, "100% of the light is absorbed at M1.face"),
+        (
+            {"clear_aperture": (9, 0.001), "position": (0, 6, 0)},
+            "% of the light is blocked on its way to M1.face",
+        ),
+    ],
+)
+def test_light_that_goes_nowhere_is_said_by_face(backend, changes, words):
+    mirror = {
+        "kind": "mirror",
+        "name": "M1",
+        "tilt": (45, 0, 0),
+        "thickness": 4,
+        "face": {"half_width": (10, 10)},
+    }
+    target = {"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0), "half_width": (20, 20)}
+    beam = {"kind": "collimated", "half_width": (9.5, 6.5)}
+    problem = Problem(source=beam, element=[mirror | changes], target=target | {"pixels": (32, 32)})
+    with pytest.raises(UserError, match="only 0 W of 1 W pass the unoptimised mirror") as caught:
+        transmitted_flux(solvable_system(problem), backend)
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(("front", "rear"), [((10.0, 10.0), (8.0, 8.0)), ((8.0, 8.0), (10.0, 10.0))])

@@ -58,3 +58,18 @@ def test_light_is_not_asked_for_where_it_would_land_beside_the_target():
     asked = prewarped(np.ones(GRID), (x, y), (x * 0 + 20 / GRID[0], x * 0), np.ones(GRID))
     assert (asked[-10:] == 0).all()
     assert (asked[:-10] > 0).all()
+
+
+def test_fine_bins_follow_an_offset_as_uneven_as_the_picture():
+    """d of 1.5 cells, with a period of 16: bins are smoothed by one bin of s cells, which flattens it.
+
+    exp(-(2 pi s / 16)^2 / 2) of it remains: 0.29 for s = 4, 0.73 for s = 2.  What lacks is as 0.71 to 0.27.
+    """
+    x, y = centres(GRID)
+    k = np.pi * GRID[0] / 16
+    d, slope = 3 / GRID[0] * np.sin(k * x), 3 / GRID[0] * k * np.cos(k * x)
+    exact = wave(x + d, y) * (1 + slope)
+    of_bins = [
+        error(prewarped(wave(x, y), (x, y), (d, y * 0), np.ones(GRID), f), exact) for f in (False, True)
+    ]
+    assert of_bins[1] < 0.6 * of_bins[0]

@@ -186,7 +186,7 @@ def test_a_mesh_of_another_body_shows(tmp_path):
         ({}, ["--aperture", 5, 5], "lens.body makes the walls of the solid"),
         ({}, ["--shrinkage", 1, 1, 2], "the draft of lens.body needs one --shrinkage"),
         ({"lens.clear_aperture": [23.9998, 23.9998], "lens.body.land": -4.5}, [], "eats the clear aperture"),
-        ({"lens.body.parting": 9.0}, [], "must lie below the rear's rim"),
+        ({"lens.body.parting": 6.0}, [], "must lie below the rear's rim"),
         ({"lens.body.edge_radius": 9.0}, [], "edge_radius = 9 mm needs up to"),
         ({}, ["--format", "svg"], "a drawing shows the lens without lens.body"),
         ({"lens.body.edge_radius": 0.3}, ["--format", "iges"], "lens.body.edge_radius needs step"),

@@ -19,6 +19,7 @@ from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
 from thbcad.cad import write_step
 from thbcad.lens import placed_surfaces
+from thbcad.surfaces import THBSurface
 
 
 def faces_of(system):
@@ -81,7 +82,7 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         **{
             "lens.clear_aperture": (7, 7),
             "lens.rear.radius": -40.0,
-            "lens.rear.freeform.degree": 5,
+            "lens.rear.freeform.degree": 5,  # a sphere by few poles
             "stop.1.tilt": (40, 0, 0),
         }
     )
@@ -99,3 +100,57 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
     fates = tracer.fates(landing, (20, 20))
     assert fates.blocked > 0.5
     assert seen.flux.sum() == pytest.approx(fates.transmitted, abs=1e-12)
+
+
+FLAT = {"freeform": None, "half_width": (12.0, 12.0)}
+SPREADING = {"kind": "lens", "name": "L1", "index": 1.6, "thickness": 4.0, "position": (1, 0, -30)}
+SPREADING |= {"front": {"half_width": (12.0, 12.0)}, "rear": FLAT | {"radius": 60.0, "conic": 0.5}}
+FREE = {"kind": "lens", "name": "L2", "index": 1.5, "thickness": 5.0, "tilt": (0, 4, 0)}
+FREE |= {"front": FLAT | {"radius": 90.0}, "rear": {"half_width": (12.0, 12.0)}}
+FOLDING = {"kind": "mirror", "name": "M1", "position": (0, 0, 60), "tilt": (45, 0, 0), "thickness": 5.0}
+FOLDING |= {"face": {"half_width": (30.0, 40.0), "radius": -300.0, "freeform": None}}
+BESIDE = {"position": (0, 80, 60), "tilt": (-90, 0, 0)}
+ROWS = {
+    "through": ([SPREADING, FREE], [], {"position": (0, 0, 90)}),
+    "onto a mirror": ([SPREADING, FREE, FOLDING], [], BESIDE),
+    "from a mirror": (
+        [FREE | {"position": (0, 80, 60), "tilt": (-90, 0, 0)}, FOLDING],
+        ["M1", "L2.front", "L2.rear"],
+        {"position": (0, 140, 60), "tilt": (-90, 0, 0)},
+    ),
+    "back from the rear": (
+        [FREE],
+        ["L2.front", "L2.rear:reflect", "L2.front"],
+        {"position": (0, 0, -60), "tilt": (180, 0, 0)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("coats", [None, 0.3])
+def test_independent_traces_go_along_a_row_of_elements(backend, name, coats):
+    """With a rough sag, a stop between, and coatings: the same rays arrive at the same places."""
+    elements, faces, target = ROWS[name]
+    stop = {"shape": "rectangle", "half_width": (2, 3), "position": (2, 1, -20), "hole": False}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (9, 8), "distance": 50.0},
+        element=[
+            e | {"rear": e["rear"] | {"reflectance": coats}} if e["name"] == "L2" else e for e in elements
+        ],
+        path=({"faces": faces},) if faces else (),
+        target={"kind": "tophat", "half_width": (60, 60), "pixels": (16, 16), **target},
+        stop=(stop,),
+    )
+    system = OpticalSystem(problem)
+    rng = np.random.default_rng(3)
+    rough = [THBSurface(s.space, rng.normal(0, 0.03, s.space.dim)) for s in system.lens.sags]
+    lens = system.lens.with_sags(rough)
+    front, rear = placed_surfaces(lens)
+    path = system.own_path(lens)
+    own = lens_faces(SimpleNamespace(front=front, rear=rear), path, system.own_faces)
+    seen = compared(
+        system, lens, backend, (41, 43), lambda rays: through_faces(own, rays, path.stops), blocked=True
+    )
+    assert seen.mismatched == 0
+    assert seen.landing < 1e-9
+    assert seen.irradiance < 1e-9

@@ -41,15 +41,24 @@ def lens_of(system):
     params=[pytest.param({}, id="lambertian", marks=pytest.mark.slow), pytest.param(POINT, id="point")],
 )
 def found(request, tmp_path_factory, backend):
-    """Return (system, lens, OtherLight)."""
-    system = system_of(tmp_path_factory.mktemp("ways"), request.param)
+    """Return (system, lens, OtherLight, metrics with it)."""
+    system, light = system_of(tmp_path_factory.mktemp("ways"), request.param), []
     lens = lens_of(system)
-    return system, lens, nonsequential_light(system, lens, system.target.screen(), backend)
+
+    def kept(*arguments):
+        light.append(nonsequential_light(*arguments))
+        return light[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("optics.light.analysis.metrics.nonsequential_light", kept)
+        metrics = measure(system, lens, backend).metrics
+    (other,) = light
+    return system, lens, other, metrics
 
 
 def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     """Every branch followed to 1e-4 of its ray's flux; both are samples, so that their errors add up."""
-    system, lens, other = found
+    system, lens, other, _ = found
     screen = system.target.screen()
     rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), lens)
     every = trace_nonsequential(backend, lens, rays, TargetArea(system.target.receiver, screen.half_width))
@@ -65,15 +74,14 @@ def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
 
 def test_roulette_loses_no_flux_on_average(found, backend):
     """The fates of all light sum to the source's, to the spread of the replicates' sums."""
-    _, _, other = found
+    _, _, other, _ = found
     assert sum(asdict(other.fates).values()) == pytest.approx(3.0, rel=2e-3)
     assert other.fates.trapped < 1e-6
     assert other.fates.failed == 0
 
 
-def test_metrics_are_those_of_all_light(found, backend):
-    system, lens, _ = found
-    metrics = measure(system, lens, backend).metrics
+def test_metrics_are_those_of_all_light(found):
+    _, _, _, metrics = found
     count = metrics["nonsequential"]
     assert metrics["paths"] == "all"
     assert metrics["rel_l2"] != pytest.approx(metrics["rel_l2_sequential"], rel=1e-3)

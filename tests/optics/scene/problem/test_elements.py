@@ -73,6 +73,18 @@ def test_a_key_is_set_by_the_name_of_its_table(mirror, text, value):
         ({"element.M1.corner_radius": 2.0}, "element.M1.corner_radius is that of element.M1.outline"),
         ({"element.M1.clear_aperture": (11, 5)}, "element.M1.clear_aperture must lie within"),
         ({"target.distance": 60.0, "target.position": False}, "beside an [[element]] give target.position"),
+        ({"target.distance": 60.0}, "target.distance = 60 is that of [lens]; beside an [[element]] give"),
+        (
+            {"target.distance": float("inf"), "target.position": False},
+            "target.distance = inf is that of [lens]",
+        ),
+        ({"target.position": False}, "the key target.position is missing"),
+        ({"target.surface": "far_field"}, "target.position is a place, got [0.0, 60.0, 0.0]"),
+        ({"element.M1.position": (0, 0, float("nan"))}, "element[0].position[2] must be a finite number"),
+        (
+            {"element.M1.rear": {"half_width": (5, 5)}},
+            'unknown key element[0].rear: it is that of kind = "lens"',
+        ),
         ({"limits.mass": 5.0}, "needs element.M1.density"),
         ({"element": ()}, "the key lens is missing; add it, or an [[element]]"),
         (

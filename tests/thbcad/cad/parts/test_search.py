@@ -1,5 +1,6 @@
 """Lenses found in parts, joined with others and written: the optical faces keep every bit."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,10 @@ def mirrored(solid):
     return solid.Moved(TopLoc_Location(mirror), False)
 
 
-PARTS = {name: mounted(lens, name in FLUSH) for name, lens in LENSES.items()}
+@cache
+def part_of(name):
+    """The part of a lens by name, made once."""
+    return mounted(LENSES[name], name in FLUSH)
 
 
 def moved_bits(part, lens):
@@ -52,7 +56,7 @@ def moved_bits(part, lens):
 @pytest.mark.parametrize("name", LENSES)
 @pytest.mark.parametrize("motion", [None, *MOTIONS])
 def test_a_mounted_and_moved_lens_reads_back_bit_for_bit(name, motion, tmp_path):
-    lens, part = LENSES[name], PARTS[name]
+    lens, part = LENSES[name], part_of(name)
     solid = part.solid if motion is None else located(part.solid, MOTIONS[motion])
     write_step(solid, tmp_path / "part.step", lens=lens)
     read = step_shape(tmp_path / "part.step")
@@ -71,7 +75,7 @@ def test_a_mounted_and_moved_lens_reads_back_bit_for_bit(name, motion, tmp_path)
 
 @pytest.mark.parametrize("name", LENSES)
 def test_numbers_that_another_program_has_moved_are_put_back(name, tmp_path):
-    lens, part = LENSES[name], PARTS[name]
+    lens, part = LENSES[name], part_of(name)
     solid = BRepBuilderAPI_Transform(part.solid, MOTIONS["screw"], True).Shape()
     assert moved_bits(solid, lens) > 10
     write_step(solid, tmp_path / "part.step", lens=lens)
@@ -97,7 +101,7 @@ def test_a_lens_is_written_as_ever(tmp_path):
 
 @pytest.mark.parametrize("name", FLUSH)
 def test_a_flush_flange_leaves_the_front_its_own_edges(name):
-    lens, part = LENSES[name], PARTS[name]
+    lens, part = LENSES[name], part_of(name)
     front = placed_lens(part.solid, lens).faces["front"]
     area = 4 * lens.front.half_width[0] * lens.front.half_width[1]
     state = SolidState(front)
@@ -145,4 +149,4 @@ def test_other_things_are_refused_in_one_sentence(part, sentence):
 
 def test_a_part_without_its_lens_is_refused():
     with pytest.raises(ValueError, match="lens must be given"):
-        write_step(PARTS["round"].solid, Path("never.step"))
+        write_step(part_of("round").solid, Path("never.step"))

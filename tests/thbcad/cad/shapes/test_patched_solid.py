@@ -20,8 +20,8 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_Ind
 from tests.cases import examples
 from tests.thbcad.cases import surfaces
 from thbcad.cad.exchange import explore, part_step, step_shape
+from thbcad.cad.shapes.lens_parts import lens_part
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
-from thbcad.cad.shapes.plain_solid import lens_part
 from thbcad.hierarchy import THBSpace
 from thbcad.io import parse_brep, patched_deviation
 from thbcad.lens import FreeformSurface, Lens, Product, placed_surfaces

@@ -1,0 +1,142 @@
+"""Free mirrors before light of others' own, to the far field: how close, by whose measure, and in what time.
+
+Source and chart are classes of this benchmark that no problem file names.  The mirror is a height over a
+plane, as everywhere here.
+
+Run: thbcad bench reflectors
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+
+import optics
+from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.design_run import rel_l2_row
+from benchmarks.reflectors import finite_sources as finite
+from benchmarks.reflectors.own_light import BACKWARD, Stereographic, StereographicPoint
+from benchmarks.reflectors.wasserstein import distance_to_density, drawn_points
+from benchmarks.rows.row import Row
+from optics.base.runtime import load_backend
+from optics.light.tracing import Tracer
+from optics.scene.problem import load_problem
+from optics.scene.receivers import Screen, formula_light
+from thbcad.checks import Floats
+
+WINDOW = 0.6  # half-width in u and v
+TO_MIRROR = 78.0  # mm; the mirror of which the light asks is wider in proportion
+RAYS, CELLS = 1 << 14, 512  # of the distance: rays of the source, and cells of the target each way
+DISTANCE = "distance of Wasserstein W2 in u, v"
+DUAL = "dual bound, 2^14 Sobol rays against 512^2 cells"
+THEIRS = "Benamou, IJzerman, Rukhaia 2020: near its sampling floor, {} by their rays and W2"
+MIRROR = {
+    "source.distance": TO_MIRROR,
+    "element.M1.position": [0.0, 0.0, 0.0],
+    "element.M1.tilt": [0.0, 0.0, 0.0],
+    "element.M1.thickness": 150.0,
+    "element.M1.reflectance": 1.0,
+    "element.M1.face.half_width": [92.0, 92.0],
+    "element.M1.face.radius": -100.0,
+    "element.M1.face.conic": -0.6,
+    "element.M1.face.freeform": {"z_freedom": 60.0, "spans": [8, 8], "max_level": 4},
+    "target.position": None,
+    "target.tilt": [0.0, 0.0, 0.0],
+    "target.surface": "far_field",
+    "target.half_width": [WINDOW, WINDOW],
+    "target.pixels": [64, 64],
+    "target.crossing": True,
+    "optimizer.iterations": [600],
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case of the benchmark of ROMSOC: light of a point to a density per solid angle.
+
+    round : the source lights a disk, and no square.  sphere : one about the source solves it.
+    formula : of the density, x and y from -1 to 1.
+    wanted : rel_l2.  changes : of the keys of MIRROR.
+    """
+
+    formula: str
+    wanted: float = 0.01
+    round: bool = False
+    sphere: bool = False
+    changes: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def source(self) -> StereographicPoint:
+        return StereographicPoint(flux=1.0, distance=TO_MIRROR, half=0.5, round=self.round)
+
+    def designed(self) -> optics.Design:
+        keys = MIRROR | {"target.kind": "function", "target.formula": self.formula} | self.changes
+        problem = load_problem(EXAMPLES / "lamp_reflector.toml").with_(**keys)
+        return optics.design(problem, source=self.source, receiver=Stereographic(BACKWARD))
+
+    def tracer(self, design: optics.Design) -> Tracer:
+        """Return what traces rays of the same flux, spread like the light of the source."""
+        emitted = _density(f"{'r' if self.round else 'max(abs(x), abs(y))'} < 5 / 6")
+        rays = self.source.toward(*drawn_points(RAYS, WINDOW, emitted, seed=0).T)
+        return Tracer(load_backend("double", 1), design.system.path(design.lens), rays)
+
+    def radius_deviation(self, design: optics.Design) -> float:
+        """Return the rms deviation of the lit face from a sphere about the source, over its radius."""
+        hits, _, _ = self.tracer(design).at(0)
+        radius = np.linalg.norm([hits.x.numpy(), hits.y.numpy(), hits.z.numpy() + TO_MIRROR], axis=0)
+        return float(radius.std() / radius.mean())
+
+    def distances(self, design: optics.Design) -> tuple[float, float]:
+        """Return W2 from the light asked for: of a design's rays, and of as many points of the former."""
+        _, landing = self.tracer(design).trace()
+        wanted = _density(self.formula)
+        points = np.c_[landing.x.numpy(), landing.y.numpy()], drawn_points(RAYS, WINDOW, wanted, seed=0)
+        light, own = (distance_to_density(p, WINDOW, wanted) for p in points)
+        return light, own
+
+
+FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
+CASES = {
+    "1: square to disk": Case("r < 5 / 6"),
+    "2: square to wide Gaussian": Case("exp(-0.18 * r^2)"),
+    "3: square to square": Case("max(abs(x), abs(y)) < 5 / 6", sphere=True),
+    "4: disk to Gaussian": Case("exp(-5.76 * r^2)", 0.02, True, changes=FINE),
+    "5: disk to two Gaussians": Case(
+        "exp(-5.76 * hypot(x - 5 / 12, y - 5 / 12)^2) + exp(-5.76 * hypot(x - 5 / 12, y + 5 / 12)^2)",
+        0.02,
+        True,
+        changes=FINE,
+    ),
+}
+
+
+def rows() -> list[Row]:
+    """Return errors and seconds of every case."""
+    points = [row for title, case in CASES.items() for row in case_rows(title, case)]
+    return points + [row for title, case in finite.CASES.items() for row in finite.case_rows(title, case)]
+
+
+def case_rows(title: str, case: Case) -> list[Row]:
+    """Return the rows of a case of ROMSOC."""
+    start = perf_counter()
+    design = case.designed()
+    seconds = perf_counter() - start
+    light, floor = case.distances(design)
+    reference = THEIRS.format("2.31e-3" if case.round else "2.36e-3")
+    sphere = "  deviation from a sphere about the source, rms"
+    return [
+        rel_l2_row(f"{title}: rel_l2", design.metrics, limit=case.wanted),
+        Row("  W2 of its rays", light, "", reference, quantity=DISTANCE, estimator=DUAL),
+        Row("  over the sampling floor", light / floor, "", "that of Sobol points of the target", 1.05),
+        *([Row(sphere, case.radius_deviation(design), "", "of its radius", 1e-6)] if case.sphere else []),
+        Row("  design", seconds, "s"),
+    ]
+
+
+def _density(formula: str) -> Floats:
+    """Return light per solid angle as that on cells of the chart, index order u, v."""
+    screen = Screen((WINDOW, WINDOW), (CELLS, CELLS), 0, Stereographic())
+    return (formula_light(formula, screen.pixels) * screen.projection())[::-1].T

@@ -1,0 +1,111 @@
+"""Mirrors before light and charts of a script's own, by the public API, and the distance that judges them."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import optics
+from benchmarks.checkout import EXAMPLES
+from benchmarks.reflectors.own_light import BACKWARD, Stereographic, StereographicPoint
+from benchmarks.reflectors.reflectors import MIRROR
+from benchmarks.reflectors.sloped_light import SlopedArea
+from benchmarks.reflectors.wasserstein import distance_to_density, drawn_points
+from optics.base.runtime import UserError
+from optics.scene.problem import load_problem
+
+SPHERE = {
+    "source.distance": 100.0,
+    "element.M1.face.half_width": [45.0, 45.0],
+    "element.M1.face.radius": -100.0,
+    "element.M1.face.conic": 0.0,
+    "element.M1.face.freeform": {"z_freedom": 5.0, "spans": [4, 4], "max_level": 1},
+    "target.kind": "tophat",
+    "target.half_width": [0.3, 0.3],
+    "target.lit": [2 / 3, 2 / 3],
+    "target.pixels": [24, 24],
+    "optimizer.iterations": [20],
+}
+
+
+def problem_of(**changes):
+    return load_problem(EXAMPLES / "lamp_reflector.toml").with_(**(MIRROR | SPHERE | changes))
+
+
+def own_light():
+    return StereographicPoint(flux=1.0, distance=100.0, half=0.2), Stereographic(BACKWARD)
+
+
+def test_a_sphere_sends_light_of_a_source_of_ones_own_back_along_the_way_it_came():
+    """So a square of even intensity is one in the chart, whose borders are pixels'."""
+    system = optics.System(problem_of(), *own_light())
+    base = system.optical.lens
+    found = system.measure(base)
+    # a target takes d Omega / (du dv) ~ 1 - 2 w in the middles of pixels p wide: they lack 8 p^2 / 24 of it
+    assert found.metrics["rel_l2"] < 0.025**2 / 3
+    assert found.metrics["efficiency"] == pytest.approx(1.0, abs=1e-12)
+    again = pickle.loads(pickle.dumps(system))
+    np.testing.assert_array_equal(again.measure(base).irradiance, found.irradiance)
+
+
+def test_a_plane_mirror_keeps_the_slopes_of_light_of_ones_own():
+    """(p, q) = 2 (u, v) / (1 - w), w = u^2 + v^2: even slopes are 4 (1 + w) / (1 - w)^3 of their density."""
+    plane = {
+        "element.M1.face.radius": np.inf,
+        "target.half_width": [0.25, 0.25],
+        "target.pixels": [8, 8],
+        "target.lit": [1.0, 1.0],
+    }
+    source = SlopedArea(flux=1.0, distance=40.0, half=3.0, reach=0.9, round=True)
+    chart = Stereographic(BACKWARD, per_solid_angle=False)
+    system = optics.System(problem_of(**plane), source, chart)
+    found = system.measure(system.optical.lens)
+    u = np.linspace(-0.25, 0.25, 8 * 10 + 1)
+    w = ((u[:-1] + u[1:]) / 2) ** 2 + ((u[:-1, None] + u[1:, None]) / 2) ** 2
+    even = 4 * (1 + w) / (1 - w) ** 3 / (np.pi * 0.9**2)
+    # the standard error of the estimate, relative to the light; rms over 64 pixels
+    error = 2 * found.metrics["rel_l2_floor"]
+    np.testing.assert_array_less(
+        rms(found.irradiance / even.reshape(8, 10, 8, 10).mean(axis=(1, 3)) - 1), error
+    )
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.square(values)))
+
+
+@pytest.mark.slow
+def test_a_design_finds_the_sphere_and_has_no_problem_file():
+    flat = problem_of(**{"element.M1.face.conic": -1.0, "element.M1.face.radius": -120.0})
+    source, receiver = own_light()
+    design = optics.design(flat, source=source, receiver=receiver)
+    assert design.metrics["rel_l2"] < 0.02
+    x = np.linspace(-30, 30, 7)
+    z = design.lens.front.grid(x, x) + source.distance
+    radius = np.sqrt(x[:, None] ** 2 + x**2 + z**2)
+    assert np.std(radius) < 1e-3 * np.mean(radius)
+    with pytest.raises(UserError, match="cannot be saved, as no problem file describes it"):
+        design.save("anywhere")
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.02, -0.01)])
+def test_the_distance_of_a_lattice_from_even_light_is_that_of_its_cells_and_its_shift(shift):
+    """W2^2 = 2 h^2 / 12 (1 - 1 / k^2) + |shift|^2 for k^2 cells to each of n^2 points, h apart."""
+    n, k, half = 12, 8, 0.6
+    row = half * ((2 * np.arange(n) + 1) / n - 1)
+    points = np.stack(np.meshgrid(row, row, indexing="ij"), axis=-1).reshape(-1, 2) + shift
+    found = distance_to_density(points, half, np.ones((k * n, k * n)))
+    square = (2 * half / n) ** 2 / 6 * (1 - 1 / k**2) + np.dot(shift, shift)
+    assert found <= np.sqrt(square) * (1 + 1e-12)  # a bound
+    assert found > 0.998 * np.sqrt(square)  # CHANGE, and what cells cannot share
+
+
+def test_drawn_points_spread_like_their_density():
+    density = np.outer([1.0, 3.0, 0.0, 4.0], [2.0, 1.0, 1.0, 0.0])
+    points = drawn_points(1 << 12, 1.0, density, seed=0)
+    counts = np.histogram2d(*points.T, bins=4, range=[(-1, 1)] * 2)[0]
+    # 2^12 Sobol points: each strip of u holds its share to a few points
+    np.testing.assert_allclose(counts / 2**12, density / density.sum(), atol=4e-3)
+    assert not counts[density == 0].any()

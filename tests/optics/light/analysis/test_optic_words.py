@@ -1,0 +1,23 @@
+"""What a lens or a mirror passes on at best, in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from optics.light.analysis import passing_share, passing_words
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import write_problem
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({}, "two uncoated faces at normal incidence pass 92.2%"),
+        # 0.99 of the coating, 0.96 of bare glass of index 1.5
+        ({"lens.front.reflectance": 0.01}, "front and rear as coated pass 95.0% at normal incidence"),
+    ],
+)
+def test_a_coated_lens_is_said_to_be_one(tmp_path, keys, words):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+    assert passing_words(passing_share(system.path(system.lens))) == words
