@@ -11,7 +11,6 @@ from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
-from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
@@ -23,7 +22,7 @@ from optics.scene.system.lens_material import (
 )
 from optics.scene.system.moulded import body_options, made_of
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
-from optics.scene.system.source import source_of
+from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
@@ -36,20 +35,6 @@ if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
 STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
-
-
-@dataclass(frozen=True, eq=False)
-class Own:
-    """Classes of a script, that no problem file names, in place of what the problem describes.
-
-    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
-    """
-
-    source: LightSource | None = None
-    receiver: Receiver | None = None
-
-    def __bool__(self) -> bool:
-        return self.source is not None or self.receiver is not None
 
 
 @dataclass(frozen=True, eq=False)
