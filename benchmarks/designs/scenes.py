@@ -1,7 +1,8 @@
 """One free mirror or lens anywhere, before a screen anywhere: how close its light comes, and in what time.
 
 A mirror in a beam at 45 degrees; the same before a point; a lens whose screen is turned towards it and away
-from it, where it meets total reflection unless both of its faces bend the light; and a column as screen.
+from it, where it meets total reflection unless both of its faces bend the light; a column as screen; and a
+fixed element before the mirror, or behind the lens.
 Seconds are those of the whole command `thbcad design`, with its checks.
 
 Run: thbcad bench scenes
@@ -90,6 +91,24 @@ SCENES = {
         for r in (500.0, -500.0, 120.0)
     },
 }
+ROWS = {
+    "fixed lens that spreads the beam, mirror": Scene(
+        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [60]}
+    ),
+    "lens, fixed hollow mirror of radius 800 mm": Scene(
+        "folded",
+        0.030,
+        {
+            "element.L1.thickness": 20.0,
+            "element.L1.rear.freeform": AUTO,
+            "element.M1.position": [0, 0, 170],
+            "element.M1.face.radius": -800.0,
+            "element.M1.face.half_width": [110.0, 205.0],
+            "target.position": [0, 300, 170],
+            "optimizer.iterations": [60],
+        },
+    ),
+}
 TOTAL = Scene("pearl", 0.0, ASIDE | THICK | {"target.tilt": [0, 45, 0]})
 
 
@@ -97,7 +116,9 @@ def rows() -> list[Row]:
     """Return error and time of every scene, and what `check` says of the one that cannot be."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        designed = [row for title, scene in SCENES.items() for row in _designed(title, scene, folder)]
+        designed = [
+            row for title, scene in (SCENES | ROWS).items() for row in _designed(title, scene, folder)
+        ]
         return [*designed, *_refused(folder)]
 
 
