@@ -29,7 +29,7 @@ SQUARE = {"target.half_width": [100.0, 100.0], "target.pixels": [256, 256], "opt
 BESIDE = SQUARE | {"target.position": [0, 300, 0], "target.tilt": [-90, 0, 180]}
 NEAR = BESIDE | {"element.M1.face.half_width": [53.0, 87.5]}
 ASIDE = SQUARE | {"target.distance": None, "target.position": [150, 0, 340]}
-# where light is spread unevenly, by a mirror near a lamp or a turned screen, a sixth level pays
+# of uneven light, by a mirror near a lamp or on a turned screen: a level more than the usual five pays there
 AUTO = {"z_freedom": "auto", "max_level": "auto"}
 THICK = {"lens.thickness": 60.0, "lens.rear.freeform.z_freedom": "auto"}
 

@@ -14,7 +14,7 @@ from optics.designing.etendue import bounds_hold, image_half_width, usual_effici
 from optics.designing.optimisation import Stage, first_sags, last_level, stages, transmitted_flux
 from optics.designing.prediction.cost import memory_mb, seconds
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
-from optics.designing.prediction.start_light import light_before
+from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import RearLight, TransportStart
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
@@ -41,8 +41,9 @@ class Expectation:
     size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
     sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
     efficiency, stray, blocked : of the transport start, share of the source's flux on the target, beside it,
-        and taken by stops and the clear aperture.  reflected, totally : the same at the rear, and that of it
-        which no steeper light could leave.
+        and taken by stops, bodies, a plane screen and the clear aperture.  reflected, totally : the same at
+        the rear, and that of it which no steeper light could leave.
+    blocking : what each of these would block alone, by its name.
     nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more.
     least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
@@ -63,6 +64,7 @@ class Expectation:
     efficiency: float
     stray: float
     blocked: float
+    blocking: dict[str, float]
     reflected: float
     totally: float
     nearest: list[str]
@@ -100,7 +102,8 @@ def expected(
     from_transport = _follows_map(system, start)
     traced = system.shaping
     plan = stages(traced, from_transport)
-    fates, error = light_before(system, lens, backend, -(-max(system.target.settings.pixels) // MOST_PIXELS))
+    coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
+    fates, error = light_before(system, lens, backend, coarsening)
     flux = system.problem.source.flux
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
@@ -116,6 +119,7 @@ def expected(
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,
+        blocking=blocking(system, lens, backend, coarsening) if fates.blocked else {},
         reflected=reflected,
         totally=fates.total_internal / flux,
         nearest=gentler_geometries(system, start) if system.shaped == "rear" and reflected > STEEP else [],

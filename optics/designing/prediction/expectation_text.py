@@ -23,9 +23,7 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
-        f"{expected.stray:.1%} beside it"
-        + f", {expected.blocked:.1%} blocked by stops and the clear aperture"
-        * bool(expected.blocked),
+        f"{expected.stray:.1%} beside it" + _blocked(expected),
         _least_line(system, expected),
         f"{concentration_sentence(system, expected.concentration)}; at the start of the design",
         _detail_line(system, expected),
@@ -34,6 +32,15 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"about {expected.memory_mb / 1000:.2g} GB of memory",
         *_sensitivity_lines(system, expected),
     ]
+
+
+def _blocked(expected: Expectation) -> str:
+    """Return what share of the light is blocked, and by what; where several do, the share of each alone."""
+    if round(expected.blocked, 3) == 0:
+        return ""
+    several = len(expected.blocking) > 1
+    by = (name + f" ({share:.1%} alone)" * several for name, share in expected.blocking.items())
+    return f", {expected.blocked:.1%} blocked by {', '.join(by)}"
 
 
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:

@@ -8,6 +8,7 @@ rel_l2 = 0.211 there (195 000 coefficients), at 0.209 on level 5, 0.207 on level
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 
 from optics.base.runtime import Backend
@@ -15,6 +16,7 @@ from optics.designing.starts import TransportStart, spot_lens
 from optics.light.analysis import cell_irradiance, rel_l2
 from optics.light.blur import blur_of
 from optics.light.tracing import SequentialFates, Tracer
+from optics.scene.paths import LightPath
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
@@ -27,14 +29,14 @@ WORTH = 0.03
 
 
 def light_before(
-    system: OpticalSystem, lens: Lens, backend: Backend, coarsening: int = 1
+    system: OpticalSystem, lens: Lens, backend: Backend, coarsening: int = 1, path: LightPath | None = None
 ) -> tuple[SequentialFates, float | None]:
     """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
 
     The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
-    coarsening : pixels that are merged in each direction.
+    coarsening : pixels that are merged in each direction.  path : another one through the lens.
     """
-    seen, blurred, path = system.target.screen(coarsening), None, system.path(lens)
+    seen, blurred, path = system.target.screen(coarsening), None, path or system.shaded_path(lens)
     screen, target = seen, system.target
     if system.blurred:
         blurred, system = blur_of(system, path, backend).onto(seen), system.sharp
@@ -52,6 +54,17 @@ def light_before(
         irradiance = blurred(irradiance)
     shown = seen.projection()  # in the far field intensities are compared
     return fates, rel_l2(irradiance / shown, target.irradiance(seen, 1.0) / shown)
+
+
+def blocking(system: OpticalSystem, lens: Lens, backend: Backend, coarsening: int = 1) -> dict[str, float]:
+    """Return the share of the source's flux that each thing would block alone, by name, as `light_before`."""
+    path = system.shaded_path(lens)
+    bare = path.without_stops()
+    alone = {"the clear aperture": replace(path, stops=(), bodies=())}
+    alone |= {stop.name: replace(bare, stops=(stop,)) for stop in path.stops}
+    alone |= {body.name: replace(bare, bodies=(body,)) for body in path.bodies}
+    fates = {name: light_before(system, lens, backend, coarsening, way)[0] for name, way in alone.items()}
+    return {name: f.blocked / system.problem.source.flux for name, f in fates.items() if f.blocked}
 
 
 def seen_level(

@@ -1,4 +1,4 @@
-"""A lens with its mount: exported, and STEP files of such parts proven against the lens."""
+"""Lenses with their mounts, and scenes of elements: exported, and read back or proven against the lens."""
 
 from typing import TYPE_CHECKING
 
@@ -7,5 +7,6 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .mount_export import export_mounted as export_mounted, mount_from as mount_from
     from .proof import part_checks as part_checks, placed_text as placed_text
+    from .scene_export import export_scene as export_scene, scene_checks as scene_checks
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

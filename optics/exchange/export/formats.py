@@ -25,7 +25,7 @@ from optics.exchange.export.read_back import (
     sag_checks,
     solid_checks,
 )
-from optics.exchange.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
+from optics.exchange.results import ResultFolder, lens_of, require_own, require_writable
 from optics.exchange.verification import EXACT_VOLUME, FITTED_VOLUME, volume_check
 from optics.scene.system import OpticalSystem, lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
@@ -199,7 +199,7 @@ def require_free_files(files: Sequence[Path], out: str, force: bool) -> None:
     report = report_of(out)
     for path in (*files, report):
         require_writable(path)
-        if is_result_file(path.name) and ResultFolder(path.parent).has_result():
+        if ResultFolder(path.parent).owns(path.name):
             raise UserError(f"{path} is part of the result in {path.parent}; choose another --out")
     require_own(report.parent, [path.name for path in (*files, report)], report.name, force)
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from .result_folder import (
         FIGURES as FIGURES,
         FILES as FILES,
+        SCENE as SCENE,
         ResultFolder as ResultFolder,
-        is_result_file as is_result_file,
         lens_of as lens_of,
         level_files as level_files,
     )

@@ -19,7 +19,7 @@ from optics.designing.optimisation import Row
 from optics.exchange.results.checkpoint import checkpoint_owner
 from optics.exchange.results.folder_lock import require_no_run, run_lock
 from optics.exchange.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
-from optics.exchange.results.owned_files import HASHES, require_own, sha256_of, writable_folder
+from optics.exchange.results.owned_files import HASHES, recorded, require_own, sha256_of, writable_folder
 from optics.scene.problem import Problem, load_problem
 from thbcad.io import read_lens
 from thbcad.lens import Lens
@@ -39,6 +39,8 @@ FIGURES = tuple(
 # what says how good a result is, the record first: gone before the first new file is written
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
+SCENE = "scene.step"  # of all elements in their places
+PART_FILE = re.compile(r"[\w-]+\.step")  # of an element, or of the whole scene
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 FILES_OF_A_LEVEL = 3  # lens, arrays, picture
 KEYS_SHOWN = 4  # in which two problems differ; files that are named
@@ -174,6 +176,10 @@ class ResultFolder:
         owner = checkpoint_owner(self.checkpoint)
         return owner is not None and fingerprint(problem) in owner.problems
 
+    def owns(self, name: str) -> bool:
+        """Return whether a file of this name is one of the result that lies here."""
+        return self.has_result() and (name in FILES or name in recorded(self.path / RECORD))
+
     def _record(self) -> dict[str, Any]:
         path = self.path / RECORD
         try:
@@ -196,7 +202,7 @@ class ResultFolder:
 
     def _clear_temporaries(self) -> None:
         """Remove what a killed run left of half-written files."""
-        for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in DATA)):
+        for name in (*FILES, CHECKPOINT, "*.step", *(f"{stem}.*" for stem in DATA)):
             folder, _, last = name.rpartition("/")
             for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
                 for path in (self.path / folder).glob(pattern):
@@ -206,7 +212,7 @@ class ResultFolder:
         """Return what a run of the problem may write."""
         kept = [path.relative_to(self.path).as_posix() for path in self.path.glob("**/level_*")]
         levels = [name for name in kept if is_level_file(name)]
-        return [*FILES, CHECKPOINT, *pictures_of(problem), *levels]
+        return [*FILES, CHECKPOINT, *pictures_of(problem), *part_files(problem), *levels]
 
     def _require_nothing_lost(self, problem: Problem) -> None:
         if self.has_run_of(problem):
@@ -237,7 +243,15 @@ class ResultFolder:
 
 def is_result_file(name: str) -> bool:
     """Return whether a run writes a file of this name."""
-    return name in FILES or is_level_file(name) or ("/" not in name and Path(name).stem in DATA)
+    data = "/" not in name and Path(name).stem in DATA
+    return name in FILES or data or any(kind.fullmatch(name) for kind in (LEVEL_FILE, PART_FILE))
+
+
+def part_files(problem: Problem) -> list[str]:
+    """Return the names of the STEP files of the fixed elements, and of the scene where there are some."""
+    pairs = zip(problem.element, problem.optics)
+    fixed = [f"{element.name}.step" for element, optic in pairs if optic is not problem.optic]
+    return [*fixed, SCENE] if fixed else []
 
 
 def is_level_file(name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ class ResultWriter:
 
     def __init__(self, folder: ResultFolder, problem: Problem, lens: Lens, history: Sequence[Row]) -> None:
         self._folder, self._written = folder.path, set[str]()
-        self._earlier = set(recorded(self._folder / RECORD))
+        self._earlier = recorded(self._folder / RECORD)
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
         # the resolved problem with its files, so that it can be run again
@@ -53,17 +53,16 @@ class ResultWriter:
         self.write("history.csv", text.getvalue().encode())
         self.run = {"run_id": run_id(problem, lens)}
 
-    @property
-    def staged_step(self) -> Path:
-        """Where another process may write the solid; `place_step` puts it into its place."""
-        return self._folder / f".lens.step.{os.getpid():08}"
+    def staged(self, name: str) -> Path:
+        """Return where another process may write a solid; `place_steps` puts it into its place."""
+        return self._folder / f".{name}.{os.getpid():08}"
 
-    def place_step(self) -> None:
-        """Put the staged solid into its place; from here on the claims speak of it."""
-        step = self._folder / "lens.step"
-        os.replace(self.staged_step, step)
-        self._written.add(step.name)
-        self.run = self.run | {"step_sha256": sha256_of(step)}
+    def place_steps(self, names: Iterable[str]) -> None:
+        """Put staged solids into their places; from here on the claims speak of lens.step."""
+        for name in names:
+            os.replace(self.staged(name), self._folder / name)
+            self._written.add(name)
+        self.run = self.run | {"step_sha256": sha256_of(self._folder / "lens.step")}
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file of the result.
@@ -89,9 +88,10 @@ class ResultWriter:
 
         asked : the problem as it was read.
         """
-        for name in self._earlier - self._written:
-            if is_result_file(name):  # a record is data: it may say anything
-                (self._folder / name).unlink(missing_ok=True)
+        for name in self._earlier.keys() - self._written:
+            path = self._folder / name  # a record is data: it may say anything
+            if is_result_file(name) and path.exists() and sha256_of(path) == self._earlier[name]:
+                path.unlink()
         files = hashes(self._folder, self._written)
         record = {"schema": SCHEMA, "version": VERSION, **self.run, "asked": fingerprint(asked), **verdict}
         write_text(self._folder / RECORD, json_text(record | {HASHES: files}))

@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .independent_checks import (
+        fixed_part_checks as fixed_part_checks,
         text_and_occt_checks as text_and_occt_checks,
         tracer_by_occt as tracer_by_occt,
     )

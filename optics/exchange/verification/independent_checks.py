@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from optics.exchange.verification.occt_tracer import Crossed, occt_through
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import fixed_face
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
-from optics.exchange.verification.step_checks import differing_numbers
+from optics.exchange.verification.step_checks import differing_numbers, occt_checks
 from optics.exchange.verification.step_file import (
     StepFile,
     faces_besides,
@@ -23,7 +24,8 @@ from optics.exchange.verification.step_file import (
     text_volume_check,
 )
 from optics.exchange.verification.trace_comparison import compared
-from optics.scene.system import OpticalSystem
+from optics.scene.problem import Verify
+from optics.scene.system import MadePart, OpticalSystem
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -55,8 +57,22 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     """
     difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
-    made = system.solid(lens)
-    return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0], fates, landing]
+    return [*_own_checks(file, system.solid(lens)), fates, landing]
+
+
+def fixed_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
+    """Return the Checks of the STEP file of a fixed element, by its text and by OCCT, under its name.
+
+    Raises
+    ------
+    OSError, ValueError : as `text_and_occt_checks`.
+    """
+    checks = [*_own_checks(file, part.made), *occt_checks(part.made, file, limits)]
+    return [replace(check, name=f"{part.name}: {check.name}") for check in checks]
+
+
+def _own_checks(file: StepFile, made: Solid) -> list[Check]:
+    return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0]]
 
 
 def crossed_by(system: OpticalSystem) -> list[Crossed]:

@@ -12,7 +12,8 @@ from optics.base.runtime import Backend, Check, UserError
 from optics.exchange.verification.solid_text import FINE_VOLUME
 from optics.exchange.verification.step_file import ExportedStep, StepFile, faces_besides, has_closed_form
 from optics.exchange.verification.trace_comparison import light_checks
-from optics.scene.system import OpticalSystem
+from optics.scene.problem import Verify
+from optics.scene.system import MadePart, OpticalSystem
 from thbcad.cad.exchange import SolidFile, solid_volume, step_bytes
 from thbcad.io import write_bytes
 from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms
@@ -29,27 +30,27 @@ SURFACE_SAMPLES = 6  # per knot span and direction
 CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 spans have
 
 
-def export_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
-    """Write the STEP file of a lens or its body, and return the check of its bytes.
+def export_step(part: MadePart, schema: str, path: Path) -> list[Check]:
+    """Write the STEP file of an element, and return the check of its bytes.
 
     Raises
     ------
-    UserError : as `OpticalSystem.solid`; OCCT cannot make the body.
+    UserError : OCCT cannot make its body.
     """
     try:
-        written = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
+        written = step_bytes(part.made, part.product, schema)
     except ValueError as error:
         raise UserError(f"cannot write the STEP file of the lens: {error}") from None
     write_bytes(path, written)
     return [Check.none_of("file differs from what was written", path.read_bytes() != written)]
 
 
-def read_back_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
-    """Return the STEP file of a lens as OCCT reads it."""
-    file, made = StepFile(path), system.solid(lens)
-    checks = solid_checks(system, lens, file)
+def read_back_step(made: Solid, path: Path, limits: Verify) -> ExportedStep:
+    """Return the STEP file of a lens or its body as OCCT reads it."""
+    file = StepFile(path)
+    checks = _solid_checks(made, file, limits.surface)
     if not has_closed_form(made):  # others have their volume from the text
-        checks.append(_volume_check(made, file, system.problem.verify.volume))
+        checks.append(_volume_check(made, file, limits.volume))
     return ExportedStep(checks, file.solid.front, file.solid.rear)
 
 
@@ -59,10 +60,14 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
     backend : of double precision.
     """
     return [
-        *solid_checks(system, lens, file),
-        _volume_check(system.solid(lens), file, system.problem.verify.volume),
+        *occt_checks(system.solid(lens), file, system.problem.verify),
         *light_checks(system, lens, file.solid, file, backend),
     ]
+
+
+def occt_checks(made: Solid, file: StepFile, limits: Verify) -> list[Check]:
+    """Return the Checks of a STEP file as OCCT reads it against a lens or its body in memory."""
+    return [*_solid_checks(made, file, limits.surface), _volume_check(made, file, limits.volume)]
 
 
 def _volume_check(made: Solid, file: StepFile, limit: float) -> Check:
@@ -78,23 +83,24 @@ def _volume_check(made: Solid, file: StepFile, limit: float) -> Check:
     return Check(f"volume by OCCT {name}, relative", off, limit, "")
 
 
-def solid_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
+def _solid_checks(made: Solid, file: StepFile, limit: float) -> list[Check]:
     """Return the checks of faces, edges, tolerances and numbers."""
     step = file.solid
     return [
         Check.none_of("solids besides the one expected", abs(step.solids - 1)),
-        Check.none_of(*faces_besides(system.solid(lens), step.faces)),
+        Check.none_of(*faces_besides(made, step.faces)),
         Check.none_of("free edges", step.free_edges),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
         Check.none_of("shell not closed", not step.closed),
         Check.none_of("solid not valid (OCCT)", not step.valid),
-        *_geometry(system, lens, file.solid),
+        *_geometry(made, file.solid, limit),
     ]
 
 
-def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]:
+def _geometry(made: Solid, step: SolidFile, limit: float) -> list[Check]:
     """Return the checks of the optical faces."""
-    limit, checks, trimmed = system.problem.verify.surface, [], system.body is not None
+    trimmed, checks = not isinstance(made, Lens), []
+    lens = made.lens if not isinstance(made, Lens) else made
     for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), optical_forms(lens)):
         count = differing_numbers(read, wanted)
         checks.append(Check.none_of(f"{name} poles and knots that differ from the lens in memory", count))

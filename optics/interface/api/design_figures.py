@@ -29,7 +29,11 @@ class DesignFigures:
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
         self.process, self._system, optic = process, system, system.problem.optic
-        self._noun, self._sides = optic.noun, (optic.face_name("front"), optic.face_name("rear"))
+        rows = [element.name for element in system.problem.element]
+        self._noun, self._sides = (
+            ", ".join(rows) if rows[1:] else optic.noun,
+            (optic.face_name("front"), optic.face_name("rear")),
+        )
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
         self._photographed: tuple[Any, ...] | None = None
 

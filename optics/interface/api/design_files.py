@@ -5,9 +5,9 @@ The solid is exported and the figures are drawn by other processes, beside the m
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +16,7 @@ from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, veri
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
-from optics.exchange.results import ResultFolder, ResultWriter, level_files
+from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files
 from optics.exchange.verification import (
     ExportedStep,
     StepFile,
@@ -31,7 +31,8 @@ from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
-from optics.scene.system import OpticalSystem
+from optics.scene.problem import Problem
+from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_parts
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
@@ -58,16 +59,40 @@ def helpers() -> Iterator[tuple[HelperProcess, HelperProcess]]:
         yield solids, drawing
 
 
+class _Exports:
+    """The STEP files of the elements by name, that of the designed one first."""
+
+    def __init__(
+        self, solids: HelperProcess, system: OpticalSystem, lens: Lens, place: Callable[[str], Path]
+    ) -> None:
+        parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in fixed_parts(system)}
+        self.files = [*parts]
+        self._own, *self._fixed = (
+            _Export(solids, part, system.problem, place(file)) for file, part in parts.items()
+        )
+        self.left_out, self._scene = self._own.left_out, None
+        if self._fixed:
+            self.files.append(SCENE)
+            room = "optics.exchange.assemblies"
+            self._scene = solids.ask(room, "export_scene", OpticalSystem(system.problem), lens, place(SCENE))
+
+    def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
+        """Return the checks of all solids, and the file of the designed one as `_Export.checked`."""
+        checks, step, file = self._own.checked()
+        for fixed in self._fixed:
+            checks += [replace(c, name=f"{fixed.part.name}: {c.name}") for c in fixed.checked()[0]]
+        return [*checks, *(self._scene.result() if self._scene else [])], step, file
+
+
 class _Export:
     """A STEP file that another process writes and reads back."""
 
-    def __init__(self, solids: HelperProcess, system: OpticalSystem, lens: Lens, path: Path) -> None:
-        self._path, self._made = path, system.solid(lens)
-        self.left_out = [LEFT_OUT] if has_closed_form(self._made) else []
-        self._written, self._read = (
-            solids.ask("optics.exchange.verification", name, system, lens, path)
-            for name in ("export_step", "read_back_step")
-        )
+    def __init__(self, solids: HelperProcess, part: MadePart, problem: Problem, path: Path) -> None:
+        self.part, self._path = part, path
+        self.left_out = [LEFT_OUT] if has_closed_form(part.made) else []
+        room, limits = "optics.exchange.verification", problem.verify
+        self._written = solids.ask(room, "export_step", part, problem.export.schema, path)
+        self._read = solids.ask(room, "read_back_step", part.made, path, limits)
 
     def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
         """Return the checks of the solid, and the file as OCCT reads it, and the file itself.
@@ -76,7 +101,8 @@ class _Export:
         """
         written = self._written.result()
         file = StepFile(self._path)
-        volume = [text_volume_check(file.text, self._made)] if has_closed_form(self._made) else []
+        made = self.part.made
+        volume = [text_volume_check(file.text, made)] if has_closed_form(made) else []
         step = self._read.result()
         return [*written, *step.checks, *volume], step, file
 
@@ -93,7 +119,7 @@ def verified(design: DesignRecord) -> Claims:
     """Return the checks of a design's solid and light, as in verify.json."""
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
-        export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
+        export = _Exports(solids, system, lens, Path(folder).joinpath)
         checks = _checks(design, system.manufactured(lens), *export.checked())
         return verification(checks) | {"left_out": export.left_out}
 
@@ -107,7 +133,7 @@ def write_result(
     """
     system, lens, problem = design.system, design.lens, design.problem
     writer = ResultWriter(folder, problem, lens, design.history)
-    export = _Export(solids, OpticalSystem(problem), lens, writer.staged_step)
+    export = _Exports(solids, system, lens, writer.staged)
     figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
     clock.lap("export")
@@ -120,7 +146,7 @@ def write_result(
     clock.lap("measure")
     product = system.manufactured(lens)
     exported = export.checked()
-    writer.place_step()
+    writer.place_steps(export.files)
     checks = _checks(design, product, *exported)
     clock.lap("verify")
     pictures = figures.pictures
@@ -152,6 +178,7 @@ def write_result(
         background=etendue.background,
         run=writer.run,
         view=figures.view(),
+        parts=export.files[1:],
     )
     metrics = writer.write_claims("metrics.json", metrics | verdict.data())
     writer.write("report.html", report_html(page, writer.problem_text).encode())
@@ -169,7 +196,7 @@ def _checks(
 ) -> list[Check]:
     """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing.
 
-    solid, step, file : as of `_Export`.
+    solid, step, file : as of `_Exports`.
     """
     system, lens, problem = design.system, design.lens, design.problem
     return [

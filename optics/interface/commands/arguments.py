@@ -195,6 +195,11 @@ def _export_options(command: CommandParser) -> None:
     command.switch("--patches", "one face per patch of same-level cells (step)")
     command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
     command.add_argument(
+        "--scene",
+        choices=("elements", "staged"),
+        help="all elements where they lie, as an assembly (step); staged: source and screen too, as plates",
+    )
+    command.add_argument(
         "--light",
         choices=("rear", "target"),
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",

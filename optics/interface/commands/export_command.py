@@ -50,6 +50,8 @@ def export(options: Namespace) -> Outcome:
     if options.out.lower().endswith(SCENE) and options.format is None:
         return _scene(options)
     name = format_of(options.out, options.format)
+    if options.scene:
+        return _assembly(options, name)
     with _option("flange"):
         flange = None if options.flange is None else Flange(*options.flange)
     with _option("polygon"):
@@ -151,6 +153,27 @@ def _scene(options: Namespace) -> Outcome:
         *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
     ]
     return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
+
+
+def _assembly(options: Namespace, name: str) -> Outcome:
+    """Write the elements of a result where they lie, as an assembly.
+
+    Raises
+    ------
+    UserError : no result folder, another format than STEP, options of another body.
+    """
+    from optics.exchange.assemblies import export_scene  # OCCT
+
+    out, folder = Path(options.out), Path(options.result)
+    _require_whole_lens("a scene holds", options)
+    if name != "step":
+        raise UserError(f"--scene needs step, got {name}")
+    if not folder.is_dir():
+        raise UserError(f"--scene needs the problem of a result folder, and {folder} is none")
+    require_free_files([out], options.out, options.force)
+    problem, lens, _ = ResultFolder(folder).read()
+    checks = export_scene(OpticalSystem(problem), lens, out, options.scene == "staged")
+    return reported(options.out, name, [out], checks, {}, _sizes([out]))
 
 
 def _sizes(files: Iterable[Path]) -> list[str]:

@@ -46,7 +46,7 @@ def sequential(
     splat = Splat(backend, screen, BoxWindow())
     image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
     for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
-        tracer = Tracer(backend, system.path(lens), part)
+        tracer = Tracer(backend, system.shaded_path(lens), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
             image = image + splat(landing.x, landing.y, landing.flux).numpy()

@@ -88,7 +88,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
-    screen, path = system.target.screen(), system.path(lens)
+    screen, path = system.target.screen(), system.shaded_path(lens)
     # by beams of cells for all that blurs it, or by rays
     estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])

@@ -81,9 +81,9 @@ def patch_images(
 
     backend : of double precision.  rays : their product counts.
 
-    The position in a patch at which a ray leaves the rear, or a mirror's face, moves its image.  A quadratic
-    in this position is fitted to the landing points of every patch, weighted by flux, and subtracted; the
-    rest is the image.
+    The position in a patch at which a ray leaves the last surface moves its image.  A quadratic in this
+    position is fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the
+    image.
     """
     path = system.path(lens)
     tracer, last = Tracer(backend, path, system.source.rays(rays)), len(path.surfaces) - 1

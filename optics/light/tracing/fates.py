@@ -18,7 +18,7 @@ SENTENCES = {
     "on_target": "leaves by the rear and meets the target",
     "off_target": "leaves by the rear and passes beside the target",
     "absorbed": "is absorbed in the lens",
-    "blocked": "is blocked by a stop, by an absorbing wall, or beside the clear aperture",
+    "blocked": "is blocked by a stop, the screen or an absorbing wall, or beside the clear aperture",
     "reflected_outside": "is reflected at the front and never enters",
     "edges_on_target": "leaves by an edge and meets the target",
     "edges_off_target": "leaves by an edge and passes beside the target",

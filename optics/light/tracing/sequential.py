@@ -27,12 +27,18 @@ from optics.light.intersections import (
 )
 from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates, by_name
 from optics.light.tracing.landings import Landing
-from optics.light.tracing.parallel_light import stays_parallel, through_plane
-from optics.light.tracing.traced_surface import Passage, TracedSurface, blocked_rays, knots_of
+from optics.light.tracing.obstructions import Obstruction, ShadingBody
+from optics.light.tracing.traced_surface import (
+    Passage,
+    TracedSurface,
+    knots_of,
+    stays_parallel,
+    through_plane,
+)
 from optics.scene.paths import AIR, LightPath
 from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
-from thbcad.poses import IDENTITY
+from thbcad.poses import IDENTITY, Pose
 from thbcad.splines import KnotVector
 
 Coefficients: TypeAlias = "Sequence[Floats]"
@@ -59,11 +65,7 @@ class Tracer:
         frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
         self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
         self._receiver = path.receiver.seen_from(frames[-1])
-        # on the way to every surface and to the receiver, in the frame of the next or of the last surface
-        self._stops = [
-            [stop.moved(frame.inverse()) for stop in path.stops] if medium == AIR else []
-            for medium, frame in zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])
-        ]
+        self._obstructions = self._in_the_way(frames, isinstance(rays, RayGrid))
         self._number = cache(partial(backend.dr.opaque, backend.Float))
         grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
@@ -73,7 +75,7 @@ class Tracer:
             second, direction = self._surfaces[1].hits, (0.0, 0.0, 1.0)
             assert isinstance(second, KnownHits)
             _, share, _ = self._surfaces[0].turned(direction, (backend.Float(0), backend.Float(0)))
-            hit, blocked = through_plane(backend, self._surfaces[0], grid, path.before, self._stops[0])
+            hit, blocked = through_plane(backend, self._surfaces[0], grid, path.before, self._obstructions[0])
             before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
             entering = backend.dr.select(hit, self._flux * share, 0)
             backend.dr.make_opaque(entering)
@@ -106,8 +108,8 @@ class Tracer:
         # where nothing goes on no denominator may vanish
         landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
         known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
-        end = dr.inf if self._receiver.far_field else dr.select(landed.met, landed.length, dr.inf)
-        blocked = blocked_rays(self._backend, self._stops[-1], rays, end)
+        end = dr.inf if self._receiver.far_field else landed.length
+        blocked = self._obstructions[-1].takes(rays, landed.met & goes_on, end)
         arrives = landed.met if blocked is False else landed.met & ~blocked
         flux = dr.select(arrives, rays.flux, 0)
         return [hits for hits, _ in steps], Landing(
@@ -157,11 +159,9 @@ class Tracer:
 
     def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool]:
         """Return the masks of rays that come through to a surface, and of those that are blocked."""
-        dr, reach = self._backend.dr, 0.0
-        if self._stops[k]:
-            ahead = ((a - o) * d for a, o, d in zip((hits.x, hits.y, hits.z), rays.origin, rays.direction))
-            reach = dr.select(hits.hit, sum(ahead), dr.inf)
-        taken = blocked_rays(self._backend, self._stops[k], rays, reach)
+        if self._path.bodies:
+            self._backend.dr.eval(*vars(hits).values())  # else whether one is met would search for it again
+        taken = self._obstructions[k].takes(rays, hits.hit, (hits.x, hits.y, hits.z))
         return self._surfaces[k].kept(hits.hit, taken, hits.x, hits.y)
 
     def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
@@ -262,6 +262,21 @@ class Tracer:
         alive = dr.select(landing.blocked, False, alive)
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
         return by_name(counts)
+
+    def _in_the_way(self, frames: list[Pose], parallel: bool) -> list[Obstruction]:
+        """Return what is in the way to every surface and to the receiver.
+
+        frames : of the surfaces; in that of the next or of the last surface are the rays.
+        """
+        path, backend = self._path, self._backend
+        bodies, ways = [ShadingBody(backend, body) for body in path.bodies], []
+        for k, (medium, frame) in enumerate(zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])):
+            back, air = frame.inverse(), medium == AIR
+            stops = [stop.moved(back) for stop in path.stops if air]
+            placed = [(b, back @ b.body.pose, not {k - 1, k}.isdisjoint(b.body.faces)) for b in bodies if air]
+            start = max(0.0, path.emitted - path.before) if parallel and not k else 0.0
+            ways.append(Obstruction(backend, stops, placed, start))
+        return ways
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:
         """Return a surface of the path.  grid : of light along z, which meets it behind a plane."""

@@ -1,10 +1,13 @@
-"""One surface of a light path on the device: where rays meet it, and how they go on."""
+"""One surface of a light path on the device: where rays meet it, and how they go on.
+
+Light along z that comes through a plane is still parallel: it meets the surface behind at known points.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+
+import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import (
@@ -17,8 +20,10 @@ from optics.light.intersections import (
     raised_hits,
     rim_fade,
 )
+from optics.light.tracing.obstructions import Obstruction
 from optics.light.tracing.refraction import reflect, refract
-from optics.scene.paths import Medium, Stop, Surface
+from optics.scene.paths import LightPath, Medium, Surface
+from optics.scene.sources import RayGrid
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
@@ -140,21 +145,6 @@ class TracedSurface:
         return rim_fade(self._backend, (hits.x, hits.y), self.surface.open, self._soft_rim)
 
 
-def blocked_rays(
-    backend: Backend, stops: Sequence[Stop], rays: DeviceRays, reach: DrArray | float
-) -> DrArray | bool:
-    """Return the mask of rays that a stop takes before the path length `reach`, mm; False without stops.
-
-    stops : in the frame of the rays.
-    """
-    blocked: DrArray | bool = False
-    library, number = backend.dr, partial(backend.dr.opaque, backend.Float)
-    for stop in stops:
-        length = stop.distance(rays.origin, rays.direction, library, number, partial(gauge, backend))
-        blocked = length < reach if blocked is False else blocked | (length < reach)
-    return blocked
-
-
 def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
     """Return the knots in mm of a sag's tensor-product form."""
     if shape.sag is None:
@@ -162,3 +152,38 @@ def knots_of(shape: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
     embedding = shape.sag.space.embedding
     kv_x, kv_y = (kv.rescale(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), shape.half_width))
     return kv_x, kv_y
+
+
+def through_plane(
+    backend: Backend, plane: TracedSurface, grid: RayGrid, start: float, obstruction: Obstruction
+) -> tuple[DrArray | bool, DrArray | bool]:
+    """Return the masks of rays that come through a plane z = 0, and of those that are blocked before.
+
+    start : z, mm, from which the rays come.  obstruction : before the plane.
+    """
+    outline, hit = plane.surface.shape.outline, True
+    if outline.is_rectangle and not (obstruction or plane.surface.clear):
+        return True, False
+    x, y = (backend.array(row.ravel()) for row in np.meshgrid(grid.x, grid.y, indexing="ij"))
+    if not outline.is_rectangle:
+        hit = gauge(backend, outline, x, y) <= 1
+    rays = DeviceRays((x, y, start), (0.0, 0.0, 1.0))
+    kept = plane.kept(hit, obstruction.takes(rays, hit, -start), x, y)
+    backend.dr.eval(kept)
+    return kept
+
+
+def stays_parallel(path: LightPath) -> bool:
+    """Whether light along z is still along z where it meets the second surface, which carries a sag."""
+    if len(path.surfaces) < 2:
+        return False
+    first, second = path.surfaces[:2]
+    return (
+        second.shape.sag is not None
+        and first.kind == "refract"
+        and first.shape.is_plane
+        and first.slope_error is None
+        and first.height_error is None
+        and first.pose.is_identity
+        and not (second.pose.rotates or second.pose.shift[:2].any())
+    )

@@ -5,6 +5,7 @@ element and lit target with rays between them, seen obliquely.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,13 @@ from matplotlib.transforms import Affine2D
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.reporting.view import (
+    DrawnElement,
     Face,
     Scene,
     View,
     block_means,
     caption,
+    drawn_elements,
     oblique,
     outermost,
     placed,
@@ -28,6 +31,7 @@ from optics.reporting.view import (
     solid_faces,
     stop_rims,
 )
+from optics.scene.problem import FaceMet
 from optics.scene.receivers import Plane
 from optics.scene.system import LightTarget, OpticalSystem
 from thbcad.checks import Floats
@@ -166,12 +170,12 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
 
     irradiance : (rows, columns), row 0 at +v.  paths : from `scene_paths`.
     """
-    faces, _ = solid_faces(system.solid(lens))
-    scene = placed(system, lens, faces)
-    faces = [face.posed(system.pose) for face in faces]
-    exit_face = 0 if system.reflects else 1
+    elements = drawn_elements(system, lens)
+    scene = placed(system, lens, elements)
     stops = stop_rims(system, lens)
-    boxes = [_wider(scene.box(scene.body, scene.source, scene.outlook, *(rims[0] for rims in stops)), 0.06)]
+    boxes = [
+        _wider(scene.box(*scene.bodies, scene.source, scene.outlook, *(rims[0] for rims in stops)), 0.06)
+    ]
     if np.ptp(scene.box(scene.body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
         boxes.append(_wider(scene.box(scene.body, scene.source), 0.25))
     shapes = np.array([np.divide(*np.ptp(box, axis=0)) for box in boxes])  # width / height
@@ -181,7 +185,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
     for box, shape, start in zip(boxes, shapes, starts):
         position = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
         axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
-        _draw(axes, scene, faces, paths, exit_face)
+        _draw(axes, scene, elements, paths, system.problem.faces_met)
         if scene.target.size:
             _target(axes, scene, system.target, irradiance)
         for rims in stops:
@@ -195,23 +199,56 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
     return png_bytes(figure)
 
 
-def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], paths: Sequence[RayPath], exit_face: int) -> None:
-    """Draw source, element and rays; behind the element those that come to, or leave, a face turned away.
+def _draw(
+    axes: Axes,
+    scene: Scene,
+    elements: Sequence[DrawnElement],
+    paths: Sequence[RayPath],
+    met: Sequence[FaceMet],
+) -> None:
+    """Draw source, elements and rays; behind an element those that come to, or leave, a face turned away.
 
-    exit_face : number of the face by which light leaves
+    met : the faces that light meets
     """
-    over = [1 + 2 * (scene.turn[2] @ faces[k].normals.sum(axis=(1, 2)) > 0) for k in (0, exit_face)]
+    faces = {element.name: element.placed for element in elements}
+    visits = [list(some) for _, some in groupby(met, key=lambda face: face.optic.called)]
+    over = [
+        [
+            1 + 2 * (scene.turn[2] @ faces[f.optic.called][f.face == "rear"].normals.sum(axis=(1, 2)) > 0)
+            for f in ends
+        ]
+        for ends in ((visit[0], visit[-1]) for visit in visits)
+    ]
     for path in paths:
-        points = scene.visible(path.points)
         colour = AIM if path.fate.endswith("on_target") else LOST
-        for part, order in zip((points[:, :-1], points[:, -2:]), (over[0], over[points.shape[1] > 2])):
-            axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
+        for points, (entry, leaving) in zip(_by_visit(scene.visible(path.points), visits), over):
+            orders = entry, leaving if points.shape[1] > 2 else entry
+            for part, order in zip((points[:, :-1], points[:, -2:]), orders):
+                axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
     order = 3.4 if scene.nearer(scene.source) else 1.5
     axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order)
     if not np.ptp(scene.source[:2]):
         axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=order)
-    low, high = scene.box(outermost(faces))
-    draw_solid(axes, faces, View(scene.turn, (low + high) / 2, 0.55 * (high - low).max()), alpha=0.75)
+    for element in sorted(elements, key=lambda e: float(scene.turn[2] @ e.box.mean(axis=1))):
+        low, high = scene.box(outermost(element.placed))
+        view = View(scene.turn, (low + high) / 2, 0.55 * (high - low).max())
+        draw_solid(axes, element.placed, view, alpha=0.75)
+        if elements[1:]:
+            under = (low[0] + high[0]) / 2, low[1]
+            axes.annotate(element.name, under, (0, -3), textcoords="offset points", ha="center", va="top")
+
+
+def _by_visit(points: Floats, visits: Sequence[Sequence[Any]]) -> list[Floats]:
+    """Return the points (3, n) of a path cut in the middle between an element and the next."""
+    parts = []
+    for visit in visits[:-1]:
+        last = len(visit)  # the point on the face by which light leaves
+        if points.shape[1] < last + 2:
+            break
+        middle = points[:, last : last + 2].mean(axis=1, keepdims=True)
+        parts.append(np.concatenate([points[:, : last + 1], middle], axis=1))
+        points = np.concatenate([middle, points[:, last + 1 :]], axis=1)
+    return [*parts, points]
 
 
 def _stop(axes: Axes, scene: Scene, rims: Sequence[Floats]) -> None:

@@ -63,6 +63,7 @@ FILES = {
     "irradiance.npz": "irradiance and target as arrays with axes",
     "irradiance_16bit.png": "the irradiance, linear grey, pixel by pixel",
 }
+PARTS = {"scene.step": "all elements where they lie, as an assembly"}  # other solids
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class Report:
     background : sentences that forbid nothing and ask for nothing, folded below the notes
     run : the run and the solid that the page speaks of: hashes by name
     view : a self-contained HTML page that shows the lens at work, as `view.scene_page`; "" for none
+    parts : names of the STEP files of other elements
     """
 
     problem: Problem
@@ -89,13 +91,15 @@ class Report:
     run: Mapping[str, str] = field(default_factory=dict)
     view: str = ""
     levels: Sequence[tuple[str, bytes]] = ()
+    parts: Sequence[str] = ()
 
 
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     metrics, units = report.metrics, units_of(report.problem.source.unit)
     photo = [picture for name, picture in report.pictures.items() if name == FIRST]
-    files = "".join(f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in FILES.items())
+    listed = {**FILES, **{name: PARTS.get(name, "the closed solid of that element") for name in report.parts}}
+    files = "".join(f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in listed.items())
     return (
         f"{page_head(escape(report.problem.title))}{_banner(report)}"
         f'<div class="first">{figures_html(photo)}{key_list(metrics, units)}</div>'

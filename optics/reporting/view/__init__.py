@@ -8,7 +8,14 @@ if TYPE_CHECKING:
     from .drawn_rays import scene_paths as scene_paths, stop_rims as stop_rims
     from .glass_camera import lens_sight as lens_sight, photograph as photograph
     from .photo_room import photo_caption as photo_caption
-    from .scene_layout import Scene as Scene, block_means as block_means, caption as caption, placed as placed
+    from .scene_layout import (
+        DrawnElement as DrawnElement,
+        Scene as Scene,
+        block_means as block_means,
+        caption as caption,
+        drawn_elements as drawn_elements,
+        placed as placed,
+    )
     from .solid_renderer import (
         Face as Face,
         View as View,

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, placed
-from optics.reporting.view.solid_renderer import solid_faces
+from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, drawn_elements, placed
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, source_of
 from thbcad.checks import Floats
@@ -74,7 +73,7 @@ class PhotoRoom:
 def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
     """Return the room of a problem's lens on the axis, before a plane across it or the far field."""
     system = OpticalSystem(problem)
-    scene = placed(system, lens, solid_faces(system.solid(lens), COARSE)[0])
+    scene = placed(system, lens, drawn_elements(system, lens, COARSE))
     size, top = float(np.ptp(scene.lens[:2], axis=1).max() / 2), float(scene.lens[2, 1])
     hx, hy, throw, smaller = _screen(problem, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw

@@ -6,14 +6,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from optics.reporting.view.drawn_rays import FAR
-from optics.reporting.view.solid_renderer import Face, oblique, outermost
+from optics.reporting.view.solid_renderer import (
+    SAMPLES as SURFACE_SAMPLES,
+    Face,
+    oblique,
+    outermost,
+    solid_faces,
+)
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane, Receiver
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, designed_part, fixed_parts
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
@@ -44,14 +52,15 @@ def best_view(
 ) -> Floats:
     """Return the rotation of a view, rows right, up and towards the viewer, (3, 3).
 
-    parts : points (3, n) of source, element and target.
+    parts : points (3, n) of source, elements in the order of the light, and target.
     face : (3,), outward normal of the face of the element that is to be seen; None is any.
     half_width : of the picture that is to be seen, in the chart of its receiver
     """
     turns = np.stack([oblique(turn, rise) for rise in RISES for turn in TURNS])
     right, up, toward = turns[:, 0], turns[:, 1], turns[:, 2]
-    worth = _apart(right, up, parts[1:]) + SOURCE * _apart(right, up, parts[:2])
-    worth += SOURCE * _apart(right, up, parts[::2])
+    worth = _apart(right, up, parts[-2:]) + SOURCE * _apart(right, up, parts[:2])
+    for pair in ((parts[0], parts[-1]), *pairwise(parts[1:-1])):
+        worth += SOURCE * _apart(right, up, pair)
     for leg in np.diff([part.mean(axis=1) for part in parts], axis=0):
         leg /= np.linalg.norm(leg)
         worth += LEG * np.hypot(right @ leg, up @ leg) + LEADS * (right @ leg)
@@ -79,11 +88,49 @@ def _apart(right: Floats, up: Floats, pair: Sequence[Floats]) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
+class DrawnElement:
+    """An element as it is drawn.  faces : front and rear first, in its own frame.  pose : to the scene's."""
+
+    name: str
+    faces: Sequence[Face]
+    pose: Pose
+
+    @cached_property
+    def box(self) -> Floats:
+        """The corners of its own box, (3, 8)."""
+        return np.asarray(self.pose.points(corners(_box(outermost(self.faces)))))
+
+    @cached_property
+    def placed(self) -> list[Face]:
+        """Its faces in the frame of the scene."""
+        return [face.posed(self.pose) for face in self.faces]
+
+
+def drawn_elements(
+    system: OpticalSystem, lens: Lens, samples: int = SURFACE_SAMPLES, fixed: int = SURFACE_SAMPLES
+) -> tuple[DrawnElement, ...]:
+    """Return the elements in the order of the light.
+
+    samples, fixed : across the faces of that which is designed, and of the others.
+    """
+    own = designed_part(system, lens)
+    parts = {part.name: part for part in (own, *fixed_parts(system))}
+    met = dict.fromkeys(face.optic.called for face in system.problem.faces_met)
+    return tuple(
+        DrawnElement(
+            name, solid_faces(parts[name].made, samples if name == own.name else fixed)[0], parts[name].pose
+        )
+        for name in met
+    )
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
-    """Points of source, element and target, mm, and their projection.
+    """Points of source, elements and target, mm, and their projection.
 
     turn : (3, 3), rows right, up and towards the viewer
-    body : (3, 8), corners of the element's own box
+    bodies : (3, 8) each, corners of the own boxes of the elements, in the order of the light
+    body : that of the one which is designed
     source : (3, n), outline
     target : (3, n, m), points of it along its v and u, or (3, 0, 0) for the far field
     outlook : (3, n), how far the picture goes: the rim of the target, or what rays to the far field need
@@ -93,6 +140,7 @@ class Scene:
     """
 
     turn: Floats
+    bodies: tuple[Floats, ...]
     body: Floats
     source: Floats
     target: Floats
@@ -114,8 +162,9 @@ class Scene:
         return np.stack([self.body.min(axis=1), self.body.max(axis=1)], axis=1)
 
     def nearer(self, points: Floats) -> bool:
-        """Return whether points (3, n) stand nearer to the viewer than the element."""
-        return bool(self.turn[2] @ (points.mean(axis=1) - self.body.mean(axis=1)) > 0)
+        """Return whether points (3, n) stand nearer to the viewer than the elements."""
+        middle = np.concatenate(self.bodies, axis=1).mean(axis=1)
+        return bool(self.turn[2] @ (points.mean(axis=1) - middle) > 0)
 
     def visible(self, path: Floats) -> Floats:
         """Return the points (k, 3) of a path as (3, k), from the source's picture on.
@@ -133,19 +182,21 @@ class Scene:
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
-def placed(system: OpticalSystem, lens: Lens, faces: Sequence[Face]) -> Scene:
+def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) -> Scene:
     """Return the scene of a system, seen so that its parts leave each other free.
 
     A long throw is drawn shorter; before a lens on the axis and a plane across it a short one also longer.
 
-    faces : of the lens, front and rear first, in its own frame
+    elements : as `drawn_elements`.
     """
     pose, target, (hx, hy) = system.pose, system.target, system.target.settings.half_width
-    body = pose.points(corners(_box(outermost(faces))))
-    source = _source(system, body, np.abs(pose.points(faces[0].points.reshape(3, -1))).max(axis=1))
+    bodies, first = tuple(element.box for element in elements), elements[0]
+    body = bodies[[element.name for element in elements].index(system.problem.optic.called)]
+    lit = first.pose.points(first.faces[0].points.reshape(3, -1))
+    source = _source(system, bodies[0], np.abs(lit).max(axis=1))
     leaving, screen = system.path(lens).leaving, np.zeros((3, 0, 0))
-    outlook, along = _around_far_rays(leaving, body), leaving.rotation[:, 2]
-    start = end = float((along @ np.concatenate([body, source], axis=1)).max())
+    outlook, along = _around_far_rays(leaving, bodies[-1]), leaving.rotation[:, 2]
+    start = end = float((along @ np.concatenate([*bodies, source], axis=1)).max())
     if not target.far_field:
         bends = 2 if isinstance(target.receiver, Plane) else BENDS
         grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in (hx, hy)))
@@ -153,10 +204,10 @@ def placed(system: OpticalSystem, lens: Lens, faces: Sequence[Face]) -> Scene:
         outlook = rim(screen)
         end = max(start, float((along @ outlook).min()))
     if not system.axial:
-        width, throw = max(hx, hy) + np.ptp(_box(body), axis=1).max() / 2, end - start
+        width, throw = max(hx, hy) + np.ptp(_box(bodies[-1]), axis=1).max() / 2, end - start
         squeeze, face = _shorter(throw, width), -pose.rotation[:, 2] if system.reflects else None
         drawn = outlook - (1 - 1 / squeeze) * throw * along[:, None]
-        turn = best_view((source, body, drawn), face, target.receiver, (hx, hy))
+        turn = best_view((source, *bodies, drawn), face, target.receiver, (hx, hy))
     elif target.far_field:
         turn, squeeze = oblique(-LEAST_TURN, RISE), 1.0
     else:
@@ -164,7 +215,7 @@ def placed(system: OpticalSystem, lens: Lens, faces: Sequence[Face]) -> Scene:
         squeeze = _shorter(throw, width) / FACTORS[FACTORS * throw >= SHORT * width].min(initial=FACTORS[-1])
         angle = np.degrees(np.arctan2(CLEAR * width, throw / squeeze))
         turn = oblique(-np.clip(angle, LEAST_TURN, MOST_TURN), RISE)
-    return Scene(turn, body, source, screen, outlook, along, (start, end), squeeze)
+    return Scene(turn, bodies, body, source, screen, outlook, along, (start, end), squeeze)
 
 
 def _shorter(throw: float, width: float) -> float:

@@ -18,13 +18,14 @@ import numpy as np
 
 from optics.light.tracing import RayPath
 from optics.reporting.view.drawn_rays import stop_rims
-from optics.reporting.view.scene_layout import Scene, block_means, caption, placed
-from optics.reporting.view.solid_renderer import Face, solid_faces
+from optics.reporting.view.scene_layout import Scene, block_means, caption, drawn_elements, placed
+from optics.reporting.view.solid_renderer import Face
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 SAMPLES = 177  # across a face: two faces of 8 bytes a point take 0.67 MB as text; the indices have 16 bits
+OTHERS = 41  # the same of elements that are not designed
 MOST_PIXELS = 256  # of the irradiance, across
 MOST_PATHS = 96
 INT16 = 32767
@@ -39,13 +40,18 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
-    faces, _ = solid_faces(system.solid(lens), SAMPLES)
-    scene = placed(system, lens, faces)
+    elements = drawn_elements(system, lens, SAMPLES, OTHERS)
+    scene, to_own = placed(system, lens, elements), system.pose.inverse()
+    own, name = [], system.problem.optic.called
+    for element in elements:
+        turned = element.name != name
+        motion = to_own @ element.pose
+        own += [_face(face.posed(motion) if turned else face, turned) for face in element.faces]
     step = -(-len(paths) // MOST_PATHS) or 1
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
     far = [scene.outlook] if scene.target.size else [points[:, -1:] for points, _ in shown]
     stops = [rim for rims in stop_rims(system, lens) for rim in rims]
-    around = np.concatenate([scene.body, scene.source, *stops, *far], axis=1)
+    around = np.concatenate([*scene.bodies, scene.source, *stops, *far], axis=1)
     data = {
         "caption": caption(system.problem, scene),
         "angles": [
@@ -58,7 +64,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
         "views": {"scene": around.T.tolist(), "element": scene.body.T.tolist()},
         "element": system.problem.optic.noun,
         "pose": [*system.pose.rotation.T.tolist(), system.pose.shift.tolist()],
-        "faces": [_face(face) for face in faces],
+        "faces": own,
         "source": np.unique(scene.source.T, axis=0).tolist()
         if not np.ptp(scene.source[:2])
         else scene.source.T.tolist(),
@@ -85,23 +91,23 @@ def _grid(values: Floats, kind: type) -> tuple[int, int, str]:
     return (*values.shape, _packed(values, kind))
 
 
-def _face(face: Face) -> dict[str, Any]:
+def _face(face: Face, turned: bool) -> dict[str, Any]:
     """Return a face as a grid of points and normals; of the ruled edges the two rims are enough.
 
-    On front and rear nz = +-sqrt(1 - nx^2 - ny^2) is left out.  flip : whether triangles (i, j), (i + 1, j),
-    (i + 1, j + 1) run clockwise, seen from outside.
+    On front and rear nz = +-sqrt(1 - nx^2 - ny^2) is left out, but where they are turned.  flip : whether
+    triangles (i, j), (i + 1, j), (i + 1, j + 1) run clockwise, seen from outside.
     """
     optical = face.name in ("front", "rear")
     ends = slice(None) if optical else slice(None, None, face.points.shape[2] - 1)
     points, normals = face.points[:, :, ends], face.normals[:, :, ends]
     tangents = points[:, 1:, :1] - points[:, :-1, :1], points[:, :-1, -1:] - points[:, :-1, :1]
     outward = np.einsum("kij,kij->", np.cross(*tangents, axis=0), normals[:, :-1, :1])
-    turned = [_grid(np.rint(INT16 * n), np.int16) for n in normals]
+    given = [_grid(np.rint(INT16 * n), np.int16) for n in normals]
     return {
         "glass": optical,
         "shape": points.shape[1:],
         "points": [_grid(p, np.float32) for p in points],
-        "normals": [*turned[:2], None if optical else turned[2]],
+        "normals": [*given[:2], None if optical and not turned else given[2]],
         "side": 1 if face.name == "rear" else -1,
         "flip": bool(outward < 0),
     }

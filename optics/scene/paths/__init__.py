@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.paths.bodies import Body as Body
     from optics.scene.paths.light_path import (
         AIR as AIR,
         BARE as BARE,

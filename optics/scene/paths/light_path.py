@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from optics.scene.paths.bodies import Body
 from optics.scene.paths.stops import Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import BEFORE
@@ -93,6 +94,8 @@ class LightPath:
         of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
     stops : plates that block light on its way through air.
     absorbing_wall : light that meets the edges of the lens ends there; else they are polished.
+    bodies : what light meets where it means to go elsewhere; traces leave them out that carry derivatives.
+    emitted : z from which parallel light along z comes, mm: no body before it takes any.
 
     Raises
     ------
@@ -107,6 +110,8 @@ class LightPath:
     soft_rim: float = 0.0
     stops: tuple[Stop, ...] = ()
     absorbing_wall: bool = False
+    bodies: tuple[Body, ...] = ()
+    emitted: float = -inf
 
     def __post_init__(self) -> None:
         if len(self.media) != len(self.surfaces) + 1:
@@ -221,9 +226,9 @@ class LightPath:
         return self._with(s if s.share == share else replace(s, share=share) for s, share in pairs)
 
     def without_stops(self) -> LightPath:
-        """Return the path that nothing blocks: neither stops nor a holder of the lens."""
+        """Return the path that nothing blocks: neither stops, nor bodies, nor a holder of the lens."""
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
-        return replace(path, stops=()) if path.stops else path
+        return replace(path, stops=(), bodies=()) if path.stops or path.bodies else path
 
     def held(self, clear: Mapping[int, Outline]) -> LightPath:
         """Return the path through surfaces of which a holder leaves at most these outlines free."""
@@ -267,7 +272,7 @@ class LightPath:
         back = pose.inverse()
         surfaces = (replace(s, pose=back @ s.pose) for s in self.surfaces)
         path = replace(self, surfaces=tuple(surfaces), receiver=self.receiver.seen_from(pose))
-        return path.with_stops_moved(back)
+        return replace(path.with_stops_moved(back), bodies=tuple(body.moved(back) for body in self.bodies))
 
     def with_soft_rims(self, share: float) -> LightPath:
         """Return the path over rims within which light fades."""

@@ -52,6 +52,11 @@ class Placed:
         """Its name in dotted keys."""
         return f"element.{self.name}"
 
+    @property
+    def called(self) -> str:
+        """See `Optic`."""
+        return self.name
+
     def with_keys(self, **changes: Any) -> Placed:
         """Return it with other values of some keys."""
         return replace(self, **changes)

@@ -214,6 +214,11 @@ class Optic:
 
     noun: ClassVar[str] = "lens"
 
+    @property
+    def called(self) -> str:
+        """The name of an element, else its noun."""
+        return self.noun
+
     def face_name(self, name: str) -> str:
         """Return what a sentence calls its front or its rear."""
         return name

@@ -44,7 +44,7 @@ def require_stops(stops: Sequence[StopSpec]) -> None:
 
 
 def require_named_elements(elements: Sequence[Placed]) -> None:
-    """Refuse elements without a name.
+    """Refuse elements without a name, and those of a row that bear the name of another file of a result.
 
     Raises
     ------
@@ -53,6 +53,11 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
     for k, element in enumerate(elements):
         if not element.name:
             raise UserError(f'element[{k}].name is missing; add one, such as name = "M1"')
+        if len(elements) > 1 and element.name.lower() in ("lens", "scene"):
+            raise UserError(
+                f"element[{k}].name = {element.name!r} is that of a file of the result, {element.name}.step; "
+                'take another, such as "L1"'
+            )
 
 
 def _require_glass(lens: LensSpec) -> None:

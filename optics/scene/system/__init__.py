@@ -8,7 +8,13 @@ if TYPE_CHECKING:
     from optics.scene.system.geometry_search import nearest_geometry as nearest_geometry
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
     from optics.scene.system.lens_material import index_at as index_at
-    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem, Own as Own
+    from optics.scene.system.made_parts import (
+        MadePart as MadePart,
+        designed_part as designed_part,
+        fixed_parts as fixed_parts,
+        scene_parts as scene_parts,
+    )
+    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
     from optics.scene.system.placed_faces import TURNED as TURNED, pose_of as pose_of
     from optics.scene.system.reach import (
         can_be_lit as can_be_lit,
@@ -19,7 +25,7 @@ if TYPE_CHECKING:
         load_system as load_system,
         solvable_system as solvable_system,
     )
-    from optics.scene.system.source import source_of as source_of
+    from optics.scene.system.source import Own as Own, source_of as source_of
     from optics.scene.system.target import (
         LightTarget as LightTarget,
         receiver_of as receiver_of,

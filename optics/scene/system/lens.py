@@ -27,12 +27,12 @@ def base_lens(spec: Optic) -> Lens:
         raise UserError(f"{spec.table}: {error}".replace("lens.", f"{spec.table}.")) from None
 
 
-def lens_product(problem: Problem) -> Product:
-    """Return what the CAD files say about the lens."""
-    spec, names = problem.optic, problem.export
+def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
+    """Return what the CAD files say about the lens, or about a fixed element, under its own name."""
+    spec, names = fixed or problem.optic, problem.export
     glass = None if isinstance(spec, MirrorElement) else spec.known_index
     return Product(
-        name=names.product or one_line(problem.title) or "lens",
+        name=fixed.called if fixed else names.product or one_line(problem.title) or "lens",
         author=names.author,
         organization=names.organization,
         material=spec.material or (f"transparent, n = {glass:g}" if glass else "blank of a mirror"),

@@ -1,18 +1,43 @@
-"""The body that leaves a mould, of lenses that are made as one."""
+"""The bodies of elements and of a screen; the one that leaves a mould, of lenses that are made as one."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Optic
-from thbcad.lens import Lens
+from optics.scene.paths import Body
+from optics.scene.problem import FaceMet, Optic
+from optics.scene.receivers import Plane
+from optics.scene.system.placed_faces import clear_aperture_of, pose_of
+from optics.scene.system.target import LightTarget
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 if TYPE_CHECKING:
-    from thbcad.moulds import MouldedBody
+    from thbcad.moulds import MouldedBody, Solid
+
+SCREEN = 1e-3  # of its half-width: the thickness of a screen
+
+
+def bodies_of(
+    met: Sequence[FaceMet], elements: Iterable[tuple[Optic, Lens]], target: LightTarget
+) -> tuple[Body, ...]:
+    """Return elements as bodies, and the rectangle of a plane target as a thin plate behind it.
+
+    met : the faces along the path.  elements : with their lenses or blanks.
+    """
+    bodies = []
+    for optic, lens in elements:
+        own = tuple(k for k, face in enumerate(met) if face.optic is optic)
+        bodies.append(Body(made_of(optic, lens), pose_of(optic), own, optic.table))
+    if isinstance(target.receiver, Plane):
+        side = FreeformSurface(target.settings.half_width)
+        plate = Lens(side, side, SCREEN * max(side.half_width), 1.0)
+        bodies.append(Body(plate, target.receiver.pose, (len(met),), "the screen"))
+    return tuple(bodies)
 
 
 def body_options(spec: Optic) -> BodyOptions | None:
@@ -21,6 +46,12 @@ def body_options(spec: Optic) -> BodyOptions | None:
         return None
     parting, land = (None if isinstance(z, str) else z for z in (spec.body.parting, spec.body.land))
     return BodyOptions(spec.body.draft, parting, spec.body.annulus, land, spec.body.edge_radius)
+
+
+def made_of(optic: Optic, lens: Lens) -> Solid:
+    """Return what an element's lens is made as: itself, or a body as `moulded`, which also raises."""
+    body = body_options(optic)
+    return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
 
 
 @lru_cache(maxsize=2)

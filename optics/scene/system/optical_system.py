@@ -11,7 +11,6 @@ from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
 from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
-from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.lens import base_lens, freeforms, lens_product
 from optics.scene.system.lens_material import (
@@ -21,9 +20,9 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import body_options, moulded
+from optics.scene.system.moulded import bodies_of, body_options, made_of
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
-from optics.scene.system.source import source_of
+from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
@@ -36,20 +35,6 @@ if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
 STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
-
-
-@dataclass(frozen=True, eq=False)
-class Own:
-    """Classes of a script, that no problem file names, in place of what the problem describes.
-
-    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
-    """
-
-    source: LightSource | None = None
-    receiver: Receiver | None = None
-
-    def __bool__(self) -> bool:
-        return self.source is not None or self.receiver is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +246,7 @@ class OpticalSystem:
 
     def solid(self, lens: Lens) -> Solid:
         """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
-        return lens if self.body is None else moulded(lens, self.body, self.clear_aperture(lens))
+        return made_of(self.problem.optic, lens)
 
     def manufactured(self, lens: Lens) -> Manufacturability:
         """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
@@ -299,7 +284,7 @@ class OpticalSystem:
         lens : the element that is designed, of whatever shape; the others are as the problem has them.
         """
         optic, media = self.problem.optic, self.media_at(self.problem.source.wavelength)
-        lenses = {id(fixed): blank for fixed, blank in self.fixed} | {id(optic): lens}
+        lenses = {id(other): blank for other, blank in self.elements(lens)}
         surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
         black = optic.wall == "absorbing"
         return tuple(
@@ -313,6 +298,21 @@ class OpticalSystem:
         """Return the path through a lens, where there is one."""
         (path,) = self.paths(lens)
         return path
+
+    def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
+        """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
+        return (self.problem.optic, lens), *self.fixed
+
+    def shaded_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens, among the bodies of all elements and a plane screen.
+
+        A lens on the axis before a target across it has none in the way.
+        """
+        path = self.path(lens)
+        if self.axial:
+            return path
+        bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
+        return replace(path, bodies=bodies, emitted=-self.problem.source.distance)
 
     @property
     def lens_on_axis(self) -> bool:

@@ -10,14 +10,14 @@ import numpy as np
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import Problem, freedom_of, load_problem
-from optics.scene.system.optical_system import OpticalSystem, Own
+from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
     require_apart,
     require_clear_of_lens,
     require_met,
     require_reachable,
 )
-from optics.scene.system.source import source_of
+from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import require_places
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file

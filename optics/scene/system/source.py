@@ -1,10 +1,11 @@
-"""The source that a problem describes, as its class."""
+"""The source that a problem describes, as its class, and what a script brings in its place."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from optics.scene.problem import Problem
+from optics.scene.receivers import Receiver
 from optics.scene.sources import (
     CollimatedBeam,
     Divergence,
@@ -22,6 +23,20 @@ SOURCES: dict[str, type[LightSource]] = {  # by source.kind, which nothing else 
     "rays": RayFileSource,
     "luminaire": LuminaireSource,
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """Classes of a script, that no problem file names, in place of what the problem describes.
+
+    source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
+    """
+
+    source: LightSource | None = None
+    receiver: Receiver | None = None
+
+    def __bool__(self) -> bool:
+        return self.source is not None or self.receiver is not None
 
 
 def source_of(problem: Problem) -> LightSource:

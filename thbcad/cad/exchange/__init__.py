@@ -42,6 +42,12 @@ if TYPE_CHECKING:
         iges_shape as iges_shape,
         step_shape as step_shape,
     )
+    from .scene_file import (
+        PlacedShape as PlacedShape,
+        read_scene as read_scene,
+        scene_step as scene_step,
+        sheet_part as sheet_part,
+    )
     from .solid_file import (
         SolidFile as SolidFile,
         SolidState as SolidState,
@@ -51,6 +57,7 @@ if TYPE_CHECKING:
         spline_faces as spline_faces,
     )
     from .step import (
+        part_of as part_of,
         part_step as part_step,
         product_of as product_of,
         read_step as read_step,

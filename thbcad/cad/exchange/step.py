@@ -51,13 +51,16 @@ def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP24
 
     product, schema : as `thbcad.write_step`, which also raises.  The same lens gives the same bytes.
     """
-    if isinstance(solid, Lens):
-        part = lens_part(solid)
-    else:
-        from thbcad.cad.shapes import moulded_part  # plain lenses need none of its roundings
+    return part_step(part_of(solid), product_of(solid, product), schema)
 
-        part = moulded_part(solid)
-    return part_step(part, product_of(solid, product), schema)
+
+def part_of(solid: Solid) -> Part:
+    """Return a lens or its body as a Part."""
+    if isinstance(solid, Lens):
+        return lens_part(solid)
+    from thbcad.cad.shapes import moulded_part  # plain lenses need none of its roundings
+
+    return moulded_part(solid)
 
 
 def product_of(solid: Solid, product: Product | None) -> Product:

@@ -22,16 +22,19 @@ from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import picture, store_result, write_problem
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
+from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.io import lens_to_dict, read_lens, write_lens
 
 VERDICT = {"ok": True, "verdict": "fine", "notes": ["a note"]}
 
 
-def write_all(folder, problem, lens=None, figures=("figures/sag.png",)):
-    """Write a result with a stand-in for the solid and for what is claimed of it."""
+def write_all(folder, problem, lens=None, figures=("figures/sag.png",), parts=()):
+    """Write a result with stand-ins for the solids and for what is claimed of them."""
     writer = ResultWriter(folder, problem, lens or OpticalSystem(problem).lens, some_state().history)
-    writer.staged_step.write_text(f"solid of {problem.title}")
-    writer.place_step()
+    steps = "lens.step", *parts
+    for name in steps:
+        writer.staged(name).write_text(f"solid of {problem.title}")
+    writer.place_steps(steps)
     for name in figures:
         writer.write(name, name.encode())
     for name in ("manufacture.json", "verify.json", "metrics.json"):
@@ -43,6 +46,12 @@ def write_all(folder, problem, lens=None, figures=("figures/sag.png",)):
 @pytest.fixture
 def problem(problem_file):
     return load_problem(problem_file())
+
+
+@pytest.fixture
+def row(tmp_path):
+    """A fixed lens, and a free mirror."""
+    return load_text(tmp_path, ROW)
 
 
 @pytest.fixture
@@ -211,16 +220,37 @@ def test_what_only_an_earlier_run_had_goes_away(folder, problem):
     assert {"figures/mesh.png", "figures/own.png"} <= set(names(folder))
 
 
+def test_the_solids_of_fixed_elements_belong_to_the_result(folder, row):
+    """They are read back as the record says, and go away with it; others of this kind stay."""
+    with folder.taken(row, force=True):
+        write_all(folder, row, parts=["L1.step"])
+    (folder.path / "own.step").write_text("mine")
+    assert "L1.step" in folder.read().record["sha256"]
+    (folder.path / "L1.step").write_text("changed")
+    with pytest.raises(UserError, match=r"holds no single result: L1\.step belongs to another run"):
+        folder.read()
+    with pytest.raises(UserError, match=r"L1\.step would be replaced, but was not written by this program"):
+        taken(folder, row)
+    with folder.taken(row, force=True):
+        write_all(folder, row, parts=["L1.step"])
+    with folder.taken(row, force=True):
+        write_all(folder, row)
+    assert [n for n in names(folder) if n.endswith(".step")] == ["lens.step", "own.step"]
+
+
 def test_a_record_cannot_make_a_run_remove_other_files(folder, problem, tmp_path):
     (tmp_path / "precious").write_text("x")
     (folder.path / "notes.txt").write_text("x")
     record = json.loads((folder.path / "result.json").read_text())
-    record["sha256"] |= {"../precious": sha256_of(tmp_path / "precious"), "notes.txt": "0"}
+    (folder.path / "own.step").write_text("x")
+    precious = sha256_of(tmp_path / "precious")
+    record["sha256"] |= {"../precious": precious, "notes.txt": "0", "own.step": "0"}
     (folder.path / "result.json").write_text(json.dumps(record))
     with folder.taken(problem, force=False):
         write_all(folder, problem)
     assert (tmp_path / "precious").exists()
     assert (folder.path / "notes.txt").exists()
+    assert (folder.path / "own.step").exists()
 
 
 def test_a_name_that_no_result_has_is_not_written(folder, problem):
@@ -330,6 +360,7 @@ def test_half_written_files_of_a_killed_run_go_away(folder, problem):
         ".target.png.abcdefgh",
         "figures/.sag.png.abcdefgh",
         ".lens.step.00000012",
+        ".L1.step.00000012",
     ):
         (folder.path / name).write_bytes(b"half")
     before = {n for n in names(folder) if "/." not in n and not n.startswith(".")}

@@ -6,7 +6,7 @@ import pytest
 
 from optics.exchange.verification import StepFile, export_step, text_and_occt_checks, verify
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, designed_part
 from thbcad.cad.exchange import read_step
 
 MIRROR = {
@@ -27,7 +27,7 @@ def system():
 
 def test_its_faces_are_face_and_back(system, tmp_path, backend):
     path = tmp_path / "lens.step"
-    export_step(system, system.lens, path)
+    export_step(designed_part(system, system.lens), "AP242", path)
     assert read_step(path).face_names[:2] == ("face", "back")
     file = StepFile(path)
     checks = [

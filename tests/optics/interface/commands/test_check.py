@@ -39,7 +39,23 @@ def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, caps
     stop = 'stop=[{shape="ellipse", half_width=[6, 6], position=[0, 0, -1]}]'
     assert main(["check", path, "--set", stop]) == 0
     share = 1 - math.pi * 36 / 19**2
-    assert f"{share:.1%} blocked by stops and the clear aperture" in capsys.readouterr().out
+    assert f"{share:.1%} blocked by stop.0\n" in capsys.readouterr().out
+
+
+def test_check_says_by_what_light_is_blocked(tmp_path, capsys):
+    """A bar of 3 % of a beam of 19 mm; it and a clear aperture leave the product of what each leaves."""
+    bar = 'stop=[{name="bar", shape="rectangle", half_width=[0.285, 30], position=[3, 0, -1], hole=false}]'
+    path = str(write_problem(tmp_path, {}))
+    assert main(["check", path, "--set", bar, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["expected"]
+    assert found["blocked"] == pytest.approx(0.03, abs=5e-5)
+    assert found["blocking"] == {"stop.bar": found["blocked"]}
+    assert main(["check", path, "--set", bar, "--set", "lens.clear_aperture=[9.5, 8]"]) == 0
+    left = 8 / 9.5
+    assert (
+        f"{1 - 0.97 * left:.1%} blocked by the clear aperture ({1 - left:.1%} alone), stop.bar (3.0% alone)\n"
+        in capsys.readouterr().out
+    )
 
 
 def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):

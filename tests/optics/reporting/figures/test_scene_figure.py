@@ -7,8 +7,8 @@ import pytest
 from matplotlib import pyplot as plt
 from PIL import Image
 
-from optics.reporting.figures.scene_figure import scene_view
-from optics.reporting.view import placed, scene_paths, solid_faces
+from optics.reporting.figures.scene_figure import _by_visit, scene_view
+from optics.reporting.view import drawn_elements, placed, scene_paths
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import target_z
@@ -137,7 +137,7 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
     target = {"kind": "tophat", "half_width": (20, 20), "pixels": (32, 32), **place}
     source = {"kind": "collimated", "half_width": (9, 9)}
     system = OpticalSystem(Problem(source=source, element=[element], target=target))
-    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
     middle, quarter = scene(np.array([system.target.receiver.points(u, u) for u in (0.0, 10.0)]).T).T
     light = np.full((32, 32), 0.5)
     light[16:, :16] = 1.0  # the scale is the same with and without what is looked for
@@ -178,3 +178,14 @@ def test_the_far_field_shows_rays_and_no_target(backend, made):
     assert first == second
     assert red(first) == 0
     assert all(path.points[-1, 2] == lens.thickness + 4 * 10.0 for path in paths)
+
+
+def test_a_path_is_cut_in_the_middle_between_elements():
+    visits = ["front", "rear"], ["face"]
+    points = np.arange(15.0).reshape(5, 3).T  # source, front, rear, face, target
+    first, second = _by_visit(points, visits)
+    middle = (points[:, 2] + points[:, 3]) / 2
+    assert np.array_equal(first, np.column_stack([points[:, :3], middle]))
+    assert np.array_equal(second, np.column_stack([middle, points[:, 3:]]))
+    (missed,) = _by_visit(points[:, :3], visits)  # of the rear
+    assert np.array_equal(missed, points[:, :3])

@@ -3,11 +3,12 @@
 import json
 import re
 from base64 import b64decode
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from optics.reporting.view import placed, scene_page, solid_faces
+from optics.reporting.view import drawn_elements, placed, scene_page
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.poses import Pose
@@ -58,7 +59,7 @@ def separated(one, other):
 
 
 def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(system):
-    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
     assert separated(scene(scene.outlook), scene(scene.body))
     assert separated(scene(scene.outlook), scene(scene.source))
     (hx, hy), receiver = system.target.settings.half_width, system.target.receiver
@@ -69,7 +70,7 @@ def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(s
 
 
 def test_the_throw_alone_is_drawn_shorter(system):
-    scene = placed(system, system.lens, solid_faces(system.lens, 21)[0])
+    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
     for part in (scene.body, scene.source, scene.outlook):
         shift = scene(part) - scene.turn[:2] @ part
         np.testing.assert_allclose(shift, shift[:, :1] + 0 * shift, rtol=0, atol=1e-9)
@@ -91,11 +92,37 @@ def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(syste
     hx, hy = system.target.settings.half_width
     u, v = np.meshgrid(np.linspace(-hx, hx, columns), np.linspace(-hy, hy, rows))
     np.testing.assert_allclose([landed.u, landed.v], [u.ravel(), v.ravel()], rtol=0, atol=1e-9)
-    *rotation, shift = np.array(data["pose"])
-    pose = Pose(np.transpose(rotation), shift)
-    x, y, z = (
-        np.frombuffer(b64decode(text), "<f4").reshape(n, m) for n, m, text in data["faces"][0]["points"]
-    )
-    corner = pose.points(np.array([x[0, 0], y[0, 0], z[0, 0]], float))
     hx, hy = system.lens.front.half_width
-    np.testing.assert_allclose(corner, system.pose.points(np.array([-hx, -hy, 0.0])), rtol=0, atol=1e-5)
+    corner = system.pose.points(np.array([-hx, -hy, 0.0]))
+    np.testing.assert_allclose(corner_of(data, 0), corner, rtol=0, atol=1e-5)
+
+
+def corner_of(data, number):
+    """Return the first point of a face of the page, in the scene."""
+    *rotation, shift = np.array(data["pose"])
+    rows = (np.frombuffer(b64decode(text), "<f4") for _, _, text in data["faces"][number]["points"])
+    return Pose(np.transpose(rotation), shift).points(np.array([row[0] for row in rows], float))
+
+
+@pytest.fixture
+def row():
+    """A fixed lens, which light meets first, and a free mirror; the file names them the other way round."""
+    source, element, target = SCENES["fold up"]
+    size = {"half_width": (50, 40)}
+    fixed = lens((1, 2, -150), (0, 10, 0)) | {"front": size, "rear": size | {"freeform": None}}
+    target = {"kind": "tophat", "half_width": (100, 100), "pixels": (8, 8)} | target
+    path = [{"faces": ("L1.front", "L1.rear", "M1")}]
+    return OpticalSystem(Problem(source=source, element=[element, fixed], path=path, target=target))
+
+
+def test_all_elements_of_a_row_stand_in_the_scene_in_the_order_of_the_light(row):
+    elements = drawn_elements(row, row.lens, 21, 21)
+    scene = placed(row, row.lens, elements)
+    assert [element.name for element in elements] == ["L1", "M1"]
+    seen = [scene(part) for part in (scene.source, *scene.bodies, scene.outlook)]
+    assert all(separated(*pair) for pair in pairwise(seen))
+    corner = Pose.tilted((1, 2, -150), (0, 10, 0)).points(np.array([-50.0, -40.0, 0.0]))
+    np.testing.assert_allclose(elements[0].placed[0].points[:, 0, 0], corner, rtol=0, atol=1e-12)
+    page = held(scene_page(row, row.lens, np.ones((8, 8)), []))
+    np.testing.assert_allclose(corner_of(page, 0), corner, rtol=0, atol=1e-4)  # float32 in the mirror's frame
+    assert [len(page["faces"]), page["element"]] == [12, "mirror"]

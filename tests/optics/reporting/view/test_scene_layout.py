@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from optics.reporting.view.scene_layout import LONG, SHORT, block_means, placed
-from optics.reporting.view.solid_renderer import solid_faces
+from optics.reporting.view.scene_layout import LONG, SHORT, block_means, drawn_elements, placed
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+
+
+def scene_of(problem, lens):
+    system = OpticalSystem(problem)
+    return placed(system, lens, drawn_elements(system, lens))
 
 
 @pytest.fixture
@@ -22,7 +26,7 @@ def made(problem_file):
 
 def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
     problem, lens = made({"source.half_width": [4000.0, 8.0]})
-    assert np.ptp(placed(OpticalSystem(problem), lens, solid_faces(lens)[0]).source, axis=1) == pytest.approx(
+    assert np.ptp(scene_of(problem, lens).source, axis=1) == pytest.approx(
         [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
     )
 
@@ -35,7 +39,7 @@ def test_the_target_leaves_the_lens_free(made, distance, half_width):
     problem, lens = made(
         {"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2}
     )
-    scene = placed(OpticalSystem(problem), lens, solid_faces(lens)[0])
+    scene = scene_of(problem, lens)
     assert scene.box(scene.lens)[1, 0] < scene.box(scene.outlook)[0, 0]
     drawn = distance / scene.squeeze / (half_width + 10.0)
     assert SHORT * (1 - 1e-12) <= drawn <= 2.5 * LONG * (1 + 1e-12)
@@ -48,7 +52,7 @@ def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
     place = {"target.distance": False, "target.position": list(position), "target.tilt": tilt}
     problem, lens = made(place | {"target.half_width": [10.0, 10.0]})
     system = OpticalSystem(problem)
-    scene = placed(system, lens, solid_faces(lens)[0])
+    scene = placed(system, lens, drawn_elements(system, lens))
     assert abs(scene.turn[2] @ system.target.receiver.pose.rotation[:, 2]) > np.sin(np.radians(15))
     assert scene.squeeze == 1
     rim = system.target.receiver.points(*10.0 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]))
@@ -57,7 +61,7 @@ def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
 
 def test_things_are_drawn_in_scale_up_to_the_lens_and_shorter_behind_it(made):
     problem, lens = made({"target.distance": 1e4})
-    scene = placed(OpticalSystem(problem), lens, solid_faces(lens)[0])
+    scene = scene_of(problem, lens)
     top = scene.lens[2, 1]
     x = np.array([[1.0, -2.0, 3.0], [0.5, 4.0, -1.0], [-30.0, 0.0, top]])
     assert scene(x) == pytest.approx(scene.turn[:2] @ x, abs=1e-13)

@@ -67,6 +67,8 @@ position = [0, 0, 2]
 front = { half_width = [10.0, 10.0] }
 rear = { half_width = [10.0, 10.0] }
 """
+FIXED = LENS.replace("[0, 0, 2]", "[0, 0, -20]").replace("rear = { ", "rear = { freeform = false, ")
+ROW = MIRROR.replace("[[element]]", f"{FIXED}\n[[element]]")  # a fixed lens, then the free mirror
 
 
 def load_text(folder, text):

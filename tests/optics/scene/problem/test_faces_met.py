@@ -34,6 +34,12 @@ def met(elements, faces=None):
     ]
 
 
+@pytest.mark.parametrize("name", ["lens", "Scene"])
+def test_an_element_of_a_row_is_not_named_like_another_file_of_the_result(name):
+    with pytest.raises(UserError, match=rf"is that of a file of the result, {name}\.step; take another"):
+        problem([FIXED | {"name": name}, FREE])
+
+
 def test_without_a_path_light_meets_all_elements_in_their_order():
     through = [("L1.front", False, False, True), ("L1.rear", False, False, False)]
     assert met([FIXED, FREE]) == [*through, ("M1.face", True, False, False)]

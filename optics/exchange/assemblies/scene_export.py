@@ -1,0 +1,114 @@
+"""A scene as one STEP file: its elements where they lie, and source and screen as thin parts on request."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from optics.base.runtime import Check, UserError
+from optics.exchange.verification import differing_numbers
+from optics.scene.receivers import Plane
+from optics.scene.system import OpticalSystem, scene_parts
+from thbcad.cad.exchange import (
+    PlacedShape,
+    conic_faces,
+    part_of,
+    read_scene,
+    scene_step,
+    sheet_part,
+    spline_faces,
+)
+from thbcad.cad.shapes import Part
+from thbcad.io import read_file, write_bytes
+from thbcad.lens import FreeformSurface, Lens, Product
+from thbcad.moulds import MouldedBody
+from thbcad.poses import Pose
+from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface, KnotVector
+
+Body: TypeAlias = tuple[Lens | MouldedBody | Part, Product, Pose]
+
+THIN = 0.1  # mm, of source and screen
+POINT = 0.5  # mm, half the width of a source without extent
+PLACED = 1e-11  # mm, of parts within a metre of the origin, and relative to that beyond
+METRE = 1000.0
+SPANS = 16  # of a curved screen in each direction
+
+
+def export_scene(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
+    """Write the elements of a scene as one assembly, and return its `scene_checks`.
+
+    staged : with source and screen as thin parts.
+
+    Raises
+    ------
+    UserError : the body of an element cannot be made.
+    """
+    bodies = _bodies(system, lens, staged)
+    try:
+        write_bytes(path, scene_step(bodies, system.product, system.problem.export.schema))
+    except ValueError as error:
+        raise UserError(f"cannot write the STEP file of the scene: {error}") from None
+    return scene_checks(system, lens, path, staged)
+
+
+def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
+    """Return the Checks of names, places and numbers of the parts that OCCT reads in the file of a scene.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
+    """
+    read_file(path)  # a file that is cut off or damaged never reaches OCCT
+    found, bodies = read_scene(path), _bodies(system, lens, staged)
+    names = [product.name for _, product, _ in bodies]
+    checks = [Check.none_of("scene: parts that are not those named", [part.name for part in found] != names)]
+    for part, (body, product, pose) in zip(found, bodies):
+        checks += [_place_check(part, pose, product.name), _number_check(part, body, product.name)]
+    return checks
+
+
+def _bodies(system: OpticalSystem, lens: Lens, staged: bool) -> list[Body]:
+    bodies: list[Body] = [(part.made, part.product, part.pose) for part in scene_parts(system, lens)]
+    return [_source(system), *bodies, *_screen(system)] if staged else bodies
+
+
+def _place_check(part: PlacedShape, pose: Pose, name: str) -> Check:
+    """Return the check of how far a part lies from its place, at most, within a metre of its origin."""
+    apart = METRE * np.linalg.norm(part.pose.rotation - pose.rotation, 2)
+    off = float(apart + np.linalg.norm(part.pose.shift - pose.shift))
+    limit = PLACED * max(1.0, float(np.linalg.norm(pose.shift)) / METRE)
+    return Check(f"scene: distance of {name} from its place", off, limit, "mm")
+
+
+def _number_check(part: PlacedShape, body: Lens | MouldedBody | Part, name: str) -> Check:
+    """Return the check of the numbers of all faces that are splines, or conics that light meets."""
+    solid = (body if isinstance(body, Part) else part_of(body)).solid
+    pairs = [[*spline_faces(shape), *conic_faces(shape)] for shape in (part.shape, solid)]
+    off = sum(differing_numbers(*pair) for pair in zip(*pairs)) + abs(len(pairs[0]) - len(pairs[1]))
+    return Check.none_of(f"scene: numbers of {name} that differ from those in memory", off)
+
+
+def _source(system: OpticalSystem) -> Body:
+    """Return the source as a plate, whose rear shines."""
+    source = system.problem.source
+    half = source.half_width if min(source.half_width) > 0 else (POINT, POINT)
+    corners = half if source.profile in ("round", "round_gaussian") else (0.0, 0.0)
+    face = FreeformSurface(half, Conic(np.inf, 0.0), None, corners)
+    return Lens(face, face, THIN, 1.5), Product("source"), Pose.at((0.0, 0.0, -source.distance - THIN))
+
+
+def _screen(system: OpticalSystem) -> list[Body]:
+    """Return the screen as a sheet behind the light, none in the far field; a curved one is fitted."""
+    receiver, half = system.target.receiver, system.target.settings.half_width
+    if receiver.far_field:
+        return []
+    degree, spans = (1, 1) if isinstance(receiver, Plane) else (3, SPANS)
+    kv_u, kv_v = (KnotVector.uniform(degree, spans, -h, h) for h in half)
+    grid = np.meshgrid(kv_u.greville(), kv_v.greville(), indexing="ij")
+    points = receiver.pose.inverse().points(np.stack(np.broadcast_arrays(*receiver.points(*grid))))
+    through_u, through_v = (np.linalg.inv(kv.collocation(kv.greville()).toarray()) for kv in (kv_u, kv_v))
+    sheet = BSplineSurface(kv_u, kv_v, np.einsum("ia,jb,kab->ijk", through_u, through_v, points))
+    return [(sheet_part(sheet, THIN), Product("screen"), receiver.pose)]

@@ -1,0 +1,54 @@
+"""Bodies: what fills space beside the faces that light means to meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+
+import numpy as np
+
+from thbcad.certified import greatest_slope
+from thbcad.checks import Floats
+from thbcad.lens import Lens
+from thbcad.moulds import Solid, lens_of
+from thbcad.poses import IDENTITY, Pose
+
+ROUGH = 1e-2  # of a slope: it only tells which rays need not be searched for
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A closed body, which takes the light that meets it in air where it means to go elsewhere.
+
+    solid : in its own frame, with its front vertex at 0.  pose : from there to the frame of the path.
+    faces : numbers of its own surfaces along the path; one more than the last is the receiver's.
+    name : in words.
+    """
+
+    solid: Solid
+    pose: Pose = IDENTITY
+    faces: tuple[int, ...] = ()
+    name: str = "a body"
+
+    def moved(self, motion: Pose) -> Body:
+        """Return the body elsewhere.  motion : in the frame of the path."""
+        return self if motion.is_identity else replace(self, pose=motion @ self.pose)
+
+    @cached_property
+    def box(self) -> Floats:
+        """The corners of a box around the solid in its own frame, mm, (2, 3)."""
+        lens = lens_of(self.solid)
+        front, rear = (graph.coefficients for graph in lens.own_graphs())
+        edges = [] if isinstance(self.solid, Lens) else [z for _, z in self.solid.level_edges]
+        low, high = (end([end(front), lens.thickness + end(rear), *edges]) for end in (np.min, np.max))
+        half = np.max([lens.front.half_width, lens.rear.half_width], axis=0)
+        return np.array([[*-half, low], [*half, high]])
+
+    @cached_property
+    def steepest(self) -> float:
+        """A slope that front and rear nowhere exceed; of a body for a mould, with a land beside them, inf."""
+        if not isinstance(self.solid, Lens):
+            return inf
+        surfaces = zip(self.solid.own_graphs(), (self.solid.front, self.solid.rear))
+        return max(greatest_slope(graph, ROUGH, surface.outline).upper for graph, surface in surfaces)

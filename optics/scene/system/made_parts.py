@@ -1,0 +1,63 @@
+"""The elements of a scene as they are made: solids in their own frames, their names, and where they lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from optics.scene.problem import Optic
+from optics.scene.system.lens import lens_product
+from optics.scene.system.moulded import made_of
+from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.placed_faces import pose_of
+from thbcad.lens import Lens, Product
+from thbcad.poses import Pose
+
+if TYPE_CHECKING:
+    from thbcad.moulds import Solid
+
+
+@dataclass(frozen=True, eq=False)
+class MadePart:
+    """An element as it is made.
+
+    name : of the element; "lens" of the lens on the axis.  made : its solid, in its own frame.
+    product : what its CAD files say of it.  pose : from its own frame to that of the scene.
+    """
+
+    name: str
+    made: Solid
+    product: Product
+    pose: Pose
+
+    @property
+    def file(self) -> str:
+        """The STEP file of a fixed one in a result folder."""
+        return f"{self.name}.step"
+
+
+def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
+    """Return the element that is designed.  lens : its shape.
+
+    Raises
+    ------
+    UserError : the lens has no such body for a mould.
+    """
+    return _part(system.problem.optic, lens, system.product)
+
+
+def fixed_parts(system: OpticalSystem) -> tuple[MadePart, ...]:
+    """Return the elements that are not designed; raise as `designed_part`."""
+    return tuple(_part(optic, lens, lens_product(system.problem, optic)) for optic, lens in system.fixed)
+
+
+def scene_parts(system: OpticalSystem, lens: Lens) -> tuple[MadePart, ...]:
+    """Return all elements as the parts of an assembly, each under its own name; raise as `designed_part`."""
+    designed = designed_part(system, lens)
+    designed = replace(designed, product=replace(designed.product, name=designed.name))
+    fixed = {part.name: part for part in fixed_parts(system)}
+    return tuple(fixed.get(optic.called, designed) for optic in system.problem.optics)
+
+
+def _part(optic: Optic, lens: Lens, product: Product) -> MadePart:
+    return MadePart(optic.called, made_of(optic, lens), product, pose_of(optic))

@@ -1,0 +1,59 @@
+"""The scene of a row of elements as an assembly: parts, places and numbers are those of the system."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.exchange.assemblies import export_scene, scene_checks
+from optics.scene.system import OpticalSystem, scene_parts
+from tests.optics.scene.problem.cases import ROW, load_text
+from thbcad.cad.exchange import read_scene
+
+CURVED = {"target.surface": "cylinder", "target.radius": 30.0}
+
+
+@pytest.fixture
+def row(tmp_path):
+    return OpticalSystem(load_text(tmp_path, ROW))
+
+
+def wrong(checks):
+    return [check.name for check in checks if not check.ok]
+
+
+def test_parts_bear_the_names_of_the_elements_in_their_order(row):
+    parts = scene_parts(row, row.lens)
+    assert [(part.name, part.product.name) for part in parts] == [("L1", "L1"), ("M1", "M1")]
+    assert parts[0].pose.shift.tolist() == [0.0, 0.0, -20.0]
+
+
+@pytest.mark.parametrize("changes", [{}, CURVED])
+def test_source_and_screen_stand_in_their_places_as_thin_parts(row, tmp_path, changes):
+    system, path = OpticalSystem(row.problem.with_(**changes)), tmp_path / "staged.step"
+    assert wrong(export_scene(system, system.lens, path, staged=True)) == []
+    source, *_, screen = read_scene(path)
+    assert (source.name, screen.name) == ("source", "screen")
+    assert source.pose.shift.tolist() == [0.0, 0.0, -30.1]  # 0.1 mm thick before the source plane
+    assert np.abs(screen.pose.rotation - system.target.receiver.pose.rotation).max() <= 1e-15
+
+
+def test_another_place_and_another_shape_are_told(row, tmp_path):
+    path = tmp_path / "scene.step"
+    assert wrong(export_scene(row, row.lens, path)) == []
+    lens = row.problem.with_(**{"element.L1.position": (0, 0, -20 - 2e-11), "element.L1.front.radius": 99.0})
+    other = OpticalSystem(lens)
+    assert wrong(scene_checks(other, row.lens, path)) == [
+        "scene: distance of L1 from its place",
+        "scene: numbers of L1 that differ from those in memory",
+    ]
+    renamed = OpticalSystem(row.problem.with_(**{"element.M1.name": "M2"}))
+    assert wrong(scene_checks(renamed, row.lens, path)) == ["scene: parts that are not those named"]
+
+
+def test_a_file_that_was_cut_does_not_reach_occt(row, tmp_path):
+    path = tmp_path / "scene.step"
+    export_scene(row, row.lens, path)
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(ValueError, match="is not a whole STEP file"):
+        scene_checks(row, row.lens, path)
