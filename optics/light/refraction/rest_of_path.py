@@ -130,7 +130,9 @@ def met(conic: Conic, point: Triple, along: Triple) -> list[Floats]:
     b = r - c * (x * p + y * q + stretch * z * r)
     left = c * (x * x + y * y + stretch * z * z) - 2 * z
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = left / (b + np.sign(b) * np.sqrt(b * b - a * left))
+        end = b + np.sign(b) * np.sqrt(b * b - a * left)
+        roots, foot = (left / end, end / a), -(x * p + y * q + z * r)  # of the vertex on the ray
+        t = np.where(abs(roots[1] - foot) < abs(roots[0] - foot), roots[1], roots[0])
         t = np.where(stretch * c * (z + t * r) <= 1, t, np.nan)
     return [x + t * p, y + t * q, z + t * r]
 

@@ -34,7 +34,7 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
     UserError : names the box.
     """
     lens, receiver = system.lens, system.target.receiver.seen_from(system.pose)
-    low, high = lens_heights(system.problem, lens)
+    low, high = lens_heights(system.problem.optic, lens)
     x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
     box = np.array([[-x, x], [-y, y], [low, high]])
     half_width, cuts = np.array(system.target.settings.half_width), False
@@ -227,7 +227,7 @@ def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats
 
     share : of the light, (n,).
     """
-    lens, (low, high) = system.lens, lens_heights(system.problem, system.lens)
+    lens, (low, high) = system.lens, lens_heights(system.problem.optic, system.lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
     nearest = sum(np.minimum(a * n, b * n) for (a, b), n in zip(rear, normals))  # of the corners
     sign, end = (-1, high) if system.reflects else (1, low)

@@ -59,7 +59,8 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
         system.wavelengths,
     )  # built now, so that errors come now
     require_room(system)
-    require_places(problem, system.lens, system.stops, system.source.collimated)
+    start = system.path(system.lens).before if system.source.collimated else -np.inf
+    require_places(problem, ((system.problem.optic, system.lens), *system.fixed), system.stops, start)
     require_light(system)
     require_sharp(system)
     require_reachable(system)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.paths import Stop
-from optics.scene.problem import Problem, freedom_of
-from optics.scene.sources import BEFORE
+from optics.scene.problem import Optic, Placed, Problem, freedom_of
+from optics.scene.system.placed_faces import pose_of
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.outlines import Outline
@@ -35,21 +37,21 @@ def stops_of(problem: Problem) -> tuple[Stop, ...]:
     return tuple(stops)
 
 
-def require_places(problem: Problem, lens: Lens, stops: tuple[Stop, ...], parallel: bool) -> None:
-    """Refuse stops that reach into the lens, before the source plane, or behind a target across the axis.
+def require_places(
+    problem: Problem, bodies: Sequence[tuple[Optic, Lens]], stops: tuple[Stop, ...], start: float
+) -> None:
+    """Refuse stops that reach into an element, before the source plane, or behind a target across the axis.
 
-    The lens is taken as all that its outline and its freedom in z enclose.
-    parallel : whether light is, whose rays start nearer to the lens.
+    A lens is taken as all that its outline and its freedom in z enclose.
+    bodies : the designed element with its lens, and then the others.
+    start : z of parallel light, whose rays start nearer to the lens; -inf of other light.
 
     Raises
     ------
     UserError : names the stop.
     """
-    if not stops:
-        return
-    source, distance = -problem.source.distance, problem.target.distance
-    start = max(source, -BEFORE * max(lens.front.half_width))  # of parallel light
-    first = start if parallel else source
+    source, distance, lens = -problem.source.distance, problem.target.distance, bodies[0][1]
+    first = max(source, start)
     for stop in stops:
         z = stop.pose.points(np.array([*stop.outline.half_width, 1.0])[:, None] * CORNERS)[2]
         if z.min() <= first:
@@ -63,21 +65,28 @@ def require_places(problem: Problem, lens: Lens, stops: tuple[Stop, ...], parall
                 f"{stop.name} reaches to z = {z.max():.4g} mm, but the target is at z = "
                 f"{lens.thickness + distance:.4g} mm; move it towards the lens"
             )
-        section = _section(problem, lens, stop)
-        if len(section) and _cuts(stop, section):
-            low, high = lens_heights(problem, lens)
-            raise UserError(
-                f"{stop.name} reaches into the lens, which may fill z = {low:.4g} to {high:.4g} mm; "
-                "move it out of there, or make its hole larger"
-            )
+        for optic, body in bodies:
+            _require_beside(stop, optic, body)
 
 
-def lens_heights(problem: Problem, lens: Lens) -> tuple[float, float]:
-    """Return between which z the lens lies, whatever its sags become, mm."""
+def _require_beside(stop: Stop, optic: Optic, lens: Lens) -> None:
+    """Refuse a stop that reaches into a lens or a mirror.  lens : of it, its blank."""
+    seen, (low, high) = stop.moved(pose_of(optic).inverse()), lens_heights(optic, lens)
+    section = _section(low, high, lens, seen)
+    if len(section) and _cuts(seen, section, isinstance(optic, Placed)):
+        named, frame = (optic.table, " of its own frame") if isinstance(optic, Placed) else ("the lens", "")
+        raise UserError(
+            f"{stop.name} reaches into {named}, which may fill z = {low:.4g} to {high:.4g} mm{frame}; "
+            "move it out of there, or make its hole larger"
+        )
+
+
+def lens_heights(optic: Optic, lens: Lens) -> tuple[float, float]:
+    """Return between which z a lens lies in its own frame, whatever its sags become, mm."""
     ends = []
     for sign, surface, spec, vertex in (
-        (-1.0, lens.front, problem.optic.front, 0.0),
-        (1.0, lens.rear, problem.optic.rear, lens.thickness),
+        (-1.0, lens.front, optic.front, 0.0),
+        (1.0, lens.rear, optic.rear, lens.thickness),
     ):
         u, v = np.concatenate([_around(), np.array([surface.half_width]).T], axis=1)
         gauge = surface.outline.gauge(u, v)
@@ -86,13 +95,12 @@ def lens_heights(problem: Problem, lens: Lens) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _section(problem: Problem, lens: Lens, stop: Stop) -> Floats:
+def _section(low: float, high: float, lens: Lens, stop: Stop) -> Floats:
     """Return the corners of the section of the stop's plane with what the lens may fill, (n, 2), own mm.
 
     It is a square around the lens, clipped by the planes a . p <= b that the lens lies within.
     """
     far = np.max([s.outline.support(_around()) for s in (lens.front, lens.rear)], axis=0)
-    low, high = lens_heights(problem, lens)
     normals = np.zeros((3, DIRECTIONS + 2))
     normals[:2, :-2], normals[2, -2:] = _around(), (-1, 1)
     far = np.concatenate([far, [-low, high]])
@@ -123,8 +131,11 @@ def _clipped(polygon: Floats, over: Floats) -> Floats:
     return np.array(out).reshape(-1, 2)
 
 
-def _cuts(stop: Stop, section: Floats) -> bool:
-    """Return whether there is a plate within a convex section of its plane."""
+def _cuts(stop: Stop, section: Floats, ends: bool) -> bool:
+    """Return whether there is a plate within a convex section of its plane.
+
+    ends : a plate with a hole ends before what lies all beside the hole.
+    """
 
     def gauges(outline: Outline) -> tuple[float, float]:
         """Return the least and the greatest gauge over the section."""
@@ -138,5 +149,5 @@ def _cuts(stop: Stop, section: Floats) -> bool:
     least, most = gauges(stop.outline)
     inner = gauges(stop.inner) if stop.inner else (np.inf, np.inf)
     if stop.hole:
-        return most > 1 or inner[0] < 1
+        return (most > 1 and not (ends and least >= 1)) or inner[0] < 1
     return least <= 1 and inner[1] > 1

@@ -116,3 +116,15 @@ def test_light_leaves_along_a_surface_that_would_reflect_it():
     (x, _, z), passes = bent(False, (1.5, 1.0), (0.0, 0.0, 1.0), (np.array(2.0), np.array(0.0)))
     assert not passes
     assert x * 2.0 - z == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("before", [300.0, 700.0, 1140.0])
+def test_a_curved_mirror_is_met_next_to_its_vertex_from_however_far(before):
+    """A ray to the vertex meets the sphere of R = -800 mm also 800 sqrt(2) = 1131 mm before that."""
+    pose = Pose.tilted((0, 0, before), (45, 0, 0))
+    mirror = Surface(FreeformSurface((90.0, 120.0), Conic(-800.0)), pose, "reflect")
+    screen = Plane(Pose.tilted((0, 300, before), (-90, 0, 0)))
+    rest, zero = RestOfPath((mirror,), (1.0, 1.0), screen), np.zeros(1)
+    u, v, through = rest.land((zero, zero, zero), (zero, zero, zero + 1))
+    assert through.all()
+    np.testing.assert_allclose([u, v], 0, rtol=0, atol=1e-9)

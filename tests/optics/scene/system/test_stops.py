@@ -69,3 +69,35 @@ def test_a_stop_that_leaves_room_for_the_lens_is_taken(stop):
 )
 def test_a_stop_before_the_source_or_behind_the_target_is_refused(z, words):
     assert re.search(words, refusal(position=(0, 0, z), tilt=(10, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("stop", "named"),
+    [
+        ({"position": (0, 0, -37)}, "element.L1"),
+        ({"position": (0, 0, 3)}, "element.M1"),
+        ({"position": (0, 0, 3), "half_width": (30, 30)}, ""),
+        ({"position": (0, 8, 8), "hole": False}, "element.M1"),
+        ({"position": (0, 0, 12), "hole": False}, ""),  # behind the tilted blank
+        ({"position": (0, 0, -12)}, ""),  # the mirror reaches to z = -14 mm, but far beside the hole
+        ({"position": (0, 0, -60)}, ""),
+    ],
+)
+def test_a_stop_is_kept_out_of_every_element_where_that_lies(stop, named):
+    """L1 fills z = -40 to -34 mm; the free face of M1 lies about y = z, its blank 4 mm behind."""
+    lens = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6, "position": (0, 0, -40)}
+    lens |= {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10), "freeform": False}}
+    face = {"half_width": (14, 20), "radius": float("inf"), "conic": 0, "freeform": {"z_freedom": 1}}
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
+    stop = {"name": "rim", "shape": "ellipse", "half_width": (3, 3), **stop}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (8, 8), "distance": 100},
+        element=[lens, mirror],
+        target={"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0), "half_width": (12, 12)},
+        stop=[stop],
+    )
+    if not named:
+        solvable_system(problem)
+        return
+    with pytest.raises(UserError, match=f"stop.rim reaches into {named}, which may fill"):
+        solvable_system(problem)
