@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from math import prod, sqrt
 from typing import Any
 
@@ -11,14 +12,18 @@ from optics.scene.paths import LightPath
 
 
 def passing_share(path: LightPath) -> dict[str, float | None]:
-    """Return which share of light a mirror, or a lens at normal incidence, passes on, by its metric."""
-    first, bare = path.surfaces[0], normal_incidence_transmittance(path.media[1].index)
-    if first.kind == "reflect":
-        return {"reflectance": first.share}
+    """Return which share of light a mirror, a lens or a row passes on at normal incidence, by its metric."""
+    if len(path.surfaces) == 1 and path.surfaces[0].kind == "reflect":
+        return {"reflectance": path.surfaces[0].share}
     shares = [surface.share for surface in path.surfaces]
     if shares == [None, None]:
-        return {"normal_incidence_transmittance": bare}
-    return {"coated_transmittance": prod(sqrt(bare) if share is None else share for share in shares)}
+        return {"normal_incidence_transmittance": normal_incidence_transmittance(path.media[1].index)}
+    bare = (
+        1.0 if surface.kind == "reflect" else sqrt(normal_incidence_transmittance(b.index / a.index))
+        for surface, (a, b) in zip(path.surfaces, pairwise(path.media))
+    )
+    passing = prod(own if share is None else share for own, share in zip(bare, shares))
+    return {"coated_transmittance" if len(shares) == 2 else "row_transmittance": passing}
 
 
 def passing_words(metrics: Mapping[str, Any]) -> str:
@@ -27,4 +32,6 @@ def passing_words(metrics: Mapping[str, Any]) -> str:
         return f"the mirror reflects {metrics['reflectance']:.1%}"
     if "coated_transmittance" in metrics:
         return f"front and rear as coated pass {metrics['coated_transmittance']:.1%} at normal incidence"
+    if "row_transmittance" in metrics:
+        return f"the elements pass {metrics['row_transmittance']:.1%} at normal incidence"
     return f"two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}"

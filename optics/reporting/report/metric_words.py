@@ -48,6 +48,7 @@ WORDS = {
         PERCENT,
         "passes two uncoated faces once at normal incidence; no bound",
     ),
+    "row_transmittance": (PERCENT, "passes all elements at normal incidence; no bound"),
     "coated_transmittance": (PERCENT, "passes front and rear, as coated, at normal incidence; no bound"),
     "element": ("", "what makes the light"),
     "reflectance": (PERCENT, "of the light that meets the mirror's face goes on, at any angle"),

@@ -251,7 +251,11 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
     if open_ended and not isinstance(value, (list, tuple)):
         value = [value]
     if not isinstance(value, (list, tuple)) or not value or (not open_ended and len(value) != len(kinds)):
-        wanted = "a list of numbers, at least one" if open_ended else f"a list of {len(kinds)} numbers"
+        wanted = (
+            f"a list of {'names' if kinds[0] is str else 'numbers'}, at least one"
+            if open_ended
+            else f"a list of {len(kinds)} numbers"
+        )
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
 

@@ -7,6 +7,7 @@ import pytest
 from optics.light.analysis import passing_share, passing_words
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from tests.cases import EXAMPLES
 from tests.optics.cases import write_problem
 
 
@@ -20,4 +21,19 @@ from tests.optics.cases import write_problem
 )
 def test_a_coated_lens_is_said_to_be_one(tmp_path, keys, words):
     system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+    assert passing_words(passing_share(system.path(system.lens))) == words
+
+
+@pytest.mark.parametrize(
+    ("example", "words"),
+    [
+        (
+            "two_elements",
+            "the elements pass 81.1% at normal incidence",
+        ),  # 0.96^2 of bare glass, 0.88 of metal
+        ("mirror", "the mirror reflects 88.0%"),
+    ],
+)
+def test_a_row_passes_what_all_its_faces_do(example, words):
+    system = OpticalSystem(load_problem(EXAMPLES / f"{example}.toml"))
     assert passing_words(passing_share(system.path(system.lens))) == words
