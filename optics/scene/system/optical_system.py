@@ -281,16 +281,20 @@ class OpticalSystem:
     def paths(self, lens: Lens) -> tuple[LightPath, ...]:
         """Return the paths of the source's own wavelength over all elements, one to each target.
 
-        lens : the element that is designed, of whatever shape; the others are as the problem has them.
+        lens : the element that is designed, of whatever shape and index; the others are as the problem has
+            them.
         """
-        optic, media = self.problem.optic, self.media_at(self.problem.source.wavelength)
+        optic, media = self.problem.optic, [*self.media_at(self.problem.source.wavelength)]
+        for k, face in self.own_faces.items():
+            if face.into_glass:
+                media[k + 1] = replace(media[k + 1], index=lens.index)
         lenses = {id(other): blank for other, blank in self.elements(lens)}
         surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
         black = optic.wall == "absorbing"
         return tuple(
-            LightPath(tuple(surfaces), media, target.receiver, stops=self.stops, absorbing_wall=black).named(
-                self.problem.surface_names
-            )
+            LightPath(
+                tuple(surfaces), tuple(media), target.receiver, stops=self.stops, absorbing_wall=black
+            ).named(self.problem.surface_names)
             for target in self.targets
         )
 

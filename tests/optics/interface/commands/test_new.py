@@ -16,7 +16,11 @@ def keys(record, prefix=""):
     found = []
     for f in fields(record):
         value = getattr(record, f.name)
-        if (value is None and f.name not in ("position", "reflectance")) or f.name in ("stop", "element"):
+        if (value is None and f.name not in ("position", "reflectance")) or f.name in (
+            "stop",
+            "element",
+            "path",
+        ):
             continue
         found += keys(value, f"{prefix}{f.name}.") if is_dataclass(value) else [prefix + f.name]
     return found
