@@ -20,6 +20,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
+from threading import Event
+from types import FrameType
 from typing import Any
 
 from optics.base.runtime.garbage import collect_and_give_back, collect_rarely
@@ -117,7 +119,7 @@ def serve() -> None:
         lost_interrupts_again(lambda: signal.SIGINT),
         Connection(int(sys.argv[1])) as pipe,
     ):
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # work in the background inherits none
+        signal.signal(signal.SIGINT, _stop)  # work in the background inherits no handler
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
             with _stopped_while_loading():  # arguments, too, may need a package
@@ -154,14 +156,25 @@ def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, 
         return None, RuntimeError(where)
 
 
+_STOPPED = Event()
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    _STOPPED.set()
+    raise KeyboardInterrupt
+
+
 @contextmanager
 def _stopped_while_loading() -> Iterator[None]:
-    """Raise the KeyboardInterrupt that a package such as OCP turns into its own error while it is loaded."""
+    """Raise the KeyboardInterrupt that a package (OCP, numpy) turns into its own error while it is loaded.
+
+    Its C code may drop the cause, so the handler remembers the signal.
+    """
     try:
         yield
-    except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
-            raise error.__cause__ from None
+    except Exception:
+        if _STOPPED.is_set():
+            raise KeyboardInterrupt from None
         raise
 
 

@@ -3,8 +3,8 @@
 In the frame of the surface, for every cell of the light that meets it: optimal transport tells the place
 (u, v) on the receiver, what lies behind the surface the direction to it, the law of refraction or reflection
 the normal, and a fit the height; then all again.  Off axis no surface has the slopes that are asked for.
-What would land beside is asked for elsewhere (`prewarped`), until that changes little.  There half of the
-cells in each direction do in all rounds but the last.
+What would land beside is asked for elsewhere (`prewarped`), until that changes little.  Half of the cells in
+each direction do in all rounds but the last.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def shaped_along(
     assert shape.sag is not None
     coarse, fine = _meshes(shape.sag.space, counts, finest)
     sag, asked, chart = THBSurface(coarse, np.zeros(coarse.dim)), wanted, None
-    settled = path.receiver.across_axis
+    settled = False
     for left in reversed(range(MOST_ROUNDS)):
         grid = counts if settled or not left else _halved(counts)
         light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, grid)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from optics.scene.problem import Optic
 from optics.scene.system.lens import lens_product
-from optics.scene.system.moulded import made_of
+from optics.scene.system.made_bodies import made_of
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.placed_faces import pose_of
 from thbcad.lens import Lens, Product

@@ -20,7 +20,7 @@ from optics.scene.system.lens_material import (
     wavelengths_of,
     with_material,
 )
-from optics.scene.system.moulded import bodies_of, body_options, made_of
+from optics.scene.system.made_bodies import bodies_of, body_options, made_of
 from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from tests.cases import ROOT
 ORPHAN = """
 from optics.base.runtime import process_for
 import time
+from contextlib import suppress
 with process_for("test") as process:
     print(process.ask("os", "getpid").result(), flush=True)
     process.ask("time", "sleep", SECONDS)
@@ -166,14 +168,17 @@ def test_work_that_python_cannot_stop_at_once_is_stopped_and_says_nothing(tmp_pa
 
 
 class StoppedWhileLoaded:
-    """An argument whose package is stopped while it is loaded, and says so by an error of its own."""
+    """An argument whose package is stopped while it is loaded."""
 
     def __reduce__(self):
         return stopped_package, ()
 
 
 def stopped_package():
-    raise ImportError("a package") from KeyboardInterrupt()
+    """Say by an error of its own that it was stopped, as C code does that forgets the cause."""
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    raise ImportError("a package")
 
 
 @pytest.mark.parametrize("arguments", [[], [StoppedWhileLoaded()]], ids=["called", "asked"])

@@ -63,8 +63,7 @@ def test_a_folded_design_is_as_good_as_the_unfolded_one(tmp_path):
     """The screen's mirror image, whose x is turned round, and the picture's.
 
     Of a soft photograph on a coarse net, whose design ends at its least error: of a sharp one on a fine net a
-    screen that is moved by 1e-6 mm changes it by 1.5 %.  Starts off the axis are mended in finer bins than
-    those on it, so that the folded design may be the better one.
+    screen that is moved by 1e-6 mm changes it by 1.5 %.
     """
     picture = Image.open(ROOT / "examples" / "pearl.png").convert("L").filter(ImageFilter.GaussianBlur(24))
     pixels = np.asarray(picture.resize((PIXELS, PIXELS)))
@@ -80,7 +79,7 @@ def test_a_folded_design_is_as_good_as_the_unfolded_one(tmp_path):
     system = Folded(problem(tmp_path / "turned.png", aside))
     folded = designed(system)[1].metrics
     assert straight.metrics["rel_l2"] < 0.03
-    assert folded["rel_l2"] <= 1.01 * straight.metrics["rel_l2"]
+    assert folded["rel_l2"] == pytest.approx(straight.metrics["rel_l2"], rel=0.01)
     assert folded["efficiency"] == pytest.approx(straight.metrics["efficiency"], rel=1e-4)
     same = measure(system, lens, system.backend).irradiance[:, ::-1]
     assert np.abs(same - straight.irradiance).max() < 1e-10 * straight.irradiance.max()

@@ -1,4 +1,4 @@
-"""The bodies of elements and of a screen; the one that leaves a mould, of lenses that are made as one."""
+"""What elements are made as: lenses, or bodies that leave a mould; all of them as bodies that shade."""
 
 from __future__ import annotations
 
