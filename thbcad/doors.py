@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any
 
 IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)$", re.MULTILINE)
-OFFERED = re.compile(r"\bas (\w+)")
+OFFERED = re.compile(r"\b(?!as\b)\w+")
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
@@ -42,12 +42,13 @@ def lazy_door(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
-    What the package offers, and where that lives, is read from the imports `X as X` of its own text.  They
-    stand under `if TYPE_CHECKING:`, so that each name is listed once.
+    What the package offers, and where that lives, is read from the imports of its own text under
+    `if TYPE_CHECKING:`, so that each name is listed once.
 
     package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
         whose file needs a package of an extra is a MissingPackage where that is missing.
-    public : users look into it: a name whose file cannot be imported is a `stand_in`.
+    public : users look into it: a name whose file cannot be imported is a `stand_in`.  Its imports are
+        `X as X`, which alone lets type checkers see them from outside.
     """
     homes = _homes(Path(path), package)
 
