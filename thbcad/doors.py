@@ -127,9 +127,7 @@ def stand_in(module: str, name: str) -> Any:
 def loaded(module: str) -> ModuleType:
     """Import a module and return it.
 
-    Raises
-    ------
-    MissingPackage : a package of an extra is not installed.
+    Raises MissingPackage : a package of an extra is not installed.
     """
     try:
         return import_module(module)

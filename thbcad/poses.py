@@ -33,9 +33,7 @@ class Pose(Value):
     other libraries: then the result is a triple.  A pose that moves nothing returns what it is given, and one
     that only shifts multiplies nothing.
 
-    Raises
-    ------
-    ValueError : R is no rotation; numbers that are not finite.
+    Raises ValueError : R is no rotation; numbers that are not finite.
 
     Examples
     --------

@@ -7,6 +7,7 @@ import re
 SECTION = re.compile(r"^(\w+)\n-{3,}\n", re.MULTILINE)
 CODE = re.compile(r"(`+)(.+?)\1", re.DOTALL)
 ARGUMENT = re.compile(r"([*\w\\]+(?:, [*\w\\]+)*) : ")
+RAISES = re.compile(r"^Raises (?=\w+(?:, \w+)* : )", re.MULTILINE)
 NEXT_LINE = re.compile(r"\n(?=\S)")
 NEXT_ARGUMENT = re.compile(r"(?:\n|  )(?=[*\w]+(?:, [*\w]+)* : )")
 SPECIAL = re.compile(r"([*_\[\]$\\])")
@@ -28,7 +29,9 @@ def _session(text: str) -> str:
 
 
 def _paragraph(text: str) -> str:
-    """Return a paragraph; one that begins "NAME : meaning" is a list of arguments."""
+    """Return a paragraph; "NAME : meaning" begins a list of arguments, after "Raises" one of errors."""
+    if RAISES.match(text):
+        return f"**Raises**\n\n{_list(NEXT_LINE.split(RAISES.sub('', text)))}"
     return _list(NEXT_ARGUMENT.split(text)) if ARGUMENT.match(text) else _escaped(text)
 
 

@@ -83,9 +83,7 @@ def minimum(
     is no rectangle by 1e-7 times at least.  Where the least value is taken along a whole curve it can end
     earlier, with wider bounds that hold too.
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
     cells = within(bernstein(graph, (derivative,)), outline)
     return _least(cells, tolerance)
@@ -97,9 +95,7 @@ def minimum_on_rim(graph: BSplineSurface, outline: Outline, tolerance: float = 1
 
     The search ends as in `minimum`.
 
-    Raises
-    ------
-    ValueError : as `minimum`.
+    Raises ValueError : as `minimum`.
     """
     region = Region(outline, rim=True)
     steepest = cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2))
@@ -114,9 +110,7 @@ def value_range(
 
     The search ends as in `minimum`.  A derivative that jumps at a knot counts with both its values.
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
     graph = whole_graph(graph)
     cells = within(bernstein(graph, (derivative,)), outline)

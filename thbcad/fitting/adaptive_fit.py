@@ -116,19 +116,15 @@ def fit(
     If the tolerance is not reached, the best fit is that of least error for a function, and for samples that
     of least rms.
 
-    Parameters
-    ----------
     target : a function of u and v, (n,) float each, that returns (n,) or (n, d); a spline surface; samples
     tolerance : greatest distance |s - target|, in the unit of the target
     max_level : cells of this level are not refined, 0 to 24
     smoothing, robust : as in `least_squares`; chosen smoothing and robust weights need samples
     progress : called with the Step of every fit
 
-    Raises
-    ------
-    ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of positive
-        weight, function values that are not finite.
-    Underdetermined : the samples do not determine a spline of the given space.
+    Raises ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of
+        positive weight, function values that are not finite.
+    Raises Underdetermined : the samples do not determine a spline of the given space.
     """
     require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)

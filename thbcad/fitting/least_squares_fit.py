@@ -27,9 +27,7 @@ class Samples(Value):
 
     u, v : (n,) float.  values : (n,) or (n, d) float.  weights : (n,) float, all 1 if left out.
 
-    Raises
-    ------
-    ValueError : shapes that do not agree, numbers not finite or masked, negative
+    Raises ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
 
     Examples
@@ -115,10 +113,8 @@ def least_squares(
     progress : called, while a smoothing is chosen, with the number of fits that are done, and the most there
         may be, 15.  Seven are usual; a robust fit chooses twice.
 
-    Raises
-    ------
-    Underdetermined : the samples do not determine every coefficient (names a function).
-    ValueError : samples outside the domain, a smoothing that is negative or not finite.
+    Raises Underdetermined : the samples do not determine every coefficient (names a function).
+    Raises ValueError : samples outside the domain, a smoothing that is negative or not finite.
     """
     require_type("space", space, THBSpace)
     require_type("samples", samples, Samples)

@@ -93,9 +93,7 @@ class NormalEquations:
     def factors(self, smoothing: float) -> Factors:
         """Return the factors of N / unit.
 
-        Raises
-        ------
-        Underdetermined : N is singular to working precision.
+        Raises Underdetermined : N is singular to working precision.
         """
         normal = self.gram + smoothing / self.unit * self.energy
         return _factorised(normal, self.space, smoothing)

@@ -43,9 +43,7 @@ class HierarchicalMesh(Value):
 
     Meshes never change: `refine` returns finer ones, of the same class.
 
-    Raises
-    ------
-    ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+    Raises ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
     """
 
     kv_u: KnotVector
@@ -123,10 +121,8 @@ class HierarchicalMesh(Value):
         admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells.  A tensor-product
             space that is always refined so stays admissible of class m (see `THBSpace.admissibility`).
 
-        Raises
-        ------
-        ValueError : a cell that does not exist or is refined already, a level out of range, a mask of another
-            length, cells too short for float64.
+        Raises ValueError : a cell that does not exist or is refined already, a level out of range, a mask of
+            another length, cells too short for float64.
         """
         marked = checked_cells(self._rows_of_mask(cells))
         domains = self._domains.refine(marked)
@@ -151,10 +147,8 @@ class HierarchicalMesh(Value):
         u, v : the sides; they may reach beyond the domain, to infinity too.
         admissible : as in `refine`.
 
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, sides that do not increase, a box
-            outside the domain, cells too short for float64.
+        Raises ValueError : a level that is no whole number from 0 to MAX_LEVEL, sides that do not increase, a
+            box outside the domain, cells too short for float64.
         """
         require_integer("level", level, 0, MAX_LEVEL)
         (u0, u1), (v0, v1) = _side("u", u, self.kv_u), _side("v", v, self.kv_v)
@@ -168,9 +162,7 @@ class HierarchicalMesh(Value):
     def uniform(self, level: int) -> Self:
         """Return the mesh or space in which all cells that are coarser than a level are cut down to it.
 
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
+        Raises ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
         """
         return self.refine_box(level, EVERYWHERE, EVERYWHERE)
 
@@ -179,18 +171,14 @@ class HierarchicalMesh(Value):
 
         cells : rows [level, i, j] or {level: [(i, j), ...]}, the cells that were passed to `refine`.
 
-        Raises
-        ------
-        ValueError : a cell that is not refined, or whose children are.
+        Raises ValueError : a cell that is not refined, or whose children are.
         """
         return replace(self, _given=self._domains.coarsen(checked_cells(cells)))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
 
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows that do not broadcast.
+        Raises ValueError : points outside the domain or NaN, rows that do not broadcast.
         """
         return self._quadtree.locate(*self._rows(u, v))
 
@@ -203,9 +191,7 @@ class HierarchicalMesh(Value):
         n : an integer, or one for u and one for v; by default degree + 1, which is exact for products of two
             splines of the space, and for products of their derivatives.
 
-        Raises
-        ------
-        ValueError : n that is no integer from 1 to 100, nor two of them.
+        Raises ValueError : n that is no integer from 1 to 100, nor two of them.
         """
         counts = (self.kv_u.degree + 1, self.kv_v.degree + 1) if n is None else n
         pair = counts if isinstance(counts, Sequence) and len(counts) == 2 else (counts, counts)
@@ -274,9 +260,7 @@ Mesh = TypeVar("Mesh", bound=HierarchicalMesh)
 def common_refinement(a: Mesh, b: Mesh) -> Mesh:
     """Return the coarsest space that is a refinement of both: a cell is refined where it is in a or in b.
 
-    Raises
-    ------
-    ValueError : a that is no THBSpace, b that is none over the same two knot vectors.
+    Raises ValueError : a that is no THBSpace, b that is none over the same two knot vectors.
     """
     require_type("a", a, HierarchicalMesh)
     a._require_same_knots("b", b)

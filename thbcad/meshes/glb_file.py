@@ -26,9 +26,7 @@ JSON, BINARY = b"JSON", b"BIN\0"
 def glb_bytes(mesh: Tessellation, name: str = "lens") -> bytes:
     """Return a GLB file whose primitives are the faces of the mesh, with names and colours.
 
-    Raises
-    ------
-    ValueError : no Tessellation; vertices that float32 does not hold.
+    Raises ValueError : no Tessellation; vertices that float32 does not hold.
     """
     require_type("mesh", mesh, Tessellation)
     require_single(mesh, "GLB")

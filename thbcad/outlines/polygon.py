@@ -20,10 +20,8 @@ class Polygon:
 
     corners : at least three (x, y) float, mm; they are stored counter-clockwise
 
-    Raises
-    ------
-    ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that cross or
-        come within 1e-6 mm of each other.
+    Raises ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that
+        cross or come within 1e-6 mm of each other.
     """
 
     corners: tuple[tuple[float, float], ...]

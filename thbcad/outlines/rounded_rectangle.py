@@ -31,10 +31,8 @@ class Outline:
     half_width : (hx, hy) float, mm
     corners : (cx, cy) float, mm, their semi-axes: (0, 0) of a rectangle, half_width of an ellipse
 
-    Raises
-    ------
-    ValueError : half-widths that are not positive; corners that are negative or wider than these, or of which
-        one alone is zero.
+    Raises ValueError : half-widths that are not positive; corners that are negative or wider than these, or
+        of which one alone is zero.
 
     Examples
     --------
@@ -63,9 +61,7 @@ class Outline:
     def ellipse(cls, semi_axes: tuple[float, float]) -> Outline:
         """Return the outline x^2 / a^2 + y^2 / b^2 = 1, mm.
 
-        Raises
-        ------
-        ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
+        Raises ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
         """
         try:
             axes = half_widths(semi_axes)
@@ -117,9 +113,7 @@ class Outline:
         """The outline as lines and arcs, counter-clockwise: the sides from that at -y on, each with the
         corner that follows; an ellipse in two halves from its longer semi-axis on.
 
-        Raises
-        ------
-        ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
+        Raises ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
         """
         (hx, hy), (cx, cy) = self.half_width, self.corners
         if self.is_ellipse:
@@ -202,10 +196,8 @@ class Outline:
     def inset(self, depth: float) -> Outline:
         """Return the outline at a distance inside, mm.
 
-        Raises
-        ------
-        ValueError : corners that are no quarter circles, which no outline follows; a depth that leaves less
-            than 1e-6 mm of a half-width or of the corners.
+        Raises ValueError : corners that are no quarter circles, which no outline follows; a depth that leaves
+            less than 1e-6 mm of a half-width or of the corners.
         """
         (hx, hy), (cx, cy) = self.half_width, self.corners
         if abs(cx - cy) > RELATIVE * min(hx, hy):

@@ -157,10 +157,8 @@ def approximated(
 
     most : control points per direction.
 
-    Raises
-    ------
-    ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that needs
-        more control points than that; a function without finite bounds.
+    Raises ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that
+        needs more control points than that; a function without finite bounds.
     """
     require_number("tolerance", tolerance, above=0)
     while True:

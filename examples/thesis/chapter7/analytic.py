@@ -36,9 +36,7 @@ class RectangleResponse:
     sources : N >= 1
     splits : M >= 0, how often the argument of the sine is halved
 
-    Raises
-    ------
-    ValueError : a width that is not positive, no source, negative splits.
+    Raises ValueError : a width that is not positive, no source, negative splits.
     """
 
     width: float

@@ -78,9 +78,7 @@ def approximate_in_basis(
     Of its certificate the lower bound holds for light of this basis, the KKT residual is that of the
     coefficients.
 
-    Raises
-    ------
-    ValueError : as `etendue.approximation.approximate`; bases that are negative or do not fit the
+    Raises ValueError : as `etendue.approximation.approximate`; bases that are negative or do not fit the
         target.
     """
     goal = require_target(kernel, target)
@@ -108,9 +106,7 @@ def approximate_in_basis(
 def _basis(name: str, values: ArrayLike, pixels: int) -> Array:
     """Return a basis as floats.
 
-    Raises
-    ------
-    ValueError : it is negative or has another number of pixels.
+    Raises ValueError : it is negative or has another number of pixels.
     """
     basis = np.asarray(values, dtype=np.float64)
     if basis.ndim != 2 or len(basis) != pixels or not (basis >= 0).all():

@@ -49,10 +49,8 @@ def approximate_two_deltas(
 
     The result is that of ``approximate(Kernel.points([(0, 0), shift], weights), target)``.
 
-    Raises
-    ------
-    ValueError : a target that is negative, not finite, dark or lit near its border; weights that are negative
-        or zero.
+    Raises ValueError : a target that is negative, not finite, dark or lit near its border; weights that are
+        negative or zero.
     """
     kernel = Kernel.points([(0, 0), shift], weights)
     goal = require_target(kernel, target)

@@ -58,9 +58,7 @@ def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None)
     target : dark in a border of `steps` pixels.  pool : computes the positions side by side, see
         `optics.base.workers.worker_pool`; None computes them here.
 
-    Raises
-    ------
-    NumericalError : a worker could not compute a position.
+    Raises NumericalError : a worker could not compute a position.
     """
     places = list(np.ndindex(steps + 1, steps + 1))
     best = np.array(all_values(_best, places, pool, target)).reshape(steps + 1, steps + 1, 3)

@@ -78,9 +78,7 @@ def run_tasks(
     function : of a module, which workers import.  items : read as they are needed.
     common : sent to every worker once.
 
-    Raises
-    ------
-    UserError : there are no workers, or no more.
+    Raises UserError : there are no workers, or no more.
     """
     loop = _TaskLoop(function, items, pool, common)
     try:
@@ -99,9 +97,7 @@ def all_values(
 
     pool : does the tasks, see `run_tasks`; None does them here, one after the other.
 
-    Raises
-    ------
-    NumericalError : a task failed on a worker, with its sentence.
+    Raises NumericalError : a task failed on a worker, with its sentence.
     """
     if pool is None:
         return [function(common, item) for item in items]
@@ -253,9 +249,7 @@ class _TaskLoop:
 def _version(name: str, starting: Future[str]) -> str:
     """Return the version of thbcad that a worker has.
 
-    Raises
-    ------
-    UserError : none that can be loaded.
+    Raises UserError : none that can be loaded.
     """
     error = starting.exception()
     if error is None:

@@ -71,10 +71,8 @@ def approximate(
 
     Splitting (`split`), then gradient steps (`descend`) in single precision, then in double precision.
 
-    Raises
-    ------
-    ValueError : a target that is negative, not finite, dark or smaller than the kernel; a tolerance that is
-        not positive.
+    Raises ValueError : a target that is negative, not finite, dark or smaller than the kernel; a tolerance
+        that is not positive.
     """
     goal = require_target(blur, target)
     require_number("tolerance", tolerance, above=0.0)
@@ -113,9 +111,7 @@ def certified(blur: PixelBlur, light: Real, target: Array, iterations: int) -> A
 def require_target(blur: PixelBlur, target: ArrayLike) -> Array:
     """Return the target as floats.
 
-    Raises
-    ------
-    ValueError : it has no approximation: it is negative, not finite, dark or smaller than the kernel.
+    Raises ValueError : it has no approximation: it is negative, not finite, dark or smaller than the kernel.
     """
     goal = require_light("target", target)
     if any(side < taps for side, taps in zip(goal.shape, blur.weights.shape)):

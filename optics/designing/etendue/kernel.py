@@ -64,9 +64,7 @@ class Kernel:
     weights : (k, l) float, k and l odd, non-negative; divided by their sum; [k // 2, l // 2] is the tap
         without a shift
 
-    Raises
-    ------
-    ValueError : weights with an even side, negative or not finite, or without flux.
+    Raises ValueError : weights with an even side, negative or not finite, or without flux.
     """
 
     weights: Array
@@ -145,9 +143,7 @@ class Kernel:
 
         light : (n + k - 1, m + l - 1).  Returns (n, m), in the precision of the light (float32 or float64).
 
-        Raises
-        ------
-        ValueError : light that is smaller than the kernel.
+        Raises ValueError : light that is smaller than the kernel.
         """
         k, l = self.weights.shape
         n, m = light.shape[0] - k + 1, light.shape[1] - l + 1
@@ -213,9 +209,7 @@ class Kernel:
 
         Its sums have no cancellation.
 
-        Raises
-        ------
-        ValueError : an image that is smaller than the kernel.
+        Raises ValueError : an image that is smaller than the kernel.
         """
         if any(side < taps for side, taps in zip(shape, self.weights.shape)):
             raise ValueError(
@@ -227,9 +221,7 @@ class Kernel:
 def require_light(name: str, values: ArrayLike) -> Array:
     """Return a non-negative image as floats.
 
-    Raises
-    ------
-    ValueError : it has no two dimensions or no flux, or a pixel is negative or not finite.
+    Raises ValueError : it has no two dimensions or no flux, or a pixel is negative or not finite.
     """
     image = np.asarray(values, dtype=np.float64)
     if image.ndim != 2 or image.size == 0:

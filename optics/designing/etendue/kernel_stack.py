@@ -29,9 +29,7 @@ class KernelStack:
 
     The lights for an image of (n, m) lie on top of each other, (K (n + k - 1), m + l - 1).
 
-    Raises
-    ------
-    ValueError : no kernel, or kernels of different shapes.
+    Raises ValueError : no kernel, or kernels of different shapes.
     """
 
     kernels: tuple[Kernel, ...]

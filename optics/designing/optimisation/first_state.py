@@ -75,9 +75,7 @@ def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
 def with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
     """Return the lens with other sags.
 
-    Raises
-    ------
-    NumericalError : it cannot exist.
+    Raises NumericalError : it cannot exist.
     """
     try:
         return require_sound(lens.with_sags(sags))

@@ -55,9 +55,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
     to see (`seen_level`).
 
-    Raises
-    ------
-    UserError : no transport map tells the base lens, or the lens that it tells cannot be.
+    Raises UserError : no transport map tells the base lens, or the lens that it tells cannot be.
     """
     if system.problem.optic.automatic:
         system = _with_base(system, backend)

@@ -88,9 +88,7 @@ def expected(
 
     start : of the system, where it is known already.
 
-    Raises
-    ------
-    UserError : the design would take too much memory, (almost) nothing passes the lens.
+    Raises UserError : the design would take too much memory, (almost) nothing passes the lens.
     """
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)

@@ -61,10 +61,8 @@ class PlacedText(NamedTuple):
 def placed_text(path: str | Path) -> PlacedText:
     """Read the one solid of a STEP file, and its placement where it has one, from the text.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : as `parse_brep`, but for one placement.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : as `parse_brep`, but for one placement.
     """
     header, entities = read_file(path)
     try:
@@ -104,9 +102,7 @@ def part_checks(
 
     system : whose light the lens shapes; None is not known.
 
-    Raises
-    ------
-    UserError : the file cannot be read, is not whole, or not one solid.
+    Raises UserError : the file cannot be read, is not whole, or not one solid.
     """
     with reading(path):
         text = placed_text(path)  # first the reader that damaged files cannot crash

@@ -36,9 +36,7 @@ class LensMesh:
 
     s, t : relative positions of the grid lines in x and y, rising from -1 to 1.
 
-    Raises
-    ------
-    ValueError : s or t that do not rise from -1 to 1.
+    Raises ValueError : s or t that do not rise from -1 to 1.
     """
 
     lens: Lens
@@ -63,9 +61,7 @@ class LensMesh:
         """Return the mesh whose front and rear are within `chord`, mm, of the surfaces (see
         `thbcad.lens`).
 
-        Raises
-        ------
-        ValueError : as `tessellated`.
+        Raises ValueError : as `tessellated`.
         """
         mesh = tessellated(lens, chord)
         front = mesh.vertices[: mesh.triangles[mesh.faces == 0].max() + 1]

@@ -70,10 +70,9 @@ class ResultFolder:
 
         A run that fails or is stopped leaves no half-written file.
 
-        Raises
-        ------
-        UserError : it cannot be written, another run writes to it, or, without `force`, something would be
-            lost: files that this program did not write, the result or unfinished run of another problem.
+        Raises UserError : it cannot be written, another run writes to it, or, without `force`, something
+            would be lost: files that this program did not write, the result or unfinished run of another
+            problem.
         """
         new = not self.path.exists()
         writable_folder(self.path)
@@ -101,9 +100,7 @@ class ResultFolder:
     def read(self, taken: bool = False) -> Result:
         """Return the result.  taken : by the run that reads it.
 
-        Raises
-        ------
-        UserError : it is not whole, a file is damaged, or files of several runs lie here.
+        Raises UserError : it is not whole, a file is damaged, or files of several runs lie here.
         """
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
@@ -278,9 +275,7 @@ def _row(fresh_fit: str, loss: str, fit: str, **whole: str) -> Row:
 def lens_of(path: Path, advice: str) -> Lens:
     """Return the lens of a native file.
 
-    Raises
-    ------
-    UserError : it cannot be read, which ends with the advice, or it is damaged.
+    Raises UserError : it cannot be read, which ends with the advice, or it is damaged.
     """
     try:
         return read_lens(path)

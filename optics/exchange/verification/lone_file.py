@@ -44,9 +44,7 @@ class BareChecks(NamedTuple):
 def bare_checks(file: StepFile) -> BareChecks:
     """Return the BareChecks of a STEP file, by its text and by what OCCT reads in it.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     by_itself = text_checks_of(file.text)
     state = file.state

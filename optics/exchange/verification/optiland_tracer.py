@@ -61,9 +61,7 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     The faces are traced with the poles and knots that OCCT reads in the file.
     backend : of double precision.
 
-    Raises
-    ------
-    ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
+    Raises ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
     difference = compared(
         system, lens, backend, RAYS, tracer_by_optiland(file, None if system.reflects else lens.index)
@@ -108,9 +106,7 @@ def optiland_through(
     index : None is a mirror, whose front reflects all.
     rims : of both faces, where these may not fill their rectangles.
 
-    Raises
-    ------
-    ImportError : optiland is not installed.
+    Raises ImportError : optiland is not installed.
     """
     points, onward, weight = rays.points.copy(), rays.directions.copy(), rays.flux.copy()
     faces: list[tuple[OpticalForm, tuple[float, float] | None]] = [(front, None)]

@@ -98,9 +98,7 @@ def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tu
     """Return the Checks of the solid and the words of a file against a fresh export, and a note where the
     texts differ all the same.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     fresh = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
     if file.path.read_bytes() == fresh:

@@ -33,9 +33,7 @@ CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 span
 def export_step(part: MadePart, schema: str, path: Path) -> list[Check]:
     """Write the STEP file of an element, and return the check of its bytes.
 
-    Raises
-    ------
-    UserError : OCCT cannot make its body.
+    Raises UserError : OCCT cannot make its body.
     """
     try:
         written = step_bytes(part.made, part.product, schema)

@@ -39,9 +39,7 @@ def tolerances(
     progress : called with a tolerance's name, its number from 0, and how many there are.
     float_shift : light may shift as a whole on the target, which follows it.
 
-    Raises
-    ------
-    UserError : an unknown name or a bad amount or limit; one sentence says which.
+    Raises UserError : an unknown name or a bad amount or limit; one sentence says which.
     """
     with DEVICE:
         target = design.measurement.target
@@ -58,9 +56,7 @@ def form_tolerances(
 
     limit : rise of rel_l2 for which the rms of each band is looked for.  progress : as of `tolerances`.
 
-    Raises
-    ------
-    UserError : an extended source or blurred light, or a bad limit; one sentence says which.
+    Raises UserError : an extended source or blurred light, or a bad limit; one sentence says which.
     """
     with DEVICE:
         return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
@@ -85,9 +81,7 @@ def monte_carlo(
     workers, scheduler : see `optics.base.workers.worker_pool`.
     progress : called with the number of lenses that are done, and of all.
 
-    Raises
-    ------
-    UserError : bad numbers, or no workers.
+    Raises UserError : bad numbers, or no workers.
     """
     each_set(samples)  # refuses it before any worker starts
     model = ErrorModel(

@@ -40,9 +40,7 @@ def is_luminaire(options: Namespace) -> bool:
 def rays_of_light(options: Namespace) -> Outcome:
     """Write the light behind the lens of a result as a ray file, and read it back.
 
-    Raises
-    ------
-    UserError : no result folder, another suffix, --format, or too many rays.
+    Raises UserError : no result folder, another suffix, --format, or too many rays.
     """
     out = Path(options.out)
     if options.format is not None:
@@ -65,9 +63,7 @@ def rays_of_light(options: Namespace) -> Outcome:
 def intensity_of_light(options: Namespace) -> Outcome:
     """Write the intensity of the light behind the lens of a result as a luminaire, and read it back.
 
-    Raises
-    ------
-    UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
+    Raises UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
     """
     step = options.step
     low, high = STEPS
@@ -150,9 +146,7 @@ def _on_target(shown: Mapping[str, OnTarget]) -> str:
 def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     """Return what is to be traced, once it is known that the file can be written.
 
-    Raises
-    ------
-    UserError : see `rays_of_light`.
+    Raises UserError : see `rays_of_light`.
     """
     if not 1 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")

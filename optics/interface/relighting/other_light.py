@@ -21,9 +21,7 @@ def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Mea
 
     backend : of double precision.
 
-    Raises
-    ------
-    UserError : a source that does not go with the lens, such as one that lies in it.
+    Raises UserError : a source that does not go with the lens, such as one that lies in it.
     """
     other = replace(problem, source=source)
     index = _index_at(OpticalSystem(problem), source.wavelength)
@@ -51,9 +49,7 @@ def other_source(words: str, problem: Problem) -> Source:
     before the front vertex.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that file.  Another path: the
     source of that problem file, as it is.
 
-    Raises
-    ------
-    UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
+    Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
     """
     own = problem.source
     if words.lower() == "sun":

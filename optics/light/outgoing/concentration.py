@@ -104,9 +104,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
 
     Rough faces are taken as smooth.  backend : of double precision.
 
-    Raises
-    ------
-    UserError : no light leaves the lens.
+    Raises UserError : no light leaves the lens.
     """
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
@@ -134,9 +132,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
 def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     """Return the light behind a lens without losses.
 
-    Raises
-    ------
-    UserError : there is none.
+    Raises UserError : there is none.
     """
     cells = None if system.source.extended else system.source.cells((CELLS, CELLS))
     rays = system.source.rays((CELLS, CELLS)) if cells is None else cells.rays()

@@ -121,9 +121,7 @@ class Tracer:
 
         surface : its number along the path; directions are in its frame.
 
-        Raises
-        ------
-        ValueError : light along z passes it without being traced; give rays one by one.
+        Raises ValueError : light along z passes it without being traced; give rays one by one.
         """
         if surface < len(self._fixed):
             if self._fixed[surface][0] is None:

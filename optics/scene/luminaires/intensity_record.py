@@ -33,9 +33,7 @@ class Opening:
 
     size : mm along x and y; zeros are a point.  round : an ellipse with these axes, else a rectangle.
 
-    Raises
-    ------
-    UserError : sizes that are not finite, or negative.
+    Raises UserError : sizes that are not finite, or negative.
     """
 
     size: tuple[float, float] = (0.0, 0.0)
@@ -54,10 +52,8 @@ class Luminaire:
     candela : (k, m), cd (or W/sr).  The last plane is the first again.
     opening : Opening.  lumens : rated flux of the lamps, lm; None where the photometry is absolute.
 
-    Raises
-    ------
-    UserError : wrong shapes, numbers that are not finite or negative, angles that do not ascend or do not
-        cover the full turn, no light at all.
+    Raises UserError : wrong shapes, numbers that are not finite or negative, angles that do not ascend or do
+        not cover the full turn, no light at all.
     """
 
     planes: Floats

@@ -97,9 +97,7 @@ class LightPath:
     bodies : what light meets where it means to go elsewhere; traces leave them out that carry derivatives.
     emitted : z from which parallel light along z comes, mm: no body before it takes any.
 
-    Raises
-    ------
-    ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
+    Raises ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
         reflects into another medium.
     """
 

@@ -72,9 +72,7 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
 
     pixels : (columns, rows).
 
-    Raises
-    ------
-    UserError : text that is no formula, or light that is negative, not finite, or 0 everywhere.
+    Raises UserError : text that is no formula, or light that is negative, not finite, or 0 everywhere.
     """
     light = _means(_formula(text), pixels, subpoints)
     if not light.any():

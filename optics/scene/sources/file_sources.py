@@ -128,9 +128,7 @@ class RayFileSource(FileSource):
     def placed(self) -> Rays:
         """All rays of the file in the scene.
 
-        Raises
-        ------
-        UserError : see `read_rays`.
+        Raises UserError : see `read_rays`.
         """
         with speaking_of("source.file"):
             rays = read_rays(self.file)

@@ -58,9 +58,7 @@ def made_of(optic: Optic, lens: Lens) -> Solid:
 def moulded(lens: Lens, options: BodyOptions, clear: tuple[Outline, Outline] | None) -> MouldedBody:
     """Return the body that is made of a lens, proven.  Who asks again gets the same.
 
-    Raises
-    ------
-    UserError : as `MouldedBody.of`.
+    Raises UserError : as `MouldedBody.of`.
     """
     from thbcad.moulds import MouldedBody  # other lenses need none of its proofs
 

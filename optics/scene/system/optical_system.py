@@ -47,9 +47,7 @@ class OpticalSystem:
     aim : what the light of a sharp system is to be that stands for a blurred one, see `blur.aimed`;
         None of other systems.
 
-    Raises
-    ------
-    UserError : nothing is known of the material.
+    Raises UserError : nothing is known of the material.
     """
 
     problem: Problem
@@ -63,9 +61,7 @@ class OpticalSystem:
     def lens(self) -> Lens:
         """The lens before optimisation: sags of zeros on the level-0 meshes.
 
-        Raises
-        ------
-        UserError : the prescription makes no lens.
+        Raises UserError : the prescription makes no lens.
         """
         return base_lens(self.problem.optic)
 
@@ -73,9 +69,7 @@ class OpticalSystem:
     def fixed(self) -> tuple[tuple[Optic, Lens], ...]:
         """The elements that are not designed, with their lenses or blanks.
 
-        Raises
-        ------
-        UserError : a prescription makes no lens.
+        Raises UserError : a prescription makes no lens.
         """
         optics = self.problem.optics
         return tuple((optic, base_lens(optic)) for optic in optics if optic is not self.problem.optic)
@@ -87,9 +81,7 @@ class OpticalSystem:
         Threads belong to the process, and other work sets them: so they are set whenever this is asked for,
         which takes less than 0.1 ms.
 
-        Raises
-        ------
-        ImportError, UserError, MemoryError : as `load_backend`.
+        Raises ImportError, UserError, MemoryError : as `load_backend`.
         """
         return load_backend("double", self.problem.run.threads)
 
@@ -199,9 +191,7 @@ class OpticalSystem:
     def wavelengths(self) -> tuple[Wavelength, ...]:
         """At which light is measured: the lines of the spectrum, or the source's own wavelength.
 
-        Raises
-        ------
-        UserError : the index or the absorption of the lens is not known at one of them.
+        Raises UserError : the index or the absorption of the lens is not known at one of them.
         """
         return wavelengths_of(self.problem)
 
@@ -213,9 +203,7 @@ class OpticalSystem:
     def media_at(self, nm: float) -> tuple[Medium, ...]:
         """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
 
-        Raises
-        ------
-        UserError : an index is not known there.
+        Raises UserError : an index is not known there.
         """
         return media_at(self.problem, nm, self.problem.source.wavelength)
 

@@ -102,9 +102,7 @@ def default_side(lens: Lens) -> Side:
 def surface_of(lens: Lens, side: Side) -> FreeformSurface:
     """Return the front or the rear of a lens.
 
-    Raises
-    ------
-    UserError : another word.
+    Raises UserError : another word.
     """
     if side not in ("front", "rear"):
         raise UserError(f"surface must be front or rear, got {side!r}")
@@ -133,10 +131,8 @@ def light_as_built(
     backend : of double precision.  nominal : what the designed lens delivers, where it is known.
     correct : also look for the re-positioning that gets most of the light back.
 
-    Raises
-    ------
-    UserError : another surface or alignment, points that do not determine the surface, or a best fit that is
-        asked for and does not exist.
+    Raises UserError : another surface or alignment, points that do not determine the surface, or a best fit
+        that is asked for and does not exist.
     """
     require_lens_on_axis(system, "made lenses")
     designed = surface_of(lens, side)

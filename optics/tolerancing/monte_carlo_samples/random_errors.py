@@ -28,9 +28,7 @@ class FormTolerance:
 
     surface : "front" or "rear".  rms : over the aperture, mm.  band : shortest and longest period, mm.
 
-    Raises
-    ------
-    UserError : another surface, an rms that is not a number from 0.
+    Raises UserError : another surface, an rms that is not a number from 0.
     """
 
     surface: str
@@ -52,9 +50,7 @@ class FormTolerance:
     def drawn(self, outline: Outline, seed: int) -> Perturbation:
         """Return one form error.  outline : of the surface, over which it has its rms.
 
-        Raises
-        ------
-        UserError : see `random_field`.
+        Raises UserError : see `random_field`.
         """
         field = random_field(self.band, self.rms, outline.half_width, seed, outline.corners)
         return Perturbation(front_error=field) if self.surface == "front" else Perturbation(rear_error=field)
@@ -78,9 +74,7 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
 
     tolerances : how many there are.  samples : REPLICATES times a power of two.
 
-    Raises
-    ------
-    UserError : see `each_set`.
+    Raises UserError : see `each_set`.
     """
     each = each_set(samples)
     rng = np.random.default_rng(seed)
@@ -95,9 +89,7 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
 def each_set(samples: int) -> int:
     """Return the number of lenses of each set, of `samples` in all.
 
-    Raises
-    ------
-    UserError : a number that is not REPLICATES times a power of two.
+    Raises UserError : a number that is not REPLICATES times a power of two.
     """
     try:
         require_integer("the number of samples", samples, 2 * REPLICATES, MOST_SAMPLES)

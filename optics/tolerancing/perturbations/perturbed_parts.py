@@ -33,9 +33,7 @@ class PerturbedParts:
     def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation) -> PerturbedParts:
         """Return the parts of a system whose lens, source and target a perturbation changes.
 
-        Raises
-        ------
-        UserError : no lens or no source is so wrong.
+        Raises UserError : no lens or no source is so wrong.
         """
         if p.source_size <= -1:
             raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
@@ -90,9 +88,7 @@ def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
 
     It expands uniformly, so that z(x, y) becomes s z(x / s, y / s) with s = 1 + expansion temperature.
 
-    Raises
-    ------
-    UserError : no lens is so wrong.
+    Raises UserError : no lens is so wrong.
     """
     try:
         if not any((p.front_power, p.rear_power, p.thickness, p.index, p.temperature)):

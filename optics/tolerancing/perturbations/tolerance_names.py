@@ -57,9 +57,8 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
 
     amounts : other amounts by name; "lens.tilt" stands for "lens.tilt_x", "lens.tilt_y" and "lens.tilt_z".
 
-    Raises
-    ------
-    UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number from 0.
+    Raises UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number
+        from 0.
     """
     known = {t.name: t for t in _usual(system)}
     chosen = {name: t.amount for name, t in known.items()}

@@ -62,9 +62,8 @@ def tolerance_budget(
     progress : called with a tolerance's name, its number from 0, and how many there are.
     floats : light may shift as a whole: the target follows it, see `PerturbedLight.aimed`.
 
-    Raises
-    ------
-    UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture; an element off the axis.
+    Raises UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture; an element off the
+        axis.
     """
     require_lens_on_axis(system, "tolerances")
     asked = limits if limits is None else limits_of(limits, {})

@@ -146,9 +146,7 @@ def edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
 def step_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of a STEP file, in mm.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
+    Raises OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
     """
     reader = STEPControl_Reader()
     _transfer(path, reader, GEOMETRY, reader.TransferRoots)
@@ -158,9 +156,7 @@ def step_shape(path: Path) -> TopoDS_Shape:
 def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
     """Return a STEP file as read, in mm, with the document that holds its names and materials.
 
-    Raises
-    ------
-    OSError, ValueError : as `step_shape`.
+    Raises OSError, ValueError : as `step_shape`.
     """
     reader = STEPCAFControl_Reader()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
@@ -226,9 +222,7 @@ def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, .
 def iges_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of an IGES file, in mm.
 
-    Raises
-    ------
-    ValueError : it is not readable, or not whole.
+    Raises ValueError : it is not readable, or not whole.
     """
     reader = IGESControl_Reader()
     whole = IGES_END.search(path.read_bytes())  # OCCT reads what there is of a truncated file
@@ -241,9 +235,7 @@ def iges_shape(path: Path) -> TopoDS_Shape:
 def brep_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of a BREP file, as it is.
 
-    Raises
-    ------
-    ValueError : it is not readable, or not whole.
+    Raises ValueError : it is not readable, or not whole.
     """
     shape = TopoDS_Shape()
     data = path.read_bytes()
