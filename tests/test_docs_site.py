@@ -98,8 +98,6 @@ a : rows, (n,).  b_2, c : columns,
 Raises ValueError : a_i of another shape,
     or not finite.
 
-Examples
---------
 >>> f(a_i)  # [*]
 1
 """

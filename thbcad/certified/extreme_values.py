@@ -39,8 +39,6 @@ class Enclosure:
     On the rim of an outline with corners that are cut off, points are taken just inside.
     Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
 
-    Examples
-    --------
     >>> sag = FreeformSurface((5.0, 5.0), Conic(50.0, -1.0)).graph()
     >>> least, most = value_range(sag)
     >>> (most.lower <= 0.5 <= most.upper, most.upper - most.lower < 1e-9, abs(most.u), abs(most.v))

@@ -56,10 +56,7 @@ class CutLens:
 
 
 def cut_lens(
-    lens: Lens,
-    aperture: tuple[float, float] | None,
-    flange: Flange | None,
-    corners: object,
+    lens: Lens, aperture: tuple[float, float] | None, flange: Flange | None, corners: object
 ) -> CutLens | None:
     """Return the CutLens of an elliptic aperture, a flange or a polygon, None where there is none.
 

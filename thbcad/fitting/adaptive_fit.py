@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Integers, read_only, require_integer, require_number, require_type
+from thbcad.checks import Bools, Integers, read_only, require_integer, require_number, require_type
 from thbcad.fitting.fit_targets import HELD_OUT, OfFunction, OfSamples
 from thbcad.fitting.least_squares_fit import Samples, require_smoothing
 from thbcad.fitting.normal_equations import Underdetermined
@@ -65,8 +64,6 @@ class Fit(Value):
     outliers : numbers of the samples that a robust fit takes for outliers, (n,) int; error and rms are those
         of the others.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> found = fit(THBSpace(kv, kv), lambda u, v: np.exp(-50 * (u**2 + v**2)), tolerance=1e-3)
     >>> found.outcome, found.error <= 1e-3, found.surface.space.levels > 1
@@ -180,7 +177,7 @@ def _refined(
         return Fit(surface, error, rms, finer, tuple(history), outliers, target.certified)
 
 
-def _finer(space: THBSpace, above: NDArray[np.bool_], samples: float) -> THBSpace | Outcome:
+def _finer(space: THBSpace, above: Bools, samples: float) -> THBSpace | Outcome:
     """Return the space with the surroundings of the given cells refined, or why there is none."""
     try:
         finer = space.refine(surroundings(space, space.cells[above]))

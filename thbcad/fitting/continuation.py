@@ -46,8 +46,6 @@ class Continuation:
     outline : it is stretched over the rectangle of the space.
     free : (dim,) bool, the functions whose coefficients stay.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=8, start=-1.0, stop=1.0)
     >>> beside = Continuation(THBSpace(kv, kv), Outline((1.0, 1.0), (1.0, 1.0)))
     >>> beside.free.size, int(beside.free.sum())

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, floats, read_only, require_number, require_type
+from thbcad.checks import Bools, Floats, Integers, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, biweights, kept_share, neighbours, places
 from thbcad.fitting.smoothing_choice import RULES, Progress, Smoothing, chosen_smoothing
@@ -30,8 +30,6 @@ class Samples(Value):
     Raises ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 9)
     >>> samples = Samples.grid(x, x, np.add.outer(x, x**2))
     >>> kv = KnotVector.uniform(degree=2, spans=1)
@@ -85,7 +83,7 @@ class Samples(Value):
             np.repeat(u, len(v)), np.tile(v, len(u)), values.reshape(u.size * v.size, *values.shape[2:])
         )
 
-    def __getitem__(self, chosen: slice | Integers | NDArray[np.bool_]) -> Samples:
+    def __getitem__(self, chosen: slice | Integers | Bools) -> Samples:
         """Return some of the samples."""
         return Samples(self.u[chosen], self.v[chosen], self.values[chosen], self.weights[chosen])
 
@@ -150,7 +148,7 @@ def robust_weights(surface: THBSurface, samples: Samples) -> Floats:
 class _Judge:
     """Gives samples their weights by residuals: whatever depends on the samples alone is found once."""
 
-    used: NDArray[np.bool_]  # those of positive weight
+    used: Bools  # those of positive weight
     roots: Floats  # of their weights over the greatest
     values: Floats  # (used, d), over the height
     height: float

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Bools, Floats
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector, gauss_rule
 
@@ -31,8 +30,6 @@ LEAST_EXPONENT = -511  # of four, among float64 numbers with all their digits
 class Underdetermined(ValueError):
     """The samples do not determine every coefficient.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=1, spans=1)
     >>> least_squares(THBSpace(kv, kv), Samples([0.5], [0.5], [1.0]))
     Traceback (most recent call last):
@@ -130,7 +127,7 @@ def _power_of_four(numbers: Floats) -> float:
     return 4.0 ** max((math.frexp(greatest)[1] - 1) // 2, LEAST_EXPONENT) if greatest else 1.0
 
 
-def thin_plate(space: THBSpace, cells: NDArray[np.bool_] | None = None) -> csr_array:
+def thin_plate(space: THBSpace, cells: Bools | None = None) -> csr_array:
     """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 +
     s_vv^2) du dv.
 

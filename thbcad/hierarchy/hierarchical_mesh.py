@@ -1,7 +1,5 @@
 """Meshes of nested cells: how they are refined, and points on them.
 
-Vocabulary
-----------
 A *cell* (level, i, j) is a product of non-empty knot spans.  Omega_l is the union of the
 level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined cells of
 level l.  *Leaf cells* are the cells that are not refined; they tile the domain.
@@ -15,9 +13,10 @@ from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thbcad.checks import (
+    Bools,
     Floats,
     Integers,
     coordinates,
@@ -82,7 +81,7 @@ class HierarchicalMesh(Value):
         )
 
     @cached_property
-    def level_cells(self) -> tuple[tuple[Integers, NDArray[np.bool_]], ...]:
+    def level_cells(self) -> tuple[tuple[Integers, Bools], ...]:
         """All cells of every level, (n, 2) int in order of i, then j, and which are refined, (n,) bool."""
         d = self._domains
         levels = []
@@ -131,11 +130,7 @@ class HierarchicalMesh(Value):
         return replace(self, _given=domains)
 
     def refine_box(
-        self,
-        level: int,
-        u: tuple[float, float],
-        v: tuple[float, float],
-        admissible: int | None = None,
+        self, level: int, u: tuple[float, float], v: tuple[float, float], admissible: int | None = None
     ) -> Self:
         """Return the mesh or space in which all cells that meet a box are of a level or finer.
 

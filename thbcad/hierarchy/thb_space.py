@@ -36,8 +36,6 @@ class THBSpace(HierarchicalMesh):
 
     Raises ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> space = THBSpace(kv, kv).refine({0: [(i, j) for i in (0, 1) for j in (0, 1)]})
     >>> space.levels, len(space.cells), space.dim

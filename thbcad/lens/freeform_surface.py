@@ -37,8 +37,6 @@ class FreeformSurface:
     Raises ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic
         that ends within the rectangle, corners that the rectangle cannot hold.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> sag = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 0.1 * u)  # over [0, 1], whatever the size
     >>> round(float(FreeformSurface((6.0, 7.0), Conic(10.0), sag)(6.0, 0.0)), 12)

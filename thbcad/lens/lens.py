@@ -25,8 +25,6 @@ class Lens:
     Raises ValueError : index below 1, that of a body which no light enters, or not finite, thickness not
         positive, outlines of front and rear that are not one, scaled with the half-widths.
 
-    Examples
-    --------
     >>> flat = FreeformSurface((5.0, 4.0))
     >>> round(Lens(flat, flat, thickness=2.0, index=1.5).volume(), 9)
     160.0

@@ -117,8 +117,6 @@ class Manufacturability:
     greatest_thickness : the greatest anywhere
     volume : mm^3.  density : g/cm^3 or None
 
-    Examples
-    --------
     >>> flat = FreeformSurface((5.0, 4.0))
     >>> made = manufacturability(Lens(flat, flat, thickness=2.0, index=1.5), density=1.25)
     >>> round(made.mass, 12), round(made.front.area, 9), made.front.concave.value

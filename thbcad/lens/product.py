@@ -32,8 +32,6 @@ class Product:
         end; an empty name; a density below 0; an index that is not positive; a density or an index without a
         material.
 
-    Examples
-    --------
     >>> Product("window", material="PMMA", density=1.19, index=1.49).material
     'PMMA'
     >>> Product("window", density=1.19)

@@ -11,17 +11,9 @@ Source: G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82 (1975) 648.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import EPS, Floats, Integers
-from thbcad.lens import (
-    MOST_TRIANGLES,
-    Lens,
-    Tessellation,
-    require_apart,
-    require_polygon,
-    walled_triangles,
-)
+from thbcad.checks import EPS, Bools, Floats, Integers
+from thbcad.lens import MOST_TRIANGLES, Lens, Tessellation, require_apart, require_polygon, walled_triangles
 from thbcad.meshes.plans import bounds_of, least_circles, on_surfaces, too_many
 from thbcad.outlines import Polygon
 
@@ -124,9 +116,7 @@ def _refined(positions: Floats, plan: Integers, longest: float, chord: float) ->
         positions, plan = _halved(positions, plan, lengths, long)
 
 
-def _halved(
-    positions: Floats, plan: Integers, lengths: Floats, long: NDArray[np.bool_]
-) -> tuple[Floats, Integers]:
+def _halved(positions: Floats, plan: Integers, lengths: Floats, long: Bools) -> tuple[Floats, Integers]:
     """Return positions and triangles after the long sides are halved; lengths, long : (t, 3), of side k from
     corner k."""
     codes = np.sort(np.stack([plan, np.roll(plan, -1, axis=1)]), axis=0)

@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, half_widths
+from thbcad.checks import Bools, Floats, floats, half_widths
 from thbcad.outlines.pieces import LEAST_SIZE, Arc, Line, RimPiece
 
 RELATIVE = 1e-12  # of the half-width: corners that differ by less are alike
@@ -34,8 +34,6 @@ class Outline:
     Raises ValueError : half-widths that are not positive; corners that are negative or wider than these, or
         of which one alone is zero.
 
-    Examples
-    --------
     >>> disk = Outline((20.0, 20.0), (20.0, 20.0))
     >>> disk.is_ellipse, float(disk.gauge(3.0, 4.0)), disk.contains([14.0, 15.0], 14.2).tolist()
     (True, 0.25, [True, False])
@@ -154,7 +152,7 @@ class Outline:
         out: Floats = np.where(at_corner, squares / np.maximum(half + root, TINY), straight)
         return out
 
-    def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> Bools:
         """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""
         return np.asarray(self.gauge(x, y) <= 1 + slack)
 

@@ -10,15 +10,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike
 
-from thbcad.checks import (
-    EPS,
-    Floats,
-    floats,
-    require_number,
-    require_order,
-    require_orders,
-    require_type,
-)
+from thbcad.checks import EPS, Floats, floats, require_number, require_order, require_orders, require_type
 from thbcad.splines import KnotVector, NURBSCurve
 
 GREATEST = 1e40  # of radius, 1 / radius and conic constant: their products and powers are finite
@@ -34,8 +26,6 @@ class Conic:
     Raises ValueError : radius 0, NaN or beyond 1e-40 to 1e40 in size; a constant that is not finite or beyond
         1e40.
 
-    Examples
-    --------
     >>> sphere, parabola = Conic(10.0), Conic(10.0, -1.0)
     >>> round(float(sphere(6.0, 0.0)), 12), round(float(parabola(6.0, 0.0)), 12)  # 10 - 8 and 6^2 / 20
     (2.0, 1.8)

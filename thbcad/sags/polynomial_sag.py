@@ -46,8 +46,6 @@ class PolynomialSag(Value):
 
     Raises ValueError : half-widths that are not positive, coefficients that are not a finite table.
 
-    Examples
-    --------
     >>> sag = PolynomialSag.zernike((5.0, 5.0), radius=5.0, terms={(2, 0): 0.1})  # defocus
     >>> round(float(sag(5.0, 0.0) / (0.1 * np.sqrt(3))), 14)  # 2 rho^2 - 1 at the rim
     1.0

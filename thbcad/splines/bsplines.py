@@ -21,8 +21,6 @@ class BSplineCurve(Polynomial, Curve):
 
     Raises ValueError : kv that is no KnotVector; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=2, spans=1)
     >>> parabola = BSplineCurve(kv, [[0, 0], [1, 0], [2, 4]])  # y = x^2
     >>> parabola(0.5).tolist(), parabola.derivative(1)(0.5).tolist()
@@ -65,8 +63,6 @@ class BSplineSurface(Polynomial, Surface):
 
     Raises ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=2, spans=2)
     >>> plane = BSplineSurface(kv, kv, kv.greville()[:, None] + kv.greville())  # z = u + v
     >>> float(plane(0.25, 0.5)), plane([0.25, 0.5], 0.5).tolist(), round(float(plane.integral()), 12)

@@ -32,8 +32,6 @@ class KnotVector(Knots):
     Raises ValueError : degree outside 1..10; knots that are not finite, not sorted or repeated too often; a
         function that vanishes on the domain.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> c = kv.greville() ** 2
     >>> finer = kv.insert([0.3, 0.7])  # the same spline with more knots

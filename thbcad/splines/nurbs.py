@@ -138,8 +138,6 @@ class NURBSCurve(Rational[BSplineCurve], Curve):
     Raises ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 ..
         1e150.
 
-    Examples
-    --------
     >>> quarter = NURBSCurve(
     ...     KnotVector.uniform(degree=2, spans=1), [[2, 0], [2, 2], [0, 2]], [1, np.sqrt(0.5), 1]
     ... )
@@ -182,8 +180,6 @@ class NURBSSurface(Rational[BSplineSurface], Surface):
     Raises ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 ..
         1e150.
 
-    Examples
-    --------
     >>> cone = revolved(line([1.0, 0.0], [0.0, 3.0]))  # of (r, z)
     >>> x, y, z = cone(0.25, 0.4)
     >>> round(float(np.hypot(x, y)), 15), float(z)

@@ -54,11 +54,7 @@ def blossom(near: Floats, arguments: Floats, derivative: int = 0) -> Floats:
 
 
 def blossom_rows(
-    knots: Floats,
-    degree: int,
-    span: Integers,
-    arguments: Floats,
-    derivative: int = 0,
+    knots: Floats, degree: int, span: Integers, arguments: Floats, derivative: int = 0
 ) -> Floats:
     """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots.
 

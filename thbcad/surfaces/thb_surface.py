@@ -25,8 +25,6 @@ class THBSurface(AnySurface):
 
     Raises ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> surface = quasi_interpolate(THBSpace(kv, kv), lambda u, v: u**3 * v)
     >>> finer = surface.refine({0: [(1, 1)]})  # the same surface

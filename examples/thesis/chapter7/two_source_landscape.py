@@ -9,8 +9,8 @@ import numpy as np
 
 from examples.thesis.chapter7.two_deltas import approximate_two_deltas
 from optics.base.workers import all_values
-from optics.designing.etendue import Approximation, Array
-from thbcad.checks import read_only
+from optics.designing.etendue import Approximation
+from thbcad.checks import Floats, read_only
 
 if TYPE_CHECKING:
     from optics.base.workers import WorkerPool
@@ -30,29 +30,29 @@ class Landscape:
     residual, lower_bound, kkt : (STEPS + 1, STEPS + 1), at [n, m]
     """
 
-    residual: Array
-    lower_bound: Array
-    kkt: Array
+    residual: Floats
+    lower_bound: Floats
+    kkt: Floats
 
 
-def square(pixels: int = PIXELS, side: float = SIDE) -> Array:
+def square(pixels: int = PIXELS, side: float = SIDE) -> Floats:
     """Return the square |x|, |y| <= side / 2 on [-1, 1]^2: 1 in the pixels whose middles lie in it."""
     lit = np.abs(_middles(pixels)) <= side / 2
     return np.outer(lit, lit).astype(np.float64)
 
 
-def disk(pixels: int = PIXELS, radius: float = RADIUS) -> Array:
+def disk(pixels: int = PIXELS, radius: float = RADIUS) -> Floats:
     """Return the disk x^2 + y^2 <= radius^2 on [-1, 1]^2: 1 in the pixels whose middles lie in it."""
     x = _middles(pixels)
     return (np.hypot(x[:, None], x) <= radius).astype(np.float64)
 
 
-def two_sources(target: Array, m: int, n: int) -> Approximation:
+def two_sources(target: Floats, m: int, n: int) -> Approximation:
     """Return the best light for equal sources at the origin and m columns and n rows from it (7.42)."""
     return approximate_two_deltas((n, m), (1.0, 1.0), target)
 
 
-def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None) -> Landscape:
+def landscape(target: Floats, steps: int = STEPS, pool: WorkerPool | None = None) -> Landscape:
     """Return the landscape over m, n = 0 .. steps.
 
     target : dark in a border of `steps` pixels.  pool : computes the positions side by side, see
@@ -66,12 +66,12 @@ def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None)
     return Landscape(read_only(residual), read_only(lower_bound), read_only(kkt))
 
 
-def _best(target: Array, place: tuple[int, int]) -> tuple[float, float, float]:
+def _best(target: Floats, place: tuple[int, int]) -> tuple[float, float, float]:
     """Return residual, lower bound and KKT error.  place : rows and columns to the second source."""
     n, m = place
     one = two_sources(target, m, n)
     return one.residual, one.lower_bound, one.kkt
 
 
-def _middles(pixels: int) -> Array:
+def _middles(pixels: int) -> Floats:
     return (np.arange(pixels) + 0.5) * 2 / pixels - 1

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from optics.designing.etendue.silhouette import greatest_slack
     from optics.designing.etendue.source_image_bound import ImageBound
     from optics.designing.etendue.throughput_bound import (
-        Array,
         Throughput,
         bounds_hold,
         image_half_width,

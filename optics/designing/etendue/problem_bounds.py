@@ -8,12 +8,7 @@ from typing import Any, NamedTuple
 
 from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
 from optics.designing.etendue.source_image_bound import ImageBound, any_proportions, image_bound
-from optics.designing.etendue.throughput_bound import (
-    bounds_hold,
-    front_fraction,
-    image_half_width,
-    rear_area,
-)
+from optics.designing.etendue.throughput_bound import bounds_hold, front_fraction, image_half_width, rear_area
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.problem import freedom_of
 from optics.scene.system import OpticalSystem

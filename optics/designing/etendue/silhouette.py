@@ -35,12 +35,12 @@ from __future__ import annotations
 from math import ceil, hypot, isqrt, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 
 CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
@@ -49,10 +49,8 @@ POINTS = 1 << 18  # parts of pixels on a target, at most: below a second
 SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixels on the target
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
-Array = NDArray[np.float64]
 
-
-def pixel_etendue(system: OpticalSystem) -> Array:
+def pixel_etendue(system: OpticalSystem) -> Floats:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
     points, screen, z = envelope(system), system.target.screen(), system.target.receiver.pose.shift[2]
     depth = 180 / pi if screen.angular else z - points[:, 2].max()
@@ -69,7 +67,7 @@ def pixel_etendue(system: OpticalSystem) -> Array:
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
-def envelope(system: OpticalSystem) -> Array:
+def envelope(system: OpticalSystem) -> Floats:
     """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
     spec, lens = system.problem.optic, system.lens
     points = np.concatenate(
@@ -81,7 +79,7 @@ def envelope(system: OpticalSystem) -> Array:
     return points[ConvexHull(points).vertices]
 
 
-def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
+def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Floats:
     """Return points whose convex hull holds a surface with its freedom, (n, 3).
 
     A conic lies on one side of its tangent planes, here those at the middles of cells, and on the other side
@@ -103,7 +101,7 @@ def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
     return np.concatenate(found)
 
 
-def _seen(screen: Screen, points: Array, z: float) -> Array:
+def _seen(screen: Screen, points: Floats, z: float) -> Floats:
     """Return an upper bound of the mean of P over every pixel of a target plane, (rows, columns) sr."""
     depth = z - points[:, 2]
     nearest, farthest = depth.min(), depth.max()
@@ -128,7 +126,7 @@ def _seen(screen: Screen, points: Array, z: float) -> Array:
     return bound.reshape(len(quarter[1]), -1)[np.ix_(rows, columns)]
 
 
-def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
+def projected_solid_angle(points: Floats, x: Floats, y: Floats, z: float) -> Floats:
     """Return P of the convex hull of `points` (n, 3), seen from (x, y, z) above all of them, (m,) sr."""
     hull = ConvexHull(points)
     visible = [(plane[0] * x + plane[1] * y + (plane[2] * z + plane[3])) > 0 for plane in hull.equations]
@@ -149,7 +147,7 @@ def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
     return np.maximum(total, 0.0)
 
 
-def _edge_term(a: Array, b: Array) -> Array:
+def _edge_term(a: Floats, b: Floats) -> Floats:
     """Return angle(a, b) (a x b)_z / |a x b| / 2 of vectors (3, n)."""
     normal = np.cross(a, b, axis=0)
     length = np.sqrt((normal**2).sum(axis=0))
@@ -157,7 +155,7 @@ def _edge_term(a: Array, b: Array) -> Array:
     return np.divide(angle * normal[2], 2 * length, out=np.zeros_like(length), where=length > 0)
 
 
-def _shadow(screen: Screen, points: Array) -> Array:
+def _shadow(screen: Screen, points: Floats) -> Floats:
     """Return an upper bound of the shadow's area over every pixel of the far field, (rows, columns) mm^2."""
     a, b = _tangents(screen)
     area = _thrown(points, a[None, :], b[:, None])
@@ -167,7 +165,7 @@ def _shadow(screen: Screen, points: Array) -> Array:
     return np.maximum(corner[:, 1:], corner[:, :-1]) / length
 
 
-def _thrown(points: Array, a: Array, b: Array) -> Array:
+def _thrown(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the area of the shadow along (a, b, 1) on a plane z = constant, mm^2; a and b broadcast."""
     hull = ConvexHull(points)
     area = np.zeros(np.broadcast_shapes(a.shape, b.shape))
@@ -178,14 +176,14 @@ def _thrown(points: Array, a: Array, b: Array) -> Array:
     return area
 
 
-def _solid_angle(screen: Screen) -> Array:
+def _solid_angle(screen: Screen) -> Floats:
     """Return the solid angle of every pixel of the far field, (rows, columns) sr."""
     a, b = _tangents(screen)
     corner = np.arctan(a[None, :] * b[:, None] / np.sqrt(1 + a[None, :] ** 2 + b[:, None] ** 2))
     return -np.diff(np.diff(corner, axis=0), axis=1)
 
 
-def _tangents(screen: Screen) -> tuple[Array, Array]:
+def _tangents(screen: Screen) -> tuple[Floats, Floats]:
     """Return the tangents of the borders of columns and rows; those of rows fall."""
     a, b = (
         np.tan(np.radians(h * (2 * np.arange(n + 1) / n - 1)))
@@ -194,7 +192,7 @@ def _tangents(screen: Screen) -> tuple[Array, Array]:
     return a, -b
 
 
-def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
+def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
     The envelope is sampled from within, by points of its surfaces within their outlines; its bound has
@@ -221,7 +219,7 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
     return float((etendue[np.ix_(rows, columns)] / filled).max())
 
 
-def _within(system: OpticalSystem) -> Array:
+def _within(system: OpticalSystem) -> Floats:
     """Return points of all lenses: of front and rear at both ends of z_freedom, (n, 3) mm."""
     spec, lens, at = system.problem.optic, system.lens, np.linspace(-1, 1, SAMPLES)
     points = []

@@ -19,8 +19,9 @@ import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
-from optics.designing.penalties.sample_points import Excess, Floats, SurfaceSamples, free_surfaces
+from optics.designing.penalties.sample_points import Excess, SurfaceSamples, free_surfaces
 from optics.scene.problem import Limits
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 WEIGHT = 100.0  # of the mean square of relative excesses

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.loading import mitsuba_backend
 from optics.exchange.mitsuba.surface_vertices import Jet, SurfaceVertices, jet_operation
-from thbcad.checks import Floats, read_only
+from thbcad.checks import Floats, Integers, read_only
 from thbcad.lens import Lens, rim_indices, tessellated
 from thbcad.splines import KnotVector
 
@@ -85,7 +85,7 @@ class LensMesh:
         return {name: sag.coefficients for name, sag in sags.items() if sag is not None}
 
     @property
-    def rim(self) -> NDArray[np.int64]:
+    def rim(self) -> Integers:
         """Numbers of the rim's vertices, counter-clockwise seen from +z."""
         return rim_indices(len(self.s), len(self.t))
 

@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.exchange.mitsuba.loading import MONO, current_mitsuba
@@ -22,6 +21,7 @@ from optics.exchange.mitsuba.mesh import LensMesh
 from optics.scene.receivers import Screen
 from optics.scene.sources import CollimatedBeam, LambertianArea, PointSource, Profile
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
@@ -179,7 +179,7 @@ def require_open(system: OpticalSystem) -> None:
         )
 
 
-def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:
+def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> Floats:
     """Return the irradiance of the screen, (rows, columns) W/mm^2, row 0 at +y, column 0 at -x.
 
     scene : of `mitsuba_scene`.  spp : light paths per pixel.  The camera looks along +z and sees +x on its

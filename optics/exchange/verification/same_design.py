@@ -12,13 +12,13 @@ from collections.abc import Hashable, Iterator, Sequence
 from math import isinf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import step_bytes
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import BSplineSurface, KnotVector
@@ -176,6 +176,6 @@ def _knots(kv: KnotVector | None) -> Hashable:
     return None if kv is None else (kv.degree, _bits(kv.knots))
 
 
-def _bits(array: NDArray[np.float64] | None) -> bytes | None:
+def _bits(array: Floats | None) -> bytes | None:
     """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return None if array is None else np.ascontiguousarray(array + 0.0).tobytes()

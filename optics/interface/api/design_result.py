@@ -50,8 +50,6 @@ class Design(DesignRecord):
 
     Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
 
-    Examples
-    --------
     >>> optical = System(problem).optical  # of the problem in the example of Problem
     >>> Design(asked=problem, system=optical, lens=optical.lens)  # not optimised yet
     Design('lens', 100 degrees of freedom)

@@ -39,8 +39,6 @@ class Model:
     Made by `System.model`, and made so again where it is copied or pickled.  Irradiance is (rows, columns),
     W/mm^2; in the far field it is intensity, W/sr.  For W read lm where that is `source.unit`.
 
-    Examples
-    --------
     >>> system = System(problem)  # of the problem in the example of Problem
     >>> space = system.space()
     >>> irradiance = system.model(space, rays=(33, 33))(np.zeros(space.dim))

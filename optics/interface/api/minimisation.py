@@ -23,8 +23,6 @@ class Minimum:
 
     losses : of every evaluation, in their order.  interrupted : by Ctrl-C.
 
-    Examples
-    --------
     >>> found = minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]))
     >>> found.losses[0], found.loss < 1e-12, found.interrupted
     (25.0, True, False)

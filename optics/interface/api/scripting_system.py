@@ -44,8 +44,6 @@ class System:
 
     Raises UserError : a problem that cannot be solved; one sentence says why.
 
-    Examples
-    --------
     >>> System(problem).space(level=1).dim  # of the problem in the example of Problem
     289
     """

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, reading, verification
 from optics.exchange.export import report_of, require_free_files
@@ -21,6 +20,7 @@ from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
 from optics.scene.system import OpticalSystem, require_lens_on_axis
+from thbcad.checks import Floats
 from thbcad.io import json_text, write_text
 from thbcad.lens import Lens
 
@@ -105,13 +105,13 @@ def intensity_of_light(options: Namespace) -> Outcome:
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)
 
 
-def _light_of(result: str) -> NDArray[np.float64] | None:
+def _light_of(result: str) -> Floats | None:
     """Return the light of a result on the pixels of its target, (rows, columns); None where it is gone."""
     path = Path(result) / LIGHT
     if not path.exists():
         return None
     with reading(path), np.load(path) as arrays:
-        light: NDArray[np.float64] = arrays["irradiance"]
+        light: Floats = arrays["irradiance"]
     return light
 
 

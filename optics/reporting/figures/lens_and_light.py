@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from optics.designing.optimisation import Row, Stage
 from optics.light.analysis import Measurement, counted_ways
@@ -22,6 +21,7 @@ from optics.reporting.figures.overview import relative_light
 from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import within_foot
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import Solid, lens_of
@@ -47,7 +47,7 @@ def light_figures(
     quantity = density.quantity
     label = f"{quantity} / mean"
 
-    def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
+    def picture(data: Floats, text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
     figures = {
@@ -101,7 +101,7 @@ def lens_figures(
     return {**_surfaces(lens, sides), "loss": (caption, _loss(history, plan))}
 
 
-def _merged(image: NDArray[np.float64]) -> str:
+def _merged(image: Floats) -> str:
     """Return a sentence on the pixels that the figures of an image merge, if any."""
     side = block(image.shape)
     return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""

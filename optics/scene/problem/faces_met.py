@@ -17,8 +17,6 @@ REFLECT = ":reflect"
 class PathSpec:
     """The way of the light, as the table [[path]].
 
-    Examples
-    --------
     >>> PathSpec(faces=("L1.front", "L1.rear:reflect", "L1.front", "M1")).faces[-1]
     'M1'
     """

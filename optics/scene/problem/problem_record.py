@@ -45,8 +45,6 @@ class Problem:
     Raises UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do
         not go together; it names the key.
 
-    Examples
-    --------
     >>> sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
     >>> problem = Problem(
     ...     source=Source(kind="collimated", half_width=(9.5, 9.5)),

@@ -7,9 +7,8 @@ its bounding rectangle, t upward.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 SLICES = 32  # per pixel column
 
@@ -52,7 +51,7 @@ def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]
     return light
 
 
-def _fill(light: Floats, met: NDArray[np.bool_], top: Floats, bottom: Floats) -> None:
+def _fill(light: Floats, met: Bools, top: Floats, bottom: Floats) -> None:
     """Set a column of pixels, (rows,), to the mean over its slices of the fraction that they cover.
 
     met : the slices that meet the region.  top, bottom : the rows where they enter and leave it.

@@ -19,16 +19,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import speaking_of
 from optics.scene.ray_files import RaySet, read_rays
-from optics.scene.sources.light_source import (
-    ALL,
-    AXIS,
-    Counts,
-    Ends,
-    Fresh,
-    LightSource,
-    Pair,
-    drawn_shift,
-)
+from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair, drawn_shift
 from optics.scene.sources.plain_sources import PointSource
 from optics.scene.sources.rays import Rays
 from thbcad.certified import DIRECTIONS, Stack

@@ -35,8 +35,6 @@ class ToolOrder:
 
     Raises UserError : numbers that are not positive, options that do not go together.
 
-    Examples
-    --------
     >>> ToolOrder(nose=0.5, feed=0.02).pitch  # mm, from turn to turn
     0.02
     """

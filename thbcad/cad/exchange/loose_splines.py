@@ -223,10 +223,7 @@ def _write(
 
 
 def _read(
-    what: str,
-    parts_of: Callable[[TopoDS_Shape], list[Any]],
-    spline_of: Callable[[Any], T],
-    path: str | Path,
+    what: str, parts_of: Callable[[TopoDS_Shape], list[Any]], spline_of: Callable[[Any], T], path: str | Path
 ) -> list[T]:
     """Return the splines under the parts of a shape; `what` they are, in the singular."""
     path = Path(path)

@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
-from OCP.StepBasic import (
-    StepBasic_DerivedUnitElement,
-    StepBasic_SiUnitAndMassUnit,
-)
+from OCP.StepBasic import StepBasic_DerivedUnitElement, StepBasic_SiUnitAndMassUnit
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.StepRepr import StepRepr_NextAssemblyUsageOccurrence

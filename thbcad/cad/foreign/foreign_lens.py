@@ -37,8 +37,6 @@ class ForeignLens:
     frame : Pose of the lens in the file; z is the axis, the origin the front's point on it
     thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
 
-    Examples
-    --------
     >>> flat, ball = FreeformSurface((5.0, 4.0)), FreeformSurface((5.0, 4.0), Conic(-20.0))
     >>> path = Path(mkdtemp()) / "lens.step"
     >>> write_step(Lens(flat, ball, thickness=3.0, index=1.5), path)
