@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from examples.thesis.chapter7.two_deltas import approximate_two_deltas
-from optics.base.workers import all_values
+from optics.base.runtime import NumericalError
+from optics.base.workers import run_tasks
 from optics.designing.etendue import Approximation
 from thbcad.checks import Floats, read_only
 
@@ -64,6 +66,27 @@ def landscape(target: Floats, steps: int = STEPS, pool: WorkerPool | None = None
     best = np.array(all_values(_best, places, pool, target)).reshape(steps + 1, steps + 1, 3)
     residual, lower_bound, kkt = np.moveaxis(best, 2, 0)
     return Landscape(read_only(residual), read_only(lower_bound), read_only(kkt))
+
+
+def all_values(
+    function: Callable[[Any, Any], Any],
+    items: Iterable[Any],
+    pool: WorkerPool | None = None,
+    common: Any = None,
+) -> list[Any]:
+    """Return the value of function(common, item) for every item, in their order.
+
+    pool : does the tasks, see `run_tasks`; None does them here, one after the other.
+
+    Raises NumericalError : a task failed on a worker, with its sentence.
+    """
+    if pool is None:
+        return [function(common, item) for item in items]
+    results = sorted(run_tasks(function, items, pool, common), key=lambda result: result.index)
+    for result in results:
+        if result.failure:
+            raise NumericalError(f"task {result.index + 1} of {len(results)} failed: {result.failure}")
+    return [result.value for result in results]
 
 
 def _best(target: Floats, place: tuple[int, int]) -> tuple[float, float, float]:

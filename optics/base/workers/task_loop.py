@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any
 from uuid import uuid4
 
-from optics.base.runtime import NumericalError, UserError
+from optics.base.runtime import UserError
 from optics.base.workers.local_processes import Worker, WorkerPool
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
@@ -85,27 +85,6 @@ def run_tasks(
         yield from loop.results()
     finally:
         loop.cancel()
-
-
-def all_values(
-    function: Callable[[Any, Any], Any],
-    items: Iterable[Any],
-    pool: WorkerPool | None = None,
-    common: Any = None,
-) -> list[Any]:
-    """Return the value of function(common, item) for every item, in their order.
-
-    pool : does the tasks, see `run_tasks`; None does them here, one after the other.
-
-    Raises NumericalError : a task failed on a worker, with its sentence.
-    """
-    if pool is None:
-        return [function(common, item) for item in items]
-    results = sorted(run_tasks(function, items, pool, common), key=lambda result: result.index)
-    for result in results:
-        if result.failure:
-            raise NumericalError(f"task {result.index + 1} of {len(results)} failed: {result.failure}")
-    return [result.value for result in results]
 
 
 class _TaskLoop:

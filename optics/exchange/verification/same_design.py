@@ -109,17 +109,14 @@ def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tu
 
 def same_checks(solid: Brep, fresh: Brep) -> list[Check]:
     """Return the Checks of a solid and its words against those of a fresh export."""
-    parts = 0 if solid is fresh else _differing(_parts(solid), _parts(fresh))
+    mine, wanted = (Counter[Hashable](),) * 2 if solid is fresh else (_parts(solid), _parts(fresh))
+    parts = max((mine - wanted).total(), (wanted - mine).total())
     words = [label for label, texts in fresh.labels.items() if solid.labels[label] != texts]
     which = f" ({', '.join(words)})" if words else ""
     return [
         Check.none_of("text of the file: faces and edges that differ from a fresh export of the lens", parts),
         Check.none_of(f"text of the file: words that are not those of the problem{which}", len(words)),
     ]
-
-
-def _differing(parts: Counter[Hashable], others: Counter[Hashable]) -> int:
-    return max((parts - others).total(), (others - parts).total())
 
 
 def _parts(solid: Brep) -> Counter[Hashable]:

@@ -6,6 +6,8 @@ its bounding rectangle, t upward.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from thbcad.checks import Bools, Floats
@@ -13,20 +15,12 @@ from thbcad.checks import Bools, Floats
 SLICES = 32  # per pixel column
 
 
-def _rectangle(s: Floats) -> tuple[Floats, Floats]:
-    return np.zeros_like(s), np.ones_like(s)
-
-
-def _ellipse(s: Floats) -> tuple[Floats, Floats]:
-    return np.zeros_like(s), np.sqrt(1 - s * s)
-
-
-def _crescent(s: Floats) -> tuple[Floats, Floats]:
-    """Return a band of constant height along a parabola: middle 1/2 - s^2, height 1."""
-    return 0.5 - s * s, np.full_like(s, 0.5)
-
-
-REGIONS = {"rectangle": _rectangle, "ellipse": _ellipse, "crescent": _crescent}
+# middle and half by s
+REGIONS: dict[str, Callable[[Floats], tuple[Floats, Floats]]] = {
+    "rectangle": lambda s: (np.zeros_like(s), np.ones_like(s)),
+    "ellipse": lambda s: (np.zeros_like(s), np.sqrt(1 - s * s)),
+    "crescent": lambda s: (0.5 - s * s, np.full_like(s, 0.5)),  # a band of height 1 along a parabola
+}
 
 
 def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]) -> Floats:
