@@ -12,25 +12,13 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
-from OCP import Standard, TopoDS as Topology
+from OCP import Standard, StepGeom, StepRepr, StepShape, StepVisual, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.IGESControl import IGESControl_Reader
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
-from OCP.StepGeom import StepGeom_GeometricRepresentationItem
-from OCP.StepRepr import StepRepr_DefinitionalRepresentation
-from OCP.StepShape import StepShape_TopologicalRepresentationItem
-from OCP.StepVisual import (
-    StepVisual_FillAreaStyle,
-    StepVisual_FillAreaStyleColour,
-    StepVisual_PresentationStyleAssignment,
-    StepVisual_StyledItem,
-    StepVisual_SurfaceSideStyle,
-    StepVisual_SurfaceStyleFillArea,
-    StepVisual_SurfaceStyleUsage,
-)
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHAPE, TopAbs_ShapeEnum
@@ -50,18 +38,18 @@ EXCEPTIONS = [
 ]
 OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
 GEOMETRY = (
-    StepGeom_GeometricRepresentationItem,
-    StepRepr_DefinitionalRepresentation,
-    StepShape_TopologicalRepresentationItem,
+    StepGeom.StepGeom_GeometricRepresentationItem,
+    StepRepr.StepRepr_DefinitionalRepresentation,
+    StepShape.StepShape_TopologicalRepresentationItem,
 )
 STYLES = (
-    StepVisual_FillAreaStyle,
-    StepVisual_FillAreaStyleColour,
-    StepVisual_PresentationStyleAssignment,
-    StepVisual_StyledItem,
-    StepVisual_SurfaceSideStyle,
-    StepVisual_SurfaceStyleFillArea,
-    StepVisual_SurfaceStyleUsage,
+    StepVisual.StepVisual_FillAreaStyle,
+    StepVisual.StepVisual_FillAreaStyleColour,
+    StepVisual.StepVisual_PresentationStyleAssignment,
+    StepVisual.StepVisual_StyledItem,
+    StepVisual.StepVisual_SurfaceSideStyle,
+    StepVisual.StepVisual_SurfaceStyleFillArea,
+    StepVisual.StepVisual_SurfaceStyleUsage,
 )
 EMPTY = re.compile(rb"\(\s*+\)")
 NEVER_EMPTY = re.compile(  # OCCT takes the first item of such a list
