@@ -43,12 +43,12 @@ def lazy_door(
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
     What the package offers, and where that lives, is read from the imports of its own text under
-    `if TYPE_CHECKING:`, so that each name is listed once.
+    `if TYPE_CHECKING:`, so that each name is listed once; as `X as X` where users meet it, since
+    type checkers see no other from outside.
 
     package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
         whose file needs a package of an extra is a MissingPackage where that is missing.
-    public : users look into it: a name whose file cannot be imported is a `stand_in`.  Its imports are
-        `X as X`, which alone lets type checkers see them from outside.
+    public : users look into it: a name whose file cannot be imported is a `stand_in`.
     """
     homes = _homes(Path(path), package)
 

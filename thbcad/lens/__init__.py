@@ -6,10 +6,10 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .cuts import (
-        Flange,
-        aperture_volume,
+        Flange as Flange,
+        aperture_volume as aperture_volume,
         flanged_volume,
-        polygon_volume,
+        polygon_volume as polygon_volume,
         require_aperture,
         require_clear,
         require_polygon,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         volume_between,
     )
     from .placed_conic import NOT_BOUNDED, ConicCurve, ConicSection, PlacedConic, axes, patch_numbers
-    from .polynomial_sag import PolynomialSag, osa_orders, zernike
+    from .polynomial_sag import PolynomialSag, osa_orders as osa_orders, zernike as zernike
     from .proven_approximation import (
         Approximation,
         BoundedFunction,

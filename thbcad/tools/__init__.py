@@ -5,18 +5,29 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .cusps import Cusps, ball_cusps, nose_cusps
-    from .draft_angles import Draft, draft
-    from .spiral_bounds import greatest_acceleration, greatest_section_curvature, greatest_slope_along_cut
+    from .cusps import Cusps, ball_cusps as ball_cusps, nose_cusps
+    from .draft_angles import Draft, draft as draft
+    from .spiral_bounds import (
+        greatest_acceleration as greatest_acceleration,
+        greatest_section_curvature,
+        greatest_slope_along_cut,
+    )
     from .spiral_motion import (
         Gaps,
-        SpiralCut,
-        acceleration_at,
-        highest_rpm,
-        rim_gaps,
+        SpiralCut as SpiralCut,
+        acceleration_at as acceleration_at,
+        highest_rpm as highest_rpm,
+        rim_gaps as rim_gaps,
         round_axis,
         tool_acceleration,
     )
-    from .tool_fit import SURFACES, Fit, air_side, ball_fit, concavity, nose_fit
+    from .tool_fit import (
+        SURFACES,
+        Fit,
+        air_side as air_side,
+        ball_fit as ball_fit,
+        concavity,
+        nose_fit as nose_fit,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

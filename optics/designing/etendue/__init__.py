@@ -7,14 +7,14 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.designing.etendue.approximation import (
         Approximation,
-        approximate,
+        approximate as approximate,
         certified,
         descend,
         require_target,
     )
-    from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound
+    from optics.designing.etendue.brightness_limit import UniversalBound, universal_bound as universal_bound
     from optics.designing.etendue.certificate import kkt_residual, norm, per_column_sum, scaled_bound
-    from optics.designing.etendue.kernel import Kernel, Real
+    from optics.designing.etendue.kernel import Kernel as Kernel, Real
     from optics.designing.etendue.problem_bounds import (
         FIXED,
         FIXED_QUICK,

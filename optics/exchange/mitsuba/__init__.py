@@ -6,8 +6,8 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .engines import lens_mesh, mitsuba_engine
-    from .integrator import exact_integrator, register
-    from .loading import current_mitsuba, load_mitsuba, mitsuba_backend
+    from .integrator import exact_integrator, register as register
+    from .loading import current_mitsuba, load_mitsuba as load_mitsuba, mitsuba_backend
     from .mesh import LensMesh
     from .mesh_tracer import MeshTracer
     from .scene import REFLECTANCE, camera_irradiance, mitsuba_scene, scene_dictionary

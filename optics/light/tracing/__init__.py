@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     )
     from optics.light.tracing.refraction import (
         critical_angle,
-        normal_incidence_transmittance,
+        normal_incidence_transmittance as normal_incidence_transmittance,
         reflect,
         refract,
         traced_transmittance,
-        transmittances,
+        transmittances as transmittances,
     )
-    from optics.light.tracing.sequential import Tracer
+    from optics.light.tracing.sequential import Tracer as Tracer
     from optics.light.tracing.unreachable_light import path_faults
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

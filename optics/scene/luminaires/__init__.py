@@ -6,12 +6,16 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.luminaires.direction_sampling import DirectionSampler
-    from optics.scene.luminaires.intensity_record import Luminaire, Opening, directions_at
+    from optics.scene.luminaires.intensity_record import (
+        Luminaire as Luminaire,
+        Opening as Opening,
+        directions_at as directions_at,
+    )
     from optics.scene.luminaires.intensity_sums import IntensityGrid
     from optics.scene.luminaires.luminaire_files import (
         LUMINAIRE_WRITERS,
-        read_luminaire,
-        write_ies,
+        read_luminaire as read_luminaire,
+        write_ies as write_ies,
         write_ldt,
     )
 

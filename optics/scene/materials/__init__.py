@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.materials.base_table import MATERIALS
-    from optics.scene.materials.material_names import find_material, refractive_index
+    from optics.scene.materials.base_table import MATERIALS as MATERIALS
+    from optics.scene.materials.material_names import find_material, refractive_index as refractive_index
     from optics.scene.materials.material_record import Material, tabulated
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

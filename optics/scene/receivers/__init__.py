@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from optics.scene.receivers.receivers import (
         DEGREES,
         FarField,
-        Plane,
+        Plane as Plane,
         Receiver,
         Triple,
         receiver_at,

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from optics.scene.system.lens import freeforms, lens_product
     from optics.scene.system.lens_material import index_at
     from optics.scene.system.made_parts import MadePart, designed_part, fixed_parts, scene_parts
-    from optics.scene.system.optical_system import OpticalSystem
+    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
     from optics.scene.system.placed_faces import TURNED, pose_of
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis
     from optics.scene.system.soundness import advice, load_system, solvable_system

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         height_text,
     )
     from .form_trace import form_obstacle
-    from .local_formula import LocalFormula, local_formula_of
+    from .local_formula import LocalFormula, local_formula_of as local_formula_of
     from .period_bands import BandFormula, pixel_mtf
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

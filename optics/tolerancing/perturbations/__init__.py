@@ -5,14 +5,21 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .height_errors import HeightSum, Power, Sine, SplineHeight, random_field, shortest_period
+    from .height_errors import (
+        HeightSum as HeightSum,
+        Power,
+        Sine as Sine,
+        SplineHeight,
+        random_field as random_field,
+        shortest_period,
+    )
     from .light_limits import RISE
     from .linear_light import LinearLight
-    from .perturbation import NOMINAL, Perturbation
+    from .perturbation import NOMINAL, Perturbation as Perturbation
     from .shop_words import HEAD, effect_rows, shop_sentences
     from .tolerance_effects import ToleranceBudget, ToleranceEffect
-    from .tolerance_names import Tolerance, tolerances_of
+    from .tolerance_names import Tolerance, tolerances_of as tolerances_of
     from .tolerance_trials import tolerance_budget
-    from .traced_light import PerturbedLight
+    from .traced_light import PerturbedLight as PerturbedLight
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,8 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .flange_solid import flanged_part
-    from .lens_parts import lens_part, lens_solid, part_between, polygon_part, trimmed_part
+    from .flange_solid import flanged_part as flanged_part
+    from .lens_parts import (
+        lens_part,
+        lens_solid,
+        part_between,
+        polygon_part as polygon_part,
+        trimmed_part as trimmed_part,
+    )
     from .mould_solids import insert_part, moulded_part
     from .occt_splines import (
         TOLERANCE,
