@@ -7,7 +7,10 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.geometry_search import nearest_geometry as nearest_geometry
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
-    from optics.scene.system.lens_material import index_at as index_at
+    from optics.scene.system.lens_material import (
+        index_at as index_at,
+        indexing_material as indexing_material,
+    )
     from optics.scene.system.made_parts import (
         MadePart as MadePart,
         designed_part as designed_part,

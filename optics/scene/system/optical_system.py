@@ -7,6 +7,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
+from math import inf
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import Backend, load_backend
@@ -257,7 +258,7 @@ class OpticalSystem:
     @property
     def material(self) -> Material | None:
         """The known material whose index the lens has; None where its index is another."""
-        return indexing_material(self.problem)
+        return indexing_material(self.problem, self.problem.optic)
 
     def media_at(self, nm: float) -> tuple[Medium, ...]:
         """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
@@ -333,13 +334,13 @@ class OpticalSystem:
         lens : the element that is designed, of whatever shape and index; the others are as the problem has
             them.
         """
-        optic, media = self.problem.optic, [*self.media_at(self.problem.source.wavelength)]
-        for k, face in self.own_faces.items():
+        faces, media = self.problem.faces_met, [*self.media_at(self.problem.source.wavelength)]
+        lenses = {id(optic): blank for optic, blank in self.elements(lens)}
+        for k, face in enumerate(faces, 1):
             if face.into_glass:
-                media[k + 1] = replace(media[k + 1], index=lens.index)
-        lenses = {id(other): blank for other, blank in self.elements(lens)}
-        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
-        black = optic.wall == "absorbing"
+                media[k] = replace(media[k], index=lenses[id(face.optic)].index)
+        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in faces]
+        black = self.problem.optic.wall == "absorbing"
         return tuple(
             LightPath(
                 tuple(surfaces), tuple(media), target.receiver, stops=self.stops, absorbing_wall=black
@@ -356,6 +357,15 @@ class OpticalSystem:
         """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
         return (self.problem.optic, lens), *self.fixed
 
+    def with_fixed(self, lenses: Sequence[Lens]) -> OpticalSystem:
+        """Return the system whose fixed elements have other lenses or blanks; itself, if they are its own."""
+        fixed = tuple((optic, lens) for (optic, _), lens in zip(self.fixed, lenses))
+        if all(new is old for (_, new), (_, old) in zip(fixed, self.fixed)):
+            return self
+        other = replace(self)
+        other.__dict__["fixed"] = fixed
+        return other
+
     def shaded_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, among the bodies of all elements and a plane screen.
 
@@ -365,7 +375,8 @@ class OpticalSystem:
         if self.axial:
             return path
         bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
-        return replace(path, bodies=bodies, emitted=-self.problem.source.distance)
+        emitted = -self.problem.source.distance if self.source.from_afar else -inf
+        return replace(path, bodies=bodies, emitted=emitted)
 
     @property
     def lens_on_axis(self) -> bool:
