@@ -59,7 +59,7 @@ def test_light_in_lumens_is_exported_in_lumens(capsys, stored, tmp_path):
     out = tmp_path / "light.ray"
     command = "export", stored(FAR), "--light", "rear", "--rays", 1000, "--out", out
     text = printed(capsys, *command)
-    assert re.search(r"rays with \d+\.?\d* lm through front and rear", text)
+    assert re.search(r"rays with \d+\.?\d* lm over all faces", text)
     rays = read_rays(out)
     assert rays.unit == "lm"
     assert 700 < rays.total < 800
