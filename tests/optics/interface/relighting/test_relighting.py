@@ -11,9 +11,9 @@ from optics.base.runtime import load_backend
 from optics.interface.relighting import other_source, relit
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.cases import slow_unless
+from optics.scene.problem import Problem, load_problem
+from optics.scene.system import OpticalSystem, solvable_system
+from tests.cases import ROOT, slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
 
@@ -51,6 +51,24 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
             distance,
             3.0,
         )
+
+
+def test_the_sun_covers_a_mirror_that_lies_elsewhere_from_before_it():
+    """The face is 50 mm by 80 mm, tilted by 45 degrees about x, and 40 mm before the origin; its sag is free
+    by 2 mm."""
+    face = {"half_width": (50, 80), "radius": np.inf, "freeform": {"z_freedom": 2.0}}
+    mirror = {"kind": "mirror", "name": "M1", "position": (3, 0, -40), "tilt": (45, 0, 0), "thickness": 9}
+    target = {"kind": "tophat", "position": (0, 90, 0), "tilt": (-90, 0, 0), "half_width": (9, 9)}
+    problem = Problem(source={"kind": "point"}, element=[mirror | {"face": face}], target=target)
+    sun = other_source("sun", problem)
+    assert sun.half_width == pytest.approx((53, 80 * np.sqrt(0.5)))
+    assert sun.distance == pytest.approx(2 + 40 + 80 * np.sqrt(0.5) + 2)
+
+
+def test_the_sun_on_a_row_is_refused_as_light_that_diverges():
+    problem = load_problem(ROOT / "examples" / "two_elements.toml")
+    with pytest.raises(UserError, match=r"light meets L1.front, L1.rear, M1.face; take a source without div"):
+        solvable_system(replace(problem, source=other_source("sun", problem)))
 
 
 @pytest.mark.parametrize("words", ["sun", "led:1mm", "lamp.ies"])
