@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.level_objective import (
         PROBES,
         Indicators,
+        can_cross,
         penalised_objective,
         stage_objective,
         stage_window,
-        surfaces_can_cross,
         window_named,
     )
     from optics.designing.optimisation.loop import Listener, shape_lens, transmitted_flux

@@ -7,8 +7,14 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.geometry_search import nearest_geometry
     from optics.scene.system.lens import freeforms, lens_product
-    from optics.scene.system.lens_material import index_at
-    from optics.scene.system.made_parts import MadePart, designed_part, fixed_parts, scene_parts
+    from optics.scene.system.lens_material import index_at, indexing_material
+    from optics.scene.system.made_parts import (
+        MadePart,
+        designed_part,
+        fixed_parts,
+        other_limit_checks,
+        scene_parts,
+    )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
     from optics.scene.system.placed_faces import TURNED, pose_of
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis
