@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         ResultFolder as ResultFolder,
         lens_of as lens_of,
         level_files as level_files,
+        shape_file as shape_file,
     )
     from .result_writer import ResultWriter as ResultWriter
 

@@ -16,7 +16,7 @@ from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, veri
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
-from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files
+from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files, shape_file
 from optics.exchange.verification import (
     ExportedStep,
     StepFile,
@@ -134,7 +134,7 @@ def write_result(
     system, lens = design.system, design.lens
     writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
-    figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
+    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
@@ -178,7 +178,7 @@ def write_result(
         background=etendue.background,
         run=writer.run,
         view=figures.view(),
-        parts=export.files[1:],
+        parts=[*export.files[1:], *(shape_file(o.called) for o, _ in system.free_elements(lens)[:-1])],
     )
     metrics = writer.write_claims("metrics.json", metrics | verdict.data())
     writer.write("report.html", report_html(page, writer.problem_text).encode())
