@@ -62,11 +62,18 @@ class ShadingBody:
 
         origin, direction : (3, n).
         """
-        rays = Rays(origin, direction, np.ones_like(reach)).posed(pose.inverse())
+        face, length = self.lengths(pose, origin, direction)
+        return np.where(length < reach - self._graze, face, NEVER).astype(np.int8)
+
+    def lengths(self, pose: Pose, origin: Floats, direction: Floats) -> tuple[NDArray[np.int8], Floats]:
+        """Return which of its faces rays meet, and after which path lengths, mm; inf where not surely any.
+
+        pose, origin, direction : as of `takes`.
+        """
+        rays = Rays(origin, direction, np.ones(origin.shape[1])).posed(pose.inverse())
         met = self._closed.meet(Branches.start(rays))
-        surely = ~np.isin(met.face, (NEVER, UNDECIDED))
         length = np.linalg.norm(met.point - rays.origin, axis=0)
-        return np.where(surely & (length < reach - self._graze), met.face, NEVER).astype(np.int8)
+        return met.face, np.where(np.isin(met.face, (NEVER, UNDECIDED)), np.inf, length)
 
 
 class Obstruction:
