@@ -16,8 +16,8 @@ from thbcad.lens import Lens
 from thbcad.sags import Conic
 
 
-def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Measurement:
-    """Return what the lens of a problem delivers in the light of another source.
+def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -> Measurement:
+    """Return what the lens of a system delivers in the light of another source.
 
     Where that is designed for another wavelength, the lens has its index there, if material or indices tell.
 
@@ -27,10 +27,10 @@ def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Mea
     ------
     UserError : a source that does not go with the lens, such as one that lies in it.
     """
-    other = replace(problem, source=source)
-    index = _index_at(OpticalSystem(problem), source.wavelength)
-    system = solvable_system(other if problem.optic.index == index else other.with_optic(index=index))
-    return measure(system, replace(lens, index=index), backend)
+    other = replace(system.problem, source=source)
+    index = _index_at(system, source.wavelength)
+    relit = solvable_system(other if other.optic.index == index else other.with_optic(index=index))
+    return measure(relit.shaped_as(system.shapes), replace(lens, index=index), backend)
 
 
 def _index_at(system: OpticalSystem, nm: float) -> float:

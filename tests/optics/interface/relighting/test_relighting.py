@@ -83,7 +83,9 @@ def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
     sun = other_source("sun", problem)
-    fates = relit(problem, optics.System(problem).optical.lens, sun, backend).metrics["fates_w"]
+    fates = relit(OpticalSystem(problem), optics.System(problem).optical.lens, sun, backend).metrics[
+        "fates_w"
+    ]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -100,7 +102,7 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
     assert lamp == same
     assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
     lens = optics.System(problem).optical.lens
-    fates = relit(problem, lens, lamp, load_backend("double")).metrics["fates_w"]
+    fates = relit(OpticalSystem(problem), lens, lamp, load_backend("double")).metrics["fates_w"]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -123,7 +125,7 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
     problem = problem_of(tmp_path)
     lens = optics.System(problem).optical.lens
     with pytest.raises(UserError, match=sentence):
-        relit(problem, lens, other_source(words, problem), load_backend("double"))
+        relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
 
 
 @pytest.mark.parametrize(
@@ -176,8 +178,10 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
     red = replace(problem.source, wavelength=650.0)
     made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
     wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
-    assert relit(resolved, lens, red, backend).irradiance == pytest.approx(wanted.irradiance, rel=1e-4)
-    white = relit(resolved, lens, replace(problem.source, spectrum="LED-B1"), backend)
+    assert relit(OpticalSystem(resolved), lens, red, backend).irradiance == pytest.approx(
+        wanted.irradiance, rel=1e-4
+    )
+    white = relit(OpticalSystem(resolved), lens, replace(problem.source, spectrum="LED-B1"), backend)
     assert white.colour.shape == (3, *wanted.irradiance.shape)
     assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
     assert white.metrics["fates_w"]["absorbed"] > 0
@@ -187,7 +191,7 @@ def test_an_index_without_a_known_material_stays(tmp_path):
     backend = load_backend("double", 1)
     problem = problem_of(tmp_path)
     lens = OpticalSystem(problem).lens
-    red = relit(problem, lens, replace(problem.source, wavelength=650.0), backend)
+    red = relit(OpticalSystem(problem), lens, replace(problem.source, wavelength=650.0), backend)
     assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
     with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
-        relit(problem, lens, replace(problem.source, spectrum="LED-B1"), backend)
+        relit(OpticalSystem(problem), lens, replace(problem.source, spectrum="LED-B1"), backend)
