@@ -36,6 +36,7 @@ from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_pa
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
+SHADE = "bodies that shade each other: the independent trace of the file lets its light pass them"
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
 
@@ -121,7 +122,17 @@ def verified(design: DesignRecord) -> Claims:
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Exports(solids, system, lens, Path(folder).joinpath)
         checks = _checks(design, system.manufactured(lens), *export.checked())
-        return verification(checks) | {"left_out": export.left_out}
+        return verification(checks) | {"left_out": _left_out(design, export)}
+
+
+def _left_out(design: DesignRecord, export: _Exports) -> list[str]:
+    """Return what the checks leave out: that bodies of a scene shade light, too."""
+    fates = design.measurement.metrics[design.system.units.key("fates")]
+    shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
+    if not shaded or not design.system.shaded_path(design.lens).bodies:
+        return export.left_out
+    share = shaded / sum(fates.values())
+    return [*export.left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
 
 
 def write_result(
@@ -166,7 +177,9 @@ def write_result(
 
     verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
-    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": export.left_out})
+    checked = writer.write_claims(
+        "verify.json", verification(checks) | {"left_out": _left_out(design, export)}
+    )
     page = Report(
         problem=design.problem,
         metrics=metrics,

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         trace_nonsequential as trace_nonsequential,
         trace_paths as trace_paths,
     )
+    from optics.light.tracing.obstructions import ShadingBody as ShadingBody
     from optics.light.tracing.refraction import (
         critical_angle as critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,
