@@ -201,9 +201,9 @@ WRONG = [
     ({"index": 1.0}, "begin with L1, M1, source, target"),
     ({"M1.index": 1.0}, "M1 is a mirror, which has no index; leave M1.index out"),
     ({"M1.temperature": 20.0}, "M1 is a mirror, which has no temperature"),
-    ({"M1.decentre": 0.1}, "the M1 is plane, so that it has no middle"),
-    ({"M1.face.power": 0.1}, "the M1.face is plane, so that it has no radius"),
-    ({"L1.front.decentre_x": 0.1}, "the L1.front is plane"),
+    ({"M1.decentre": 0.1}, "M1 is plane, so that it has no middle"),
+    ({"M1.face.power": 0.1}, "M1.face is plane, so that it has no radius"),
+    ({"L1.front.decentre_x": 0.1}, "L1.front is plane"),
     ({"L1.temperature": 20.0}, "how L1 changes with temperature is not known: element.L1.material names no"),
     ({"L1.tillt_x": 1.0}, "did you mean L1.tilt_x"),
 ]
