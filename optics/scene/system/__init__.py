@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         MadePart as MadePart,
         designed_part as designed_part,
         fixed_parts as fixed_parts,
+        other_limit_checks as other_limit_checks,
         scene_parts as scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
