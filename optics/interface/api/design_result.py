@@ -149,7 +149,7 @@ class Design(DesignRecord):
         self._require_told("relit")
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
-            measurement = relit(self.problem, self.lens, light, self.system.backend)
+            measurement = relit(self.system, self.lens, light, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:

@@ -46,6 +46,8 @@ def require_stops(stops: Sequence[StopSpec]) -> None:
 def require_named_elements(elements: Sequence[Placed]) -> None:
     """Refuse elements without a name, and those of a row that bear the name of another file of a result.
 
+    Some file systems take names that differ only in case for one.
+
     Raises
     ------
     UserError : names the table.
@@ -57,6 +59,11 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
             raise UserError(
                 f"element[{k}].name = {element.name!r} is that of a file of the result, {element.name}.step; "
                 'take another, such as "L1"'
+            )
+        if alike := [e.name for e in elements[:k] if e.name.lower() == element.name.lower()]:
+            raise UserError(
+                f"element[{k}].name = {element.name!r} differs from {alike[0]!r} only in case, and both name "
+                "files; take another"
             )
 
 
