@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
+from optics.tolerancing.metrology import MeasuredPoints, light_as_built
 from optics.tolerancing.monte_carlo_samples import FormTolerance
 from optics.tolerancing.perturbations import (
     NOMINAL,
@@ -245,6 +246,29 @@ def test_a_form_is_that_of_a_face_of_the_path():
     assert FormTolerance("M1.face", 1e-5, band).drawn(system, lens, 3).front_error.half_width == (20, 30)
     with pytest.raises(UserError, match=r'one of "L1\.front" or "L1\.rear" or "M1\.face", got'):
         FormTolerance("rear", 1e-5, band).drawn(system, lens, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elements", "side"), [(FOLDED, "rear"), (SPREAD, "front")], ids=["lens", "mirror"])
+def test_a_made_element_of_a_row_gives_the_light_of_its_error(backend, elements, side):
+    """That of its refitted surface is that of the designed one with the error itself, for 8000 points."""
+    system, lens = row(*elements, target={"pixels": (24, 24)})
+    designed, waves = getattr(lens, side), Waves(1e-3, 0.7)
+    x, y = np.random.default_rng(1).uniform(-1, 1, (2, 8000)) * np.reshape(designed.half_width, (2, 1))
+    points = MeasuredPoints(np.stack([x, y, designed(x, y) + waves.jet(x, y)[0]]))
+    built = light_as_built(system, lens, points, backend, side, correct=False)
+    light = PerturbedLight(system, lens, backend)
+    (image, _), (wrong, _) = light(), light(Perturbation(**{f"{side}_error": waves}))
+    made, _ = PerturbedLight(system, built.lens, backend)()
+    assert np.linalg.norm(made - wrong) < 0.02 * np.linalg.norm(wrong - image)
+    assert built.known == 1
+
+
+def test_the_back_of_a_mirror_makes_no_light(backend):
+    system, lens = row(*SPREAD)
+    points = MeasuredPoints(np.stack([*np.random.default_rng(1).uniform(-9, 9, (2, 400)), np.zeros(400)]))
+    with pytest.raises(UserError, match=r"does not meet the back of element\.M1; take its front"):
+        light_as_built(system, lens, points, backend, "rear")
 
 
 @pytest.mark.slow
