@@ -8,7 +8,7 @@ names.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from functools import cache, partial, reduce
 from itertools import pairwise, takewhile
@@ -32,6 +32,7 @@ from optics.light.tracing.traced_surface import (
     Passage,
     TracedSurface,
     knots_of,
+    parted,
     stays_parallel,
     through_plane,
 )
@@ -147,8 +148,11 @@ class Tracer:
 
     def _over(self, k: int, rays: DeviceRays, net: Floats | None) -> tuple[Step, DeviceRays]:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
-        surface = self._surfaces[k]
+        surface, leaves = self._surfaces[k], deque[DrArray]()
+        if k > 1:
+            rays = parted(self._backend, rays, leaves)
         hits = surface.meet(rays, net)
+        leaves.extend(hits.leaves)
         passage, direction = surface.passed(rays, hits, *self._kept(k, rays, hits))
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:
