@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     )
     from optics.designing.etendue.kernel import Kernel as Kernel, Real as Real
     from optics.designing.etendue.problem_bounds import (
+        CURVED as CURVED,
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
-        OBLIQUE as OBLIQUE,
         SEARCH as SEARCH,
         OneBlur as OneBlur,
         base_rear as base_rear,

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.scene.problem import freedom_of
+from optics.scene.receivers import Plane
 from optics.scene.sources import Profile, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
@@ -78,9 +79,9 @@ def throughput(system: OpticalSystem) -> Throughput:
 
 
 def bounds_hold(system: OpticalSystem) -> bool:
-    """Return whether etendue bounds the light of a system: its source has extent, its target lies across the
-    axis."""
-    return bool(system.source.etendue) and system.axial
+    """Return whether etendue bounds the light of a system: its source has extent, its target is no curve."""
+    receiver = system.target.receiver
+    return bool(system.source.etendue) and (receiver.far_field or isinstance(receiver, Plane))
 
 
 def radiance(system: OpticalSystem) -> float:
@@ -102,14 +103,15 @@ def brightest(profile: Profile) -> float:
 
 
 def front_fraction(system: OpticalSystem) -> float:
-    """Return the fraction of the source's flux that meets the front, by a fixed set of rays.
+    """Return the fraction of the source's flux that meets the first face, by a fixed set of rays.
 
     A ray meets the graph z(x, y) over the outline if it is below the graph where it enters the prism of the
     outline, and above it where it leaves the prism.
     """
-    front, rays = system.lens.front, system.source.rays(RAYS)
+    rays, first = system.source.rays(RAYS), system.path(system.lens).surfaces[0]
     if not isinstance(rays, Rays):
         return rays.total / (rays.total + rays.missed)
+    front, rays = first.shape, rays.posed(first.pose.inverse())
     origin, direction = rays.origin, rays.direction
     enter, leave = front.outline.chord(origin[:2], direction[:2])
     enter = np.maximum(0.0, enter)

@@ -205,6 +205,6 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
 
 def _blur(system: OpticalSystem) -> float | None:
     """Return the least width of the images of the source, None where it has no extent or it is not known."""
-    if not bounds_hold(system):
+    if not bounds_hold(system) or not system.axial:
         return None
     return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

@@ -63,7 +63,8 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
     flux = brighter * system.problem.source.flux
-    scene = scene_dictionary(OpticalSystem(system.problem.with_(**{"source.flux": flux})), mesh)
+    lit = OpticalSystem(system.problem.with_(**{"source.flux": flux}), shapes=system.shapes)
+    scene = scene_dictionary(lit, mesh)
     z = float(system.target.receiver.pose.shift[2])
     scene["overview"] = overview_camera(mi, system.target.screen(), z, lens)
     for name, count in SAMPLES.items():

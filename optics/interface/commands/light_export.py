@@ -57,7 +57,7 @@ def rays_of_light(options: Namespace) -> Outcome:
         for name in ("position", "direction", "flux")
     )
     checks = [Check("numbers of the rays that differ", differ, 0, "")]
-    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
+    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} over all faces"
     data = {"rays": len(rays), units_of(rays.unit).key("flux"): rays.total}
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, [written])
 
@@ -67,7 +67,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
 
     Raises
     ------
-    UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
+    UserError : no lens on the axis, no result folder, too many rays, a step out of range, or no light.
     """
     step = options.step
     low, high = STEPS
@@ -78,6 +78,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
             f"got {step:g}"
         )
     system, lens, backend = _traceable(options)
+    require_lens_on_axis(system, "intensities in files")
     out = Path(options.out)
     light = outgoing_intensity(system, lens, backend, options.rays, options.step)
     LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
@@ -159,9 +160,7 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     if not Path(options.result).is_dir():
         raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
     require_free_files([Path(options.out)], options.out, options.force)
-    problem, lens, _ = ResultFolder(options.result).read()
-    system = OpticalSystem(problem)
-    require_lens_on_axis(system, "files of light")
+    system, lens, _ = ResultFolder(options.result).read()
     return system, lens, system.backend
 
 

@@ -65,10 +65,11 @@ def part_of(solid: Solid) -> Part:
 
 def product_of(solid: Solid, product: Product | None) -> Product:
     """Return the Product of a file of a lens; None is Product().  A material without an index gets that of
-    the lens."""
+    the lens; the blank of a mirror, of index 1, has none."""
     product = Product() if product is None else product
     require_type("product", product, Product)
-    return replace(product, index=solid.index) if product.material and product.index is None else product
+    unsaid = product.material and product.index is None and solid.index != 1
+    return replace(product, index=solid.index) if unsaid else product
 
 
 def part_step(
