@@ -8,7 +8,7 @@ names.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
@@ -33,6 +33,7 @@ from optics.light.tracing.traced_surface import (
     Passage,
     TracedSurface,
     knots_of,
+    parted,
     stays_parallel,
     through_plane,
 )
@@ -149,8 +150,11 @@ class Tracer:
 
     def _over(self, k: int, rays: DeviceRays, net: Floats | None) -> tuple[Step, DeviceRays]:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
-        surface = self._surfaces[k]
+        surface, leaves = self._surfaces[k], deque[DrArray]()
+        if k > 1:
+            rays = parted(self._backend, rays, leaves)
         hits = surface.meet(rays, net)
+        leaves.extend(hits.leaves)
         hit, blocked, again = self._kept(k, rays, hits)
         passage, direction = surface.passed(rays, hits, hit, blocked)
         passage = replace(passage, again=again)
