@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any
 
 IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)$", re.MULTILINE)
-OFFERED = re.compile(r"\b(?!as\b)\w+")
+WORD = re.compile(r"\w+")
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
@@ -72,7 +72,8 @@ def _homes(door: Path, package: str) -> dict[str, str]:
     return {
         name: package + home if home.startswith(".") else home
         for home, names in IMPORT.findall(door.read_text("utf-8"))
-        for name in OFFERED.findall(names)
+        for name in WORD.findall(names)
+        if name != "as"
     }
 
 

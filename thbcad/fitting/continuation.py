@@ -85,7 +85,7 @@ class Continuation:
         """E_dd, factorised, and E_df."""
         follows = ~self.free
         where = self._followed[follows].sum(axis=0) > 0  # cells on which a function acts that is not free
-        energy = csr_array(thin_plate(self._space, where))[follows]
+        energy = thin_plate(self._space, where, follows)
         return (
             splu(
                 csc_array(energy[:, follows]),

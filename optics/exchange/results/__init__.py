@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         sha256_of,
         writable_folder,
     )
-    from .result_folder import FIGURES, FILES, SCENE, ResultFolder, lens_of, level_files
+    from .result_folder import FIGURES, FILES, SCENE, ResultFolder, lens_of, level_files, shape_file
     from .result_writer import ResultWriter
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -41,7 +41,8 @@ FIGURES = tuple(
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
 SCENE = "scene.step"  # of all elements in their places
-PART_FILE = re.compile(r"[\w-]+\.(step|lens\.json)")  # of an element, or of the whole scene
+# of an element, or of the whole scene
+PART_FILE = re.compile(r"[\w-]+\.(step|lens\.json)|figures/[\w-]+_(sag|mesh)\.png")
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 FILES_OF_A_LEVEL = 3  # lens, arrays, picture
 KEYS_SHOWN = 4  # in which two problems differ; files that are named
@@ -265,7 +266,13 @@ def part_files(problem: Problem) -> list[str]:
     others = [optic for optic in problem.optics if optic is not problem.optic]
     steps = [f"{optic.called}.step" for optic in others]
     shapes = [shape_file(optic.called) for optic in others if optic.free]
-    return [*steps, *shapes, SCENE] if others else []
+    figures = [
+        f"figures/{optic.called}_{optic.face_name(face)}_{what}.png"
+        for optic in others
+        for face in optic.free
+        for what in ("sag", "mesh")
+    ]
+    return [*steps, *shapes, *figures, SCENE] if others else []
 
 
 def shape_file(name: str) -> str:

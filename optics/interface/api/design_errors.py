@@ -121,8 +121,7 @@ def _forms(
     design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
 ) -> tuple[FormTolerance, ...]:
     """Return the form tolerances of the surfaces, those of 0 left out."""
-    optic = design.problem.optic
-    free = (FaceMet(optic, face).name for face in optic.free)
+    free = (FaceMet(optic, face).name for optic in design.problem.free_optics for face in optic.free)
     chosen = dict.fromkeys(free, FORM_NM) | dict(forms or {})
     try:
         found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]

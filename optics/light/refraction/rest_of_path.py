@@ -18,7 +18,9 @@ from optics.scene.receivers import Receiver, Triple
 from thbcad.checks import Bools, Floats
 from thbcad.sags import Conic
 
-NEWTON_STEPS = 8  # steps double the digits; targets within reach need four or five
+NEWTON_STEPS = 8  # at most; steps double the digits: targets within reach need four or five
+SETTLED = 1e-6  # rad: a step as short as that leaves no more than rounding of a landing
+CHORD = 1e-3  # rad: behind shorter steps the derivatives hardly change, and each step adds three digits
 FARTHEST = 0.3  # rad, of a step
 DIFFERENCE = 1e-6  # rad: the square root of the rounding of a landing, with some room
 REACHED = 1e-6  # of the receiver's distance: a landing as near as that is the one that was wanted
@@ -75,22 +77,26 @@ class RestOfPath:
 
         p = np.zeros(np.broadcast(*points, u, v).shape)
         q = np.zeros_like(p)
+        far = np.inf
         for _ in range(NEWTON_STEPS):
             left = missing(p, q)
-            (up, vp), (uq, vq) = (
-                (left - missing(p + dp, q + dq)) / DIFFERENCE
-                for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
-            )
+            if far > CHORD:
+                (up, vp), (uq, vq) = (
+                    (left - missing(p + dp, q + dq)) / DIFFERENCE
+                    for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
+                )
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = np.array([left[0] * vq - left[1] * uq, left[1] * up - left[0] * vp])
                 step /= up * vq - vp * uq
             step = np.where(np.isfinite(step).all(axis=0), np.clip(step, -FARTHEST, FARTHEST), 0.0)
-            p, q = p + step[0], q + step[1]
+            p, q, far = p + step[0], q + step[1], float(abs(step).max())
+            if far < SETTLED:
+                break
         directions = at(p, q)
-        through = self.land(points, directions)[2]
+        *landed, through = self.land(points, directions)
         throw = np.degrees(1.0) if self.receiver.far_field else np.linalg.norm(self.receiver.pose.shift)
         with np.errstate(invalid="ignore"):
-            return directions, through & (np.hypot(*missing(p, q)) < REACHED * throw)
+            return directions, through & (np.hypot(u - landed[0], v - landed[1]) < REACHED * throw)
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         trace_nonsequential,
         trace_paths,
     )
+    from optics.light.tracing.obstructions import ShadingBody
     from optics.light.tracing.refraction import (
         critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,

@@ -10,7 +10,7 @@ from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import Backend, load_backend
+from optics.base.runtime import Backend, UserError, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
@@ -116,6 +116,17 @@ class OpticalSystem:
     def shaped_face(self) -> FaceMet:
         """The face that a transport map shapes."""
         return next(face for face in self.own_faces.values() if face.face == self.shaped)
+
+    def number_of(self, side: str) -> int:
+        """Return the number along the path of "front" or "rear" of the element that is designed.
+
+        Raises UserError : light does not meet it, as the back of a mirror.
+        """
+        for number, face in self.own_faces.items():
+            if face.face == side:
+                return number
+        optic = self.problem.optic
+        raise UserError(f"light does not meet the {optic.face_name(side)} of {optic.table}; take its front")
 
     def held(self, path: LightPath, clear: tuple[Outline, Outline]) -> LightPath:
         """Return a path of which a holder of the designed element leaves these of front and rear free."""
@@ -342,15 +353,6 @@ class OpticalSystem:
     def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
         """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
         return (self.problem.optic, lens), *self.fixed
-
-    def with_fixed(self, lenses: Sequence[Lens]) -> OpticalSystem:
-        """Return the system whose fixed elements have other lenses or blanks; itself, if they are its own."""
-        fixed = tuple((optic, lens) for (optic, _), lens in zip(self.fixed, lenses))
-        if all(new is old for (_, new), (_, old) in zip(fixed, self.fixed)):
-            return self
-        other = replace(self)
-        other.__dict__["fixed"] = fixed
-        return other
 
     def shaded_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, among the bodies of all elements and a plane screen.

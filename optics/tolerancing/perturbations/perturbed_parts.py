@@ -48,8 +48,8 @@ class PerturbedParts:
         on_axis = system.lens_on_axis
         back = Pose.at(p.lens_shift, p.lens_tilt).inverse() if on_axis else IDENTITY
         source = back @ Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
-        fixed = [_made(system, optic, blank, p) for optic, blank in system.fixed]
-        made, designed = system.with_fixed(fixed), _made(system, system.problem.optic, lens, p)
+        others = {optic.called: _made(system, optic, blank, p) for optic, blank in system.fixed}
+        made, designed = system.shaped_as(others), _made(system, system.problem.optic, lens, p)
         path = made.shaded_path(designed) if shaded else made.path(designed)
         own, faces = path.receiver.pose, system.problem.faces_met
         target = Pose.at(own.directions(p.target_shift), own.directions(p.target_tilt), own.shift)
