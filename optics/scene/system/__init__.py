@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.scene.system.elements import TURNED, freeforms, lens_product, pose_of
     from optics.scene.system.geometry_search import nearest_geometry
-    from optics.scene.system.lens import freeforms, lens_product
     from optics.scene.system.lens_material import index_at, indexing_material
     from optics.scene.system.made_parts import (
         MadePart,
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
         scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
-    from optics.scene.system.placed_faces import TURNED, pose_of
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis
     from optics.scene.system.soundness import advice, load_system, solvable_system
     from optics.scene.system.source import Own, source_of

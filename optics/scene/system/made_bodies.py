@@ -10,7 +10,7 @@ from optics.base.runtime import UserError
 from optics.scene.paths import Body
 from optics.scene.problem import FaceMet, Optic
 from optics.scene.receivers import Plane
-from optics.scene.system.placed_faces import clear_aperture_of, pose_of
+from optics.scene.system.elements import clear_aperture_of, pose_of
 from optics.scene.system.target import LightTarget
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions

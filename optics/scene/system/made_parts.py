@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from optics.base.runtime import Check
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Optic
-from optics.scene.system.lens import lens_product
+from optics.scene.system.elements import lens_product, pose_of
 from optics.scene.system.made_bodies import made_of
 from optics.scene.system.optical_system import OpticalSystem
-from optics.scene.system.placed_faces import pose_of
 from thbcad.lens import Lens, Product, manufacturability
 from thbcad.poses import Pose
 

@@ -10,40 +10,29 @@ from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import Backend, UserError, load_backend
-from optics.scene.materials import Material
-from optics.scene.paths import LightPath, Medium, Stop
-from optics.scene.photometry import Density, Units, units_of
-from optics.scene.problem import FaceMet, Freeform, MirrorElement, Optic, Problem
+from optics.base.runtime import Backend, load_backend
+from optics.scene.paths import LightPath, Stop
+from optics.scene.photometry import Density
+from optics.scene.problem import Optic, Problem
 from optics.scene.sources import LightSource, RayGrid, Rays
-from optics.scene.system.lens import base_lens, freeforms, lens_product
-from optics.scene.system.lens_material import (
-    Wavelength,
-    indexing_material,
-    media_at,
-    wavelengths_of,
-    with_material,
-)
-from optics.scene.system.made_bodies import bodies_of, body_options, made_of
-from optics.scene.system.placed_faces import clear_aperture_of, pose_of, surface_of
+from optics.scene.system.elements import base_lens, surface_of
+from optics.scene.system.lens_material import Wavelength, wavelengths_of, with_material
+from optics.scene.system.made_bodies import bodies_of, made_of
+from optics.scene.system.prescribed import Prescribed
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import FreeformSurface, Lens, Manufacturability, Product, manufacturability
-from thbcad.moulds import BodyOptions
+from thbcad.lens import FreeformSurface, Lens, Manufacturability, manufacturability
 from thbcad.outlines import Outline
-from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
 
-STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
-
 
 @dataclass(frozen=True, eq=False)
-class OpticalSystem:
+class OpticalSystem(Prescribed):
     """Lens, sources and targets of a problem.  Every part is built when it is first asked for, and once.
 
     Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
@@ -57,7 +46,6 @@ class OpticalSystem:
     Raises UserError : nothing is known of the material.
     """
 
-    problem: Problem
     aim: LightTarget | None = None
     own: Own = Own()
     shapes: Mapping[str, Lens] = field(default_factory=dict)
@@ -96,37 +84,10 @@ class OpticalSystem:
         """
         return load_backend("double", self.problem.run.threads)
 
-    @cached_property
-    def product(self) -> Product:
-        """What the CAD files say about the lens."""
-        return lens_product(self.problem)
-
     @property
     def axial(self) -> bool:
         """Whether it is a lens on the axis before a target across it, or before the far field around it."""
         return not self.problem.element and self.target.receiver.across_axis
-
-    @cached_property
-    def own_faces(self) -> dict[int, FaceMet]:
-        """The faces of the element that is designed, by their numbers along the path."""
-        optic = self.problem.optic
-        return {k: face for k, face in enumerate(self.problem.faces_met) if face.optic is optic}
-
-    @property
-    def shaped_face(self) -> FaceMet:
-        """The face that a transport map shapes."""
-        return next(face for face in self.own_faces.values() if face.face == self.shaped)
-
-    def number_of(self, side: str) -> int:
-        """Return the number along the path of "front" or "rear" of the element that is designed.
-
-        Raises UserError : light does not meet it, as the back of a mirror.
-        """
-        for number, face in self.own_faces.items():
-            if face.face == side:
-                return number
-        optic = self.problem.optic
-        raise UserError(f"light does not meet the {optic.face_name(side)} of {optic.table}; take its front")
 
     def held(self, path: LightPath, clear: tuple[Outline, Outline]) -> LightPath:
         """Return a path of which a holder of the designed element leaves these of front and rear free."""
@@ -140,21 +101,6 @@ class OpticalSystem:
         """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
         single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
         return single.posed(self.pose.inverse())
-
-    @property
-    def reflects(self) -> bool:
-        """Whether it is a mirror that is shaped, and no lens."""
-        return isinstance(self.problem.optic, MirrorElement)
-
-    @property
-    def pose(self) -> Pose:
-        """From the frame of the lens, with its front vertex at 0, to that of the scene."""
-        return pose_of(self.problem.optic)
-
-    @property
-    def freeforms(self) -> tuple[Freeform, ...]:
-        """The settings of the free surfaces, as `sags`."""
-        return freeforms(self.problem)
 
     def free_elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
         """Return the elements with free surfaces in the order of the light; `lens` is the last."""
@@ -194,29 +140,14 @@ class OpticalSystem:
         return OpticalSystem(self.problem, shapes=self.shapes)
 
     @property
-    def units(self) -> Units:
-        """The units of flux, and of the light on a target."""
-        return units_of(self.problem.source.unit)
-
-    @property
     def density(self) -> Density:
         """The units of the light on the target."""
         return self.units.density(self.target.far_field)
 
     @property
-    def shaped(self) -> str:
-        """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
-        return [*self.problem.optic.free][-1]
-
-    @property
     def shapes_parallel(self) -> bool:
         """Whether parallel light meets the surface that a transport map shapes."""
         return self.parallel or (self.shaped == "front" and self.source.collimated)
-
-    @property
-    def slope_rms(self) -> tuple[float, ...]:
-        """Of the faces that light meets, radians."""
-        return tuple(getattr(face.optic, face.face).slope_rms for face in self.problem.faces_met)
 
     @property
     def blurred(self) -> bool:
@@ -254,23 +185,6 @@ class OpticalSystem:
         """
         return wavelengths_of(self.problem)
 
-    @property
-    def material(self) -> Material | None:
-        """The known material whose index the lens has; None where its index is another."""
-        return indexing_material(self.problem, self.problem.optic)
-
-    def media_at(self, nm: float) -> tuple[Medium, ...]:
-        """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
-
-        Raises UserError : an index is not known there.
-        """
-        return media_at(self.problem, nm, self.problem.source.wavelength)
-
-    @property
-    def spectral(self) -> bool:
-        """Whether light is measured at other wavelengths than that of the design."""
-        return bool(self.problem.source.spectrum)
-
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
@@ -281,15 +195,6 @@ class OpticalSystem:
     def stops(self) -> tuple[Stop, ...]:
         """What blocks light beside the lens, in the frame of its front vertex."""
         return stops_of(self.problem)
-
-    def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
-        """Return what a holder leaves free of front and rear of a lens; None is all."""
-        return clear_aperture_of(self.problem.optic, lens)
-
-    @property
-    def body(self) -> BodyOptions | None:
-        """What makes the lens a body that leaves a mould; None is the lens."""
-        return body_options(self.problem.optic)
 
     def solid(self, lens: Lens) -> Solid:
         """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
@@ -365,16 +270,6 @@ class OpticalSystem:
         bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
         emitted = -self.problem.source.distance if self.source.from_afar else -inf
         return replace(path, bodies=bodies, emitted=emitted)
-
-    @property
-    def lens_on_axis(self) -> bool:
-        """Whether light goes through a lens on the axis, with its front vertex at 0."""
-        return self.pose.is_identity and self.lone_lens
-
-    @property
-    def lone_lens(self) -> bool:
-        """Whether there is one lens, through which light goes by its front and its rear."""
-        return [(face.face, face.reflects) for face in self.problem.faces_met] == STRAIGHT
 
     @cached_property
     def parallel(self) -> bool:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Optic, Placed
+from optics.scene.system.elements import pose_of
 from optics.scene.system.geometry_search import nearest_geometry
 from optics.scene.system.optical_system import OpticalSystem
-from optics.scene.system.placed_faces import pose_of
 from optics.scene.system.stops import lens_heights
 from thbcad.checks import Floats
 from thbcad.lens import Lens

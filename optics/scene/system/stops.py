@@ -9,7 +9,7 @@ import numpy as np
 from optics.base.runtime import UserError
 from optics.scene.paths import Stop
 from optics.scene.problem import Optic, Placed, Problem, freedom_of
-from optics.scene.system.placed_faces import pose_of
+from optics.scene.system.elements import pose_of
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.outlines import Outline

@@ -12,7 +12,7 @@ from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.sources import RayGrid, Rays, collimated_beam
 from optics.scene.system import OpticalSystem
-from optics.scene.system.lens import freeforms
+from optics.scene.system.elements import freeforms
 from optics.scene.system.soundness import require_reachable
 from tests.optics.cases import write_problem
 

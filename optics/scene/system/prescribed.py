@@ -1,0 +1,121 @@
+"""What a problem says of an optical system, before anything is built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from optics.base.runtime import UserError
+from optics.scene.materials import Material
+from optics.scene.paths import Medium
+from optics.scene.photometry import Units, units_of
+from optics.scene.problem import FaceMet, Freeform, MirrorElement, Problem
+from optics.scene.system.elements import clear_aperture_of, freeforms, lens_product, pose_of
+from optics.scene.system.lens_material import indexing_material, media_at
+from optics.scene.system.made_bodies import body_options
+from thbcad.lens import Lens, Product
+from thbcad.moulds import BodyOptions
+from thbcad.outlines import Outline
+from thbcad.poses import Pose
+
+STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
+
+
+@dataclass(frozen=True, eq=False)
+class Prescribed:
+    """What the tables of a problem say of its light and of the element that is designed."""
+
+    problem: Problem
+
+    @cached_property
+    def product(self) -> Product:
+        """What the CAD files say about the lens."""
+        return lens_product(self.problem)
+
+    @cached_property
+    def own_faces(self) -> dict[int, FaceMet]:
+        """The faces of the element that is designed, by their numbers along the path."""
+        optic = self.problem.optic
+        return {k: face for k, face in enumerate(self.problem.faces_met) if face.optic is optic}
+
+    @property
+    def shaped_face(self) -> FaceMet:
+        """The face that a transport map shapes."""
+        return next(face for face in self.own_faces.values() if face.face == self.shaped)
+
+    def number_of(self, side: str) -> int:
+        """Return the number along the path of "front" or "rear" of the element that is designed.
+
+        Raises UserError : light does not meet it, as the back of a mirror.
+        """
+        for number, face in self.own_faces.items():
+            if face.face == side:
+                return number
+        optic = self.problem.optic
+        raise UserError(f"light does not meet the {optic.face_name(side)} of {optic.table}; take its front")
+
+    @property
+    def reflects(self) -> bool:
+        """Whether it is a mirror that is shaped, and no lens."""
+        return isinstance(self.problem.optic, MirrorElement)
+
+    @property
+    def pose(self) -> Pose:
+        """From the frame of the lens, with its front vertex at 0, to that of the scene."""
+        return pose_of(self.problem.optic)
+
+    @property
+    def freeforms(self) -> tuple[Freeform, ...]:
+        """The settings of the free surfaces, as `sags`."""
+        return freeforms(self.problem)
+
+    @property
+    def units(self) -> Units:
+        """The units of flux, and of the light on a target."""
+        return units_of(self.problem.source.unit)
+
+    @property
+    def shaped(self) -> str:
+        """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
+        return [*self.problem.optic.free][-1]
+
+    @property
+    def slope_rms(self) -> tuple[float, ...]:
+        """Of the faces that light meets, radians."""
+        return tuple(getattr(face.optic, face.face).slope_rms for face in self.problem.faces_met)
+
+    @property
+    def material(self) -> Material | None:
+        """The known material whose index the lens has; None where its index is another."""
+        return indexing_material(self.problem, self.problem.optic)
+
+    def media_at(self, nm: float) -> tuple[Medium, ...]:
+        """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
+
+        Raises UserError : an index is not known there.
+        """
+        return media_at(self.problem, nm, self.problem.source.wavelength)
+
+    @property
+    def spectral(self) -> bool:
+        """Whether light is measured at other wavelengths than that of the design."""
+        return bool(self.problem.source.spectrum)
+
+    def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
+        """Return what a holder leaves free of front and rear of a lens; None is all."""
+        return clear_aperture_of(self.problem.optic, lens)
+
+    @property
+    def body(self) -> BodyOptions | None:
+        """What makes the lens a body that leaves a mould; None is the lens."""
+        return body_options(self.problem.optic)
+
+    @property
+    def lens_on_axis(self) -> bool:
+        """Whether light goes through a lens on the axis, with its front vertex at 0."""
+        return self.pose.is_identity and self.lone_lens
+
+    @property
+    def lone_lens(self) -> bool:
+        """Whether there is one lens, through which light goes by its front and its rear."""
+        return [(face.face, face.reflects) for face in self.problem.faces_met] == STRAIGHT
