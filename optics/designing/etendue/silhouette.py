@@ -36,12 +36,12 @@ from __future__ import annotations
 from math import ceil, hypot, isqrt, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem, pose_of
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.poses import IDENTITY, Pose
 
@@ -52,10 +52,8 @@ SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixe
 THIN = 1e-6  # of its half-width: the least freedom of a mirror's face, whose hull is a body then
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
-Array = NDArray[np.float64]
 
-
-def pixel_etendue(system: OpticalSystem) -> Array:
+def pixel_etendue(system: OpticalSystem) -> Floats:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
     (pose, z), screen = _before_target(system), system.target.screen()
     points = _moved(envelope(system), pose)
@@ -73,7 +71,7 @@ def pixel_etendue(system: OpticalSystem) -> Array:
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
-def envelope(system: OpticalSystem) -> Array:
+def envelope(system: OpticalSystem) -> Floats:
     """Return points whose convex hull holds all faces of the last element, in its frame, (n, 3) mm.
 
     z_freedom must be known.
@@ -101,12 +99,12 @@ def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
     return receiver.pose.inverse() @ pose_of(system.problem.faces_met[-1].optic), 0.0
 
 
-def _moved(points: Array, pose: Pose) -> Array:
+def _moved(points: Floats, pose: Pose) -> Floats:
     """Return points elsewhere, (n, 3)."""
     return np.asarray(pose.points(points.T)).T
 
 
-def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
+def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Floats:
     """Return points whose convex hull holds a surface with its freedom, (n, 3).
 
     A conic lies on one side of its tangent planes, here those at the middles of cells, and on the other side
@@ -128,7 +126,7 @@ def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
     return np.concatenate(found)
 
 
-def _seen(screen: Screen, points: Array, z: float, mirrored: bool = True) -> Array:
+def _seen(screen: Screen, points: Floats, z: float, mirrored: bool = True) -> Floats:
     """Return an upper bound of the mean of P over every pixel of a target plane, (rows, columns) sr.
 
     mirrored : the envelope is its own mirror image in x and in y: a quarter of the pixels tells all.
@@ -158,7 +156,7 @@ def _seen(screen: Screen, points: Array, z: float, mirrored: bool = True) -> Arr
     return bound[np.ix_(rows, columns)]
 
 
-def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
+def projected_solid_angle(points: Floats, x: Floats, y: Floats, z: float) -> Floats:
     """Return P of the convex hull of `points` (n, 3), seen from (x, y, z) above all of them, (m,) sr."""
     try:
         hull = ConvexHull(points)
@@ -182,7 +180,7 @@ def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
     return np.maximum(total, 0.0)
 
 
-def _edge_term(a: Array, b: Array) -> Array:
+def _edge_term(a: Floats, b: Floats) -> Floats:
     """Return angle(a, b) (a x b)_z / |a x b| / 2 of vectors (3, n)."""
     normal = np.cross(a, b, axis=0)
     length = np.sqrt((normal**2).sum(axis=0))
@@ -190,7 +188,7 @@ def _edge_term(a: Array, b: Array) -> Array:
     return np.divide(angle * normal[2], 2 * length, out=np.zeros_like(length), where=length > 0)
 
 
-def _shadow(screen: Screen, points: Array) -> Array:
+def _shadow(screen: Screen, points: Floats) -> Floats:
     """Return an upper bound of the shadow's area over every pixel of the far field, (rows, columns) mm^2."""
     a, b = _tangents(screen)
     area = _thrown(points, a[None, :], b[:, None])
@@ -200,7 +198,7 @@ def _shadow(screen: Screen, points: Array) -> Array:
     return np.maximum(corner[:, 1:], corner[:, :-1]) / length
 
 
-def _thrown(points: Array, a: Array, b: Array) -> Array:
+def _thrown(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the area of the shadow along (a, b, 1) on a plane z = constant, mm^2; a and b broadcast."""
     hull = ConvexHull(points)
     area = np.zeros(np.broadcast_shapes(a.shape, b.shape))
@@ -211,14 +209,14 @@ def _thrown(points: Array, a: Array, b: Array) -> Array:
     return area
 
 
-def _solid_angle(screen: Screen) -> Array:
+def _solid_angle(screen: Screen) -> Floats:
     """Return the solid angle of every pixel of the far field, (rows, columns) sr."""
     a, b = _tangents(screen)
     corner = np.arctan(a[None, :] * b[:, None] / np.sqrt(1 + a[None, :] ** 2 + b[:, None] ** 2))
     return -np.diff(np.diff(corner, axis=0), axis=1)
 
 
-def _tangents(screen: Screen) -> tuple[Array, Array]:
+def _tangents(screen: Screen) -> tuple[Floats, Floats]:
     """Return the tangents of the borders of columns and rows; those of rows fall."""
     a, b = (
         np.tan(np.radians(h * (2 * np.arange(n + 1) / n - 1)))
@@ -227,7 +225,7 @@ def _tangents(screen: Screen) -> tuple[Array, Array]:
     return a, -b
 
 
-def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
+def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
     The envelope is sampled from within, by points of its surfaces within their outlines; its bound has
@@ -255,7 +253,7 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
     return float((etendue[np.ix_(rows, columns)] / filled).max())
 
 
-def _within(system: OpticalSystem) -> Array:
+def _within(system: OpticalSystem) -> Floats:
     """Return points of all last elements: of their faces at both ends of z_freedom, (n, 3) mm."""
     at, points = np.linspace(-1, 1, SAMPLES), []
     for surface, vertex, freedom in _last_faces(system):

@@ -56,9 +56,7 @@ def scene_file_names(out: Path) -> list[Path]:
 def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, bytes]:
     """Return the files of a system's scene by their paths; see `scene_dictionary`.
 
-    Raises
-    ------
-    UserError : as `scene_dictionary`.
+    Raises UserError : as `scene_dictionary`.
     """
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))

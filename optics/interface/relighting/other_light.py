@@ -23,9 +23,7 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
 
     backend : of double precision.
 
-    Raises
-    ------
-    UserError : a source that does not go with the lens, such as one that lies in it.
+    Raises UserError : a source that does not go with the lens, such as one that lies in it.
     """
     other = replace(system.problem, source=source)
     index = _index_at(system, source.wavelength)
@@ -54,9 +52,7 @@ def other_source(words: str, problem: Problem) -> Source:
     before the front vertex.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that file.  Another path: the
     source of that problem file, as it is.
 
-    Raises
-    ------
-    UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
+    Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
     """
     own = problem.source
     if words.lower() == "sun":

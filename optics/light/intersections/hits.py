@@ -166,12 +166,7 @@ class KnownHits:
     """
 
     def __init__(
-        self,
-        backend: Backend,
-        beam: RayGrid,
-        conic: Conic,
-        outline: Outline,
-        knots: Sequence[KnotVector],
+        self, backend: Backend, beam: RayGrid, conic: Conic, outline: Outline, knots: Sequence[KnotVector]
     ) -> None:
         dr, self._backend = backend.dr, backend
         self.shape = len(beam.x), len(beam.y)

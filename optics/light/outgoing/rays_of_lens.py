@@ -22,9 +22,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
 
     Light that edges and inner reflections send on is not among them.
 
-    Raises
-    ------
-    UserError : rays from the target in the far field, which has no place.
+    Raises UserError : rays from the target in the far field, which has no place.
     """
     if place == "target" and system.target.far_field:
         raise UserError("the far field has no plane that rays may start from; take --light rear")

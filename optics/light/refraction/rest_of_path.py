@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.paths import LightPath, Surface
 from optics.scene.receivers import Receiver, Triple
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.sags import Conic
 
 NEWTON_STEPS = 8  # at most; steps double the digits: targets within reach need four or five
@@ -45,9 +44,9 @@ class RestOfPath:
         indices = tuple(medium.index for medium in path.media[surface + 1 :])
         return cls(path.surfaces[surface + 1 :], indices, path.receiver)
 
-    def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, Bools]:
         """Return u, v, and which rays come through to the receiver.  directions : unit vectors."""
-        through: NDArray[np.bool_] | bool = True
+        through: Bools | bool = True
         for surface, indices in zip(self.surfaces, pairwise(self.indices)):
             back = surface.pose.inverse()
             own, along = back.points(tuple(points)), back.directions(tuple(directions))
@@ -60,7 +59,7 @@ class RestOfPath:
             landed = self.receiver.land(points, directions)
             return landed.u, landed.v, through & landed.met
 
-    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], NDArray[np.bool_]]:
+    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], Bools]:
         """Return unit vectors from points along which light lands at (u, v), and which of them do."""
         if not self.surfaces:
             directions = normalised(self.receiver.toward(points, u, v))
@@ -100,9 +99,7 @@ class RestOfPath:
             return directions, through & (np.hypot(u - landed[0], v - landed[1]) < REACHED * throw)
 
 
-def bent(
-    mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple
-) -> tuple[list[Floats], NDArray[np.bool_]]:
+def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:
     """Return unit vectors behind a surface, and which rays go on.
 
     With r = n / n' and c = a . m for the unit normal m = (-z_x, -z_y, 1) / N: a - 2 c m, or

@@ -43,7 +43,8 @@ class Passage:
         refracted forward, or reflected.
     reaching : flux at the surface, W: what absorption leaves of that behind the one before.
     leaving : flux that goes on, zero of all other rays.
-    blocked : rays that stops on their way take, or a holder on the surface.
+    blocked : rays that stops on their way take, or a holder on the surface.  again : of these, those that
+        meet the surface before once more.
     """
 
     before: DeviceRays
@@ -53,6 +54,7 @@ class Passage:
     reaching: DrArray
     leaving: DrArray
     blocked: DrArray | bool = False
+    again: DrArray | bool = False
 
 
 class TracedSurface:
@@ -171,7 +173,8 @@ def through_plane(
     if not outline.is_rectangle:
         hit = gauge(backend, outline, x, y) <= 1
     rays = DeviceRays((x, y, start), (0.0, 0.0, 1.0))
-    kept = plane.kept(hit, obstruction.takes(rays, hit, -start), x, y)
+    taken, _ = obstruction.takes(rays, hit, -start)
+    kept = plane.kept(hit, taken, x, y)
     backend.dr.eval(kept)
     return kept
 

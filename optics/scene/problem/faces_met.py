@@ -17,8 +17,6 @@ REFLECT = ":reflect"
 class PathSpec:
     """The way of the light, as the table [[path]].
 
-    Examples
-    --------
     >>> PathSpec(faces=("L1.front", "L1.rear:reflect", "L1.front", "M1")).faces[-1]
     'M1'
     """
@@ -60,9 +58,7 @@ class FaceMet:
 def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, ...]:
     """Return the faces that light meets, in their order; without a path all elements one after the other.
 
-    Raises
-    ------
-    UserError : names the face that light cannot meet there, or the element that it never meets.
+    Raises UserError : names the face that light cannot meet there, or the element that it never meets.
     """
     if path is None:
         return tuple(

@@ -17,9 +17,7 @@ LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater th
 def require_optic(optic: Optic, shaped: bool) -> None:
     """Refuse an element whose keys do not go together.  shaped : a transport map shapes a surface of it.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     if isinstance(optic, LensSpec):
         _require_glass(optic)
@@ -35,9 +33,7 @@ def require_optic(optic: Optic, shaped: bool) -> None:
 def require_stops(stops: Sequence[StopSpec]) -> None:
     """Refuse stops that make no sense.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     for k, stop in enumerate(stops):
         _require_stop(f"stop[{k}]", stop)
@@ -48,9 +44,7 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
 
     Some file systems take names that differ only in case for one.
 
-    Raises
-    ------
-    UserError : names the table.
+    Raises UserError : names the table.
     """
     for k, element in enumerate(elements):
         if not element.name:
@@ -95,9 +89,7 @@ def _require_free(optic: Optic) -> None:
 def require_rows(key: str, rows: Rows, low: float, high: float) -> None:
     """Refuse rows (nm, value) out of their limits, and wavelengths that come twice.
 
-    Raises
-    ------
-    UserError : names the row.
+    Raises UserError : names the row.
     """
     for k, (nm, value) in enumerate(rows):
         if not 1 <= nm <= 1e6:

@@ -83,7 +83,9 @@ def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
     sun = other_source("sun", problem)
-    fates = relit(OpticalSystem(problem), optics.System(problem).optical.lens, sun, backend).metrics["fates_w"]
+    fates = relit(OpticalSystem(problem), optics.System(problem).optical.lens, sun, backend).metrics[
+        "fates_w"
+    ]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -176,7 +178,9 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
     red = replace(problem.source, wavelength=650.0)
     made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
     wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
-    assert relit(OpticalSystem(resolved), lens, red, backend).irradiance == pytest.approx(wanted.irradiance, rel=1e-4)
+    assert relit(OpticalSystem(resolved), lens, red, backend).irradiance == pytest.approx(
+        wanted.irradiance, rel=1e-4
+    )
     white = relit(OpticalSystem(resolved), lens, replace(problem.source, spectrum="LED-B1"), backend)
     assert white.colour.shape == (3, *wanted.irradiance.shape)
     assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
