@@ -1,14 +1,10 @@
-"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds."""
+"""What the shapes of elements add to the loss: roughness, and limits that they exceed."""
 
 from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.penalties.shape_loss import (
-        ROOM as ROOM,
-        ShapePenalty as ShapePenalty,
-        shape_penalty as shape_penalty,
-    )
+    from optics.designing.penalties.shape_loss import ROOM, Part, ShapePenalty, shape_penalty
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -27,7 +27,6 @@ from optics.exchange.export.read_back import (
 )
 from optics.exchange.results import ResultFolder, lens_of, require_own, require_writable
 from optics.exchange.verification import EXACT_VOLUME, FITTED_VOLUME, volume_check
-from optics.scene.system import OpticalSystem, lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
@@ -69,14 +68,12 @@ class Labels:
 def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """Return the lens of a result folder or of a native lens file, and its labels.
 
-    Raises
-    ------
-    UserError : there is none, or it is damaged.
+    Raises UserError : there is none, or it is damaged.
     """
     path = Path(result)
     if path.is_dir():
-        problem, lens, _ = ResultFolder(path).read()
-        return lens, Labels(lens_product(problem), problem.export.schema)
+        system, lens, _ = ResultFolder(path).read()
+        return lens, Labels(system.product, system.problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), Labels()
 
 
@@ -85,17 +82,14 @@ def moulded_in(result: str, body: Body) -> Body:
     path = Path(result)
     if not path.is_dir():
         return body
-    problem, lens, _ = ResultFolder(path).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(path).read()
     return replace(body, moulded=system.body, clear=system.clear_aperture(lens))
 
 
 def format_of(out: str, wanted: str | None) -> str:
     """Return the format asked for, or else that of the suffix.
 
-    Raises
-    ------
-    UserError : it is unknown, or not what the suffix promises.
+    Raises UserError : it is unknown, or not what the suffix promises.
     """
     name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
     if name not in SUFFIXES:
@@ -138,10 +132,8 @@ def export(
         drawings, factors of all
     labels : for STEP and IGES; None is those of a nameless lens
 
-    Raises
-    ------
-    UserError : the path cannot be written, what reads the format back is not installed, a chord error that
-        cannot be kept, a body that the format or the lens does not allow.
+    Raises UserError : the path cannot be written, what reads the format back is not installed, a chord error
+        that cannot be kept, a body that the format or the lens does not allow.
     """
     path = Path(out)
     for option, asked, allowed in (

@@ -28,7 +28,7 @@ class DesignFigures:
     """
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
-        self.process, self._system, optic = process, system, system.problem.optic
+        self.process, optic = process, system.problem.optic
         rows = [element.name for element in system.problem.element]
         self._noun, self._sides = (
             ", ".join(rows) if rows[1:] else optic.noun,
@@ -37,12 +37,18 @@ class DesignFigures:
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
         self._photographed: tuple[Any, ...] | None = None
 
-    def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
+    def draw_lens(
+        self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
+    ) -> None:
         """Draw what needs no measurement."""
+        others = [
+            (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
+            for optic, shape in system.free_elements(lens)[:-1]
+        ]
         self._lens = self.process.ask(
-            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides
+            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others
         )
-        solid = self._system.solid(lens)
+        solid = system.solid(lens)
         self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
 
     def draw_light(
@@ -51,7 +57,7 @@ class DesignFigures:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
         placed = system.lens_on_axis and not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
-        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance
         self._light = self.process.ask(
             "optics.reporting.figures", "light_figures", plain, lens, measurement, fans
@@ -67,7 +73,7 @@ class DesignFigures:
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
-        plain = OpticalSystem(system.problem)
+        plain = system.plain
         self._levels = [
             self.process.ask(
                 "optics.reporting.figures", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients

@@ -50,8 +50,6 @@ class Design(DesignRecord):
 
     Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
 
-    Examples
-    --------
     >>> optical = System(problem).optical  # of the problem in the example of Problem
     >>> Design(asked=problem, system=optical, lens=optical.lens)  # not optimised yet
     Design('lens', 100 degrees of freedom)
@@ -69,10 +67,11 @@ class Design(DesignRecord):
         levels: Sequence[LevelRecord] = (),
     ) -> Design:
         """Return the design that a run has come to."""
+        system, lens = system.with_sags(system.lens, state.sags)
         return cls(
             asked=asked,
             system=system,
-            lens=system.lens.with_sags(state.sags),
+            lens=lens,
             history=state.history,
             notes=notes,
             wall_s=wall_s,
@@ -85,17 +84,15 @@ class Design(DesignRecord):
     def load(cls, folder: str | Path) -> Design:
         """Return the design of a result folder; what it delivers is read, not measured again.
 
-        Raises
-        ------
-        UserError : the folder holds no whole result.
+        Raises UserError : the folder holds no whole result.
         """
         results = ResultFolder(folder)
-        problem, lens, record = results.read()
+        system, lens, record = results.read()
         levels = results.kept_levels()
         results.require_recorded([HISTORY, METRICS, IRRADIANCE, *chain.from_iterable(levels)])
-        system, history = OpticalSystem(problem), results.read_history()
+        history = results.read_history()
         loaded = cls(
-            asked=problem,
+            asked=system.problem,
             system=system,
             lens=lens,
             history=history,
@@ -124,9 +121,7 @@ class Design(DesignRecord):
 
         force : replace what another problem or program wrote there.
 
-        Raises
-        ------
-        UserError : the folder cannot be written, or something in it would be lost.
+        Raises UserError : the folder cannot be written, or something in it would be lost.
         """
         self._require_told("saved")
         return save(self, ResultFolder(folder), force)
@@ -141,14 +136,12 @@ class Design(DesignRecord):
 
         source : "sun", "led:1mm", "led:1mm@30mm", a problem file whose source is taken, or a Source.
 
-        Raises
-        ------
-        UserError : other words, or light that does not go with the lens.
+        Raises UserError : other words, or light that does not go with the lens.
         """
         self._require_told("relit")
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
-            measurement = relit(self.problem, self.lens, light, self.system.backend)
+            measurement = relit(self.system, self.lens, light, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:
@@ -171,9 +164,7 @@ class Design(DesignRecord):
         surface : "front" or "rear"; by default the one that is freeform.
         align : "datums", the file's frame is the lens's, or "best fit".
 
-        Raises
-        ------
-        UserError : a file that cannot be read, is cut off, or does not fit the surface.
+        Raises UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
         # few designs ask
         from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
@@ -194,17 +185,14 @@ class Design(DesignRecord):
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         self._require_told("viewed")
-        plain = OpticalSystem(self.problem)
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
-        return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
+        return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
 
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.
 
-        Raises
-        ------
-        UserError : names what cannot be done.
+        Raises UserError : names what cannot be done.
         """
         if self.system.own:
             raise UserError(

@@ -68,7 +68,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             optimizer = replace(ready.system.problem.optimizer, iterations=(options.iterations,))
             ready = replace(ready, system=OpticalSystem(replace(ready.system.problem, optimizer=optimizer)))
         if options.earlier:
-            state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
+            earlier = ResultFolder(options.earlier)
+            state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())
         solids, drawing = stack.enter_context(helpers())  # not for what is refused
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
@@ -94,7 +95,8 @@ def _resumed(run: _Run, system: OpticalSystem) -> State:
         run.notes.extend(earlier)
         return state
     run.notes(f"goes on from the finished result in {run.folder.path}, on its last level")
-    return earlier_state(system, run.folder.read(taken=True).lens)
+    result = run.folder.read(taken=True)
+    return earlier_state(system, result.lens, result.system.shapes)
 
 
 def _what_is_kept(run: _Run) -> str:
@@ -116,14 +118,10 @@ def resuming(words: Sequence[str]) -> str:
     """
     kept: list[str] = []
     for before, word in zip(("", *words), words):
-        if not any("--from".startswith(w.partition("=")[0]) and len(w) > 3 for w in (word, _alone(before))):
+        option = "" if "=" in before else before  # whose value is this word
+        if not any("--from".startswith(w.partition("=")[0]) and len(w) > 3 for w in (word, option)):
             kept.append(word)
     return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
-
-
-def _alone(word: str) -> str:
-    """Return an option whose value is the next word, "" of one that holds it."""
-    return "" if "=" in word else word
 
 
 def _design_lines(

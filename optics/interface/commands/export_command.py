@@ -31,7 +31,6 @@ from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light, reported
 from optics.interface.commands.outcome import Outcome
 from optics.light.outgoing import cut_cost
-from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
 from thbcad.moulds import UNCHANGED, shrinkage_factors
@@ -95,8 +94,7 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
         return {}, []
     if not Path(result).is_dir():
         return {}, []
-    problem, _, _ = ResultFolder(result).read()
-    system = OpticalSystem(problem)
+    system = ResultFolder(result).read().system
     cost = cut_cost(system, lens, system.backend, cut)
     line = (
         f"the cut costs {cost.through:.2%} of the light through front and rear, "
@@ -108,9 +106,8 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
     """Write the lens with the mount that --mount asks for.
 
-    Raises
-    ------
-    UserError : another option of the solid, or lens.body, beside it; as `mount_from` and `export_mounted`.
+    Raises UserError : another option of the solid, or lens.body, beside it; as `mount_from` and
+        `export_mounted`.
     """
     from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
@@ -129,18 +126,15 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
 def _scene(options: Namespace) -> Outcome:
     """Write the scene of a result for the program `mitsuba`.
 
-    Raises
-    ------
-    UserError : no result folder, Mitsuba is not installed or cannot express the problem.
+    Raises UserError : no result folder, Mitsuba is not installed or cannot express the problem.
     """
     out, folder = Path(options.out), Path(options.result)
     _require_whole_lens("a scene holds", options)
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
     require_free_files(scene_file_names(out), options.out, options.force)
-    problem, lens, _ = ResultFolder(folder).read()
+    system, lens, _ = ResultFolder(folder).read()
     current_mitsuba()
-    system = OpticalSystem(problem)
     files = scene_files(system, lens, out)
     write_files(files)
     density = system.density
@@ -158,9 +152,7 @@ def _scene(options: Namespace) -> Outcome:
 def _assembly(options: Namespace, name: str) -> Outcome:
     """Write the elements of a result where they lie, as an assembly.
 
-    Raises
-    ------
-    UserError : no result folder, another format than STEP, options of another body.
+    Raises UserError : no result folder, another format than STEP, options of another body.
     """
     from optics.exchange.assemblies import export_scene  # OCCT
 
@@ -171,8 +163,8 @@ def _assembly(options: Namespace, name: str) -> Outcome:
     if not folder.is_dir():
         raise UserError(f"--scene needs the problem of a result folder, and {folder} is none")
     require_free_files([out], options.out, options.force)
-    problem, lens, _ = ResultFolder(folder).read()
-    checks = export_scene(OpticalSystem(problem), lens, out, options.scene == "staged")
+    system, lens, _ = ResultFolder(folder).read()
+    checks = export_scene(system, lens, out, options.scene == "staged")
     return reported(options.out, name, [out], checks, {}, _sizes([out]))
 
 

@@ -7,9 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from optics.base.runtime import UserError, load_backend
 from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.interface.commands.outcome import Outcome
@@ -25,6 +22,7 @@ from optics.light.tracing import SENTENCES, fate_sentences, path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.io import json_text, write_bytes, write_text
 
 MOST_RAYS = 1 << 15  # per direction
@@ -42,15 +40,14 @@ def trace(options: Namespace) -> Outcome:
     """
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
-    problem, lens, _ = ResultFolder(options.result).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     files = (*FILES, *OF_LENS * system.lens_on_axis, *DIAGRAMS * system.target.far_field)
     require_own(folder, (*files, RECORD), RECORD, options.force)
     from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
-    backend = load_backend(options.precision, problem.run.threads)
+    backend = load_backend(options.precision, system.problem.run.threads)
     exact = backend if options.precision == "double" else system.backend
     start = perf_counter()
     image, fates, counts = sequential(system, lens, backend, options.rays)
@@ -77,7 +74,7 @@ def trace(options: Namespace) -> Outcome:
     return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
 
 
-def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: float) -> dict[str, bytes]:
+def _light_contents(system: OpticalSystem, image: Floats, flux: float) -> dict[str, bytes]:
     """Return the files of the light by name: arrays and pictures, in the far field diagrams too.
 
     image : the irradiance on the target's pixels.  flux : of the light asked for.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from html import escape
@@ -42,13 +43,9 @@ class Problem:
     become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
     from the current folder.
 
-    Raises
-    ------
-    UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
-        together; it names the key.
+    Raises UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do
+        not go together; it names the key.
 
-    Examples
-    --------
     >>> sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
     >>> problem = Problem(
     ...     source=Source(kind="collimated", half_width=(9.5, 9.5)),
@@ -88,16 +85,27 @@ class Problem:
 
     @cached_property
     def optic(self) -> Optic:
-        """The lens or the mirror whose surface is free; the first where none is."""
-        return next((optic for optic in self.optics if optic.free), self.optics[0])
+        """The lens or the mirror whose surface is free, of several the last that light meets; the first where
+        none is."""
+        return (self.free_optics or self.optics[:1])[-1]
+
+    @cached_property
+    def free_optics(self) -> tuple[Optic, ...]:
+        """The elements with free surfaces, in the order in which light meets them."""
+        met = {face.optic.table: face.optic for face in self.faces_met if face.optic.free}
+        return tuple(met.values())
+
+    def about(self, optic: Optic) -> Problem:
+        """Return the problem with another of its elements as `optic`, of which limits and keys then speak."""
+        other = copy(self)
+        other.__dict__["optic"] = optic
+        return other
 
     @cached_property
     def faces_met(self) -> tuple[FaceMet, ...]:
         """The faces that light meets, in their order.
 
-        Raises
-        ------
-        UserError : light cannot take such a path.
+        Raises UserError : light cannot take such a path.
         """
         return faces_met(self.optics, self.path[0] if self.path else None)
 
@@ -138,9 +146,7 @@ class Problem:
 
         A table that is left out is made where one of its keys is set, such as "lens.front.freeform.degree".
 
-        Raises
-        ------
-        UserError : see Problem.
+        Raises UserError : see Problem.
         """
         return record(Problem, with_changes(asdict(self), changes))
 
@@ -305,9 +311,7 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
 
     changes : {dotted key: value}, in place of what the file says; see `assignment`.
 
-    Raises
-    ------
-    UserError : with one sentence that names the file, the key, what came and what was wanted.
+    Raises UserError : with one sentence that names the file, the key, what came and what was wanted.
     """
     path = Path(path)
     text = read_at_most(path, MAX_FILE_BYTES)

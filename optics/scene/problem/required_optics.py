@@ -14,19 +14,17 @@ from optics.scene.problem.toml_records import AUTO
 LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 
 
-def require_optic(optic: Optic, free: bool) -> None:
-    """Refuse an element whose keys do not go together.  free : it is the one with a surface to design.
+def require_optic(optic: Optic, shaped: bool) -> None:
+    """Refuse an element whose keys do not go together.  shaped : a transport map shapes a surface of it.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     if isinstance(optic, LensSpec):
         _require_glass(optic)
-    if free:
+    if shaped:
         _require_free(optic)
     else:
-        _require_fixed(optic)
+        _require_numbers(optic)
     _require_outline(optic)
     _require_clear_aperture(optic)
     _require_body(optic)
@@ -35,9 +33,7 @@ def require_optic(optic: Optic, free: bool) -> None:
 def require_stops(stops: Sequence[StopSpec]) -> None:
     """Refuse stops that make no sense.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     for k, stop in enumerate(stops):
         _require_stop(f"stop[{k}]", stop)
@@ -46,9 +42,9 @@ def require_stops(stops: Sequence[StopSpec]) -> None:
 def require_named_elements(elements: Sequence[Placed]) -> None:
     """Refuse elements without a name, and those of a row that bear the name of another file of a result.
 
-    Raises
-    ------
-    UserError : names the table.
+    Some file systems take names that differ only in case for one.
+
+    Raises UserError : names the table.
     """
     for k, element in enumerate(elements):
         if not element.name:
@@ -57,6 +53,11 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
             raise UserError(
                 f"element[{k}].name = {element.name!r} is that of a file of the result, {element.name}.step; "
                 'take another, such as "L1"'
+            )
+        if alike := [e.name for e in elements[:k] if e.name.lower() == element.name.lower()]:
+            raise UserError(
+                f"element[{k}].name = {element.name!r} differs from {alike[0]!r} only in case, and both name "
+                "files; take another"
             )
 
 
@@ -88,9 +89,7 @@ def _require_free(optic: Optic) -> None:
 def require_rows(key: str, rows: Rows, low: float, high: float) -> None:
     """Refuse rows (nm, value) out of their limits, and wavelengths that come twice.
 
-    Raises
-    ------
-    UserError : names the row.
+    Raises UserError : names the row.
     """
     for k, (nm, value) in enumerate(rows):
         if not 1 <= nm <= 1e6:
@@ -103,18 +102,18 @@ def require_rows(key: str, rows: Rows, low: float, high: float) -> None:
             raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
 
 
-def _require_fixed(optic: Optic) -> None:
-    """Refuse a second element with a surface to design, and a fixed surface left to the program."""
+def _require_numbers(optic: Optic) -> None:
+    """Refuse a base or a bound that is left to the program where no transport map tells it."""
     for name, surface in (("front", optic.front), ("rear", optic.rear)):
-        if surface.freeform is not None:
-            raise UserError(
-                f"{optic.key(name)} is free, and so is a surface of another element: one element can be "
-                f"designed; set {optic.key(name)}.freeform = false there"
-            )
         if AUTO in (surface.radius, surface.conic):
             raise UserError(
-                f"{optic.key(name)}.radius and {optic.key(name)}.conic must be numbers, since the surface "
-                f'is not free; got "{AUTO}"'
+                f"{optic.key(name)}.radius and {optic.key(name)}.conic must be numbers, since only the last "
+                f'free surface of the path gets them from the light; got "{AUTO}"'
+            )
+        if surface.freeform is not None and surface.freeform.z_freedom == AUTO:
+            raise UserError(
+                f"{optic.key(name)}.freeform.z_freedom must be a number of mm, since only the last free "
+                f'surface of the path gets it from the light; got "{AUTO}"'
             )
 
 

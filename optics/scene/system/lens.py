@@ -16,9 +16,7 @@ from thbcad.surfaces import THBSurface
 def base_lens(spec: Optic) -> Lens:
     """Return a lens before optimisation: with THB sags of zeros on the level-0 mesh where it is free.
 
-    Raises
-    ------
-    UserError : the prescription makes no lens.
+    Raises UserError : the prescription makes no lens.
     """
     front, rear = (_surface(spec, name) for name in ("front", "rear"))
     try:
@@ -43,8 +41,8 @@ def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
 
 
 def freeforms(problem: Problem) -> tuple[Freeform, ...]:
-    """Return the settings of the free surfaces, front first, as `Lens.sags`."""
-    return tuple(problem.optic.free.values())
+    """Return the settings of the free surfaces of all elements, in the order in which light meets them."""
+    return tuple(freeform for optic in problem.free_optics for freeform in optic.free.values())
 
 
 def _surface(optic: Optic, name: str) -> FreeformSurface:

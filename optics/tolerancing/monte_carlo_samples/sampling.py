@@ -59,18 +59,15 @@ class ErrorModel:
     def errors(self, draw: Draw) -> Perturbation:
         """Return the errors of a lens.
 
-        Raises
-        ------
-        UserError : see `FormTolerance.drawn`.
+        Raises UserError : see `FormTolerance.drawn`.
         """
         moved = (t.at(a * t.amount) for t, a in zip(self.tolerances, draw.amounts, strict=True))
         return reduce(add, chain(moved, (draw.sign * form for form in self.form(draw.seed))), NOMINAL)
 
     def form(self, seed: int) -> list[Perturbation]:
         """Return random form errors of the surfaces.  seed : of all of them."""
-        outlines = {"front": self.lens.front.outline, "rear": self.lens.rear.outline}
         seeds = np.random.default_rng(seed).integers(1 << 63, size=len(self.forms))
-        return [form.drawn(outlines[form.surface], int(s)) for form, s in zip(self.forms, seeds)]
+        return [form.drawn(self.system, self.lens, int(s)) for form, s in zip(self.forms, seeds)]
 
     def irradiance(self, draw: Draw) -> NDArray[np.float64]:
         """Return the light of a lens, (rows, columns)."""
@@ -115,9 +112,7 @@ def sample_lenses(
 
     samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
 
-    Raises
-    ------
-    UserError : another number of samples, a form error that the surface cannot have, or no workers.
+    Raises UserError : another number of samples, a form error that the surface cannot have, or no workers.
     """
     sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
     model.form(0)  # refuses bands before any worker starts

@@ -134,6 +134,34 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
     assert COUNT / 25 < total < 0.6 * COUNT
 
 
+@pytest.mark.parametrize("name", ["deep mirror", "screen in the beam"])
+def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
+    """A ray that leaves the face of a STEP file and first meets that very face, before its end."""
+    system = SCENES[name]()
+    lens, rays, back = designed(system), beam(system, COUNT), system.pose.inverse()
+    tracer = Tracer(backend, system.shaded_path(lens), rays)
+    with backend.dr.suspend_grad():
+        (hits,), landing = tracer.trace()
+    start = np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])
+    end = system.target.receiver.points(landing.x.numpy(), landing.y.numpy())
+    way = back.points(np.array(np.broadcast_arrays(*end))) - start
+    length = np.linalg.norm(way, axis=0)
+    write_step(lens, tmp_path / "lens.step")
+    met = face_hits(read_step(tmp_path / "lens.step").shape, start.T, (way / length).T, after=1e-5).points.T
+    again = np.linalg.norm(met - start, axis=0) < length - 1e-5  # NaN of no meeting is none
+    x, y, z = np.nan_to_num(met)
+    on_face = (
+        np.abs(z - lens.front(*(np.clip(a, -h, h) for a, h in zip((x, y), lens.front.half_width)))) < 1e-6
+    )
+    twice = rays.flux[landing.passages[0].hit.numpy() & again & on_face].sum()
+    fates, counts = (f(landing, (1e3, 1e3)) for f in (tracer.fates, tracer.counts))
+    assert fates.by_name.get("M1.face hit twice", 0.0) == pytest.approx(twice, rel=1e-12)
+    assert (twice > 0) == (name == "deep mirror") == (counts.get("M1.face hit twice", 0) > 0)
+    assert fates.blocked >= twice
+    assert fates.total == pytest.approx(rays.total, rel=1e-12)
+    assert sum(counts.values()) == COUNT
+
+
 def test_a_screen_in_the_beam_takes_the_shadow_of_its_plate(backend):
     """Its corners in the plan tell the strip of the beam; all other light arrives."""
     system = SCENES["screen in the beam"]()
@@ -155,6 +183,18 @@ def test_a_body_behind_the_source_takes_nothing(backend):
         _, landing = tracer.trace()
         taken.append(tracer.fates(landing, (5, 4)).by_name.get("M1.face blocked", 0.0))
     assert taken == [0.0, pytest.approx(4 * 5 * 4 / 40**2, abs=2 * (5 + 4) / 40 / 40)]  # half a row of rays
+
+
+def test_all_of_a_wide_beam_lights_a_mirror_beside_the_axis(backend):
+    """Before a screen behind the source, beside the axis in x, and short in y by its tilt of 5 degrees."""
+    mirror = element("M1", (6, 0, 0), (5, 0, 0), (10, 10), free=True)
+    system = scene([mirror], (0, 17.6, -100), (180, 0, 0), beam=(14, 14), distance=40)
+    cells = system.source.cells((24, 24))
+    _, fates = cell_irradiance(system.shaded_path(system.lens), system.target.screen(), cells, backend)
+    lit = 18 * 20 * np.cos(np.radians(5)) / 28**2
+    # chords of the finest cells leave a part of theirs of the rim
+    assert fates.by_name["M1.face missed"] == pytest.approx(1 - lit, abs=2 * 40 / 2000 / 28)
+    assert fates.blocked == 0
 
 
 def test_bodies_that_no_light_meets_change_no_bit(backend):
