@@ -33,7 +33,9 @@ COARSE_FITS = 3  # in a round, since the slopes that are wanted depend on the he
 COARSE, FINE = 2, 4  # levels of these fits, at most
 CELLS_PER_FUNCTION = 1.5  # in a direction, at least
 MOST_ROUNDS = 5
-LEAST_CELLS = 64  # in each direction, of the rounds before the last
+# in each direction, of the rounds before the last (disk to Gaussian by a mirror, 128 cells: the design's
+# rel_l2 is 0.019, after rounds on 64 cells 0.047)
+LEAST_CELLS = 128
 CHANGE = 0.05  # of the light to ask for, relative to that wanted: with less another round does not pay
 # pixels that light lands beside its place, root mean square, from which on this is as uneven as the picture
 # (pearl on a screen turned by 71 degrees: the start's rel_l2 is 0.136 with fine bins and 0.195 without)
@@ -89,11 +91,12 @@ def shaped_along(
     """
     shape, shaped = path.surfaces[number].shape, ShapedSurface.of(path, number)
     assert shape.sag is not None
-    coarse, fine = _meshes(shape.sag.space, counts, finest)
-    sag, asked, chart = THBSurface(coarse, np.zeros(coarse.dim)), wanted, None
+    space = shape.sag.space
+    sag, asked, chart = THBSurface(space, np.zeros(space.dim)), wanted, None
     settled = False
     for left in reversed(range(MOST_ROUNDS)):
         grid = counts if settled or not left else _halved(counts)
+        coarse, fine = _meshes(space, grid, finest)
         light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, grid)
         flux, first = light.emitted(grid), sag.grid(light.x, light.y)
         if chart is None:

@@ -97,3 +97,21 @@ def test_light_lands_where_the_picture_wants_it(backend, monkeypatch, name):
     monkeypatch.setattr("optics.designing.starts.path_start.MOST_ROUNDS", 1)
     once, *_ = rel_l2(backend, path, source, half, wanted)
     assert once >= gain * error
+
+
+def test_every_fit_has_more_cells_than_functions(backend, monkeypatch):
+    """On half the cells too: else slopes alternate from knot to knot, which cells hardly see."""
+    seen = []
+
+    def fitted(space, x, y, *slopes):
+        spans = [len(kv.knots) - 1 - 2 * kv.degree for kv in (space.kv_u, space.kv_v)]
+        seen.append([len(row) / (n << space.cells[:, 0].max()) for row, n in zip((x, y), spans)])
+        return fit_slopes(space, x, y, *slopes)
+
+    monkeypatch.setattr("optics.designing.starts.path_start.fit_slopes", fitted)
+    monkeypatch.setattr("optics.designing.starts.path_start.LEAST_CELLS", CELLS // 2)
+    path, source, half, *_ = CASES["mirror"]
+    asked = Picture(picture(PIXELS, PIXELS).astype(float), (0.0, 0.0), half)
+    shaped_along(backend, path, 0, source, asked, (CELLS, CELLS), LEVEL)
+    assert {CELLS // 2 / 28, CELLS / 56} <= set(np.ravel(seen))  # of half the cells and of all
+    assert np.min(seen) >= 1.5
