@@ -29,7 +29,7 @@ demo:
 # Tests run side by side on all cores, each on one thread (tests/conftest.py).  The tests of a file stay
 # together, since they share costly fixtures (`loadgroup` does not: pytest-xdist 3.8 finds no group of a test
 # under pytest 9.2).  What several files share lies in one folder (tests/cases.py).
-PYTEST = .venv/bin/python -m pytest -n logical --dist loadfile
+PYTEST = .venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 test: setup
 	@$(PYTEST) -m "not slow"

@@ -29,6 +29,7 @@ KINDS = {
 }
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("start", ["flat", "transport"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_problem_gets_better(tmp_path, backend, start, kind):

@@ -115,6 +115,7 @@ CASES = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("lens", "rays", "target_z", "screen"), CASES.values(), ids=CASES.keys())
 def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target_z, screen):
     """Every ray passes both surfaces within their rims, so that the loss is smooth: differences err as

@@ -108,6 +108,7 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
         relit(problem, lens, other_source(words, problem), load_backend("double"))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "kind", slow_unless(("sun", "gaussian").count, ["sun", "uniform", "gaussian", "theta_uniform"])
 )

@@ -56,6 +56,7 @@ def found(request, tmp_path_factory, backend):
     return system, lens, other, metrics
 
 
+@pytest.mark.slow
 def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     """Every branch followed to 1e-4 of its ray's flux; both are samples, so that their errors add up."""
     system, lens, other, _ = found
@@ -161,6 +162,7 @@ def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, 
     assert ("nonsequential" in metrics) is (paths == "all")
 
 
+@pytest.mark.slow
 def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_it(tmp_path, backend):
     """Parallel light up to the rear leaves by it within the foot of the walls alone, but for what inner
     reflections bring: a hundredth of the light."""
