@@ -167,6 +167,7 @@ for use in (Own, thbcad.ForeignLens, lambda: thbcad.ForeignLens.lens, thbcad.wri
 """
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("package", ["thbcad", "thbcad.cad", "optics"])
 def test_nothing_dies_of_a_missing_extra_by_being_looked_at(package, tmp_path):
     """`import *`, `hasattr`, `inspect.getmembers` and `help` work; what is used says what it lacks."""

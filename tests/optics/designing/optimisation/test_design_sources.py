@@ -83,6 +83,7 @@ GLOWING = HOLLOW | {
 }
 
 
+@pytest.mark.slow
 def test_two_surfaces_do_better_than_one(tmp_path, backend):
     """The lens of Table 6.3: the dome around the source directs light that the rear alone cannot."""
     free = {

@@ -73,6 +73,7 @@ def worst(function, at, gradient, step, count=20):
     return max(errors) / (np.linalg.norm(gradient) / np.sqrt(len(at)))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("front", "sagged"), [(PLANE, False), (PLANE, True), (Conic(60.0), False), (Conic(60.0), True)], ids=str
 )

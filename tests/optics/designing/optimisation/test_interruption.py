@@ -54,7 +54,7 @@ def repeated(tmp_path_factory):
     return [dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out in results]
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_the_same_problem_on_one_thread_gives_the_same_bytes(repeated, start):
     assert repeated[0][start] == repeated[1][start]

@@ -41,6 +41,7 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path)
         assert picture.width > 3 * 300
 
 
+@pytest.mark.slow
 def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
     """Similarity has no window on two columns of pixels."""
     problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))

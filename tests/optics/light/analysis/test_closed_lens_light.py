@@ -110,6 +110,7 @@ def test_where_next_to_nothing_comes_by_other_ways_a_few_rays_say_so(tmp_path, b
     assert metrics["rel_l2_error"] == metrics["rel_l2_sequential_error"]
 
 
+@pytest.mark.slow
 def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     """A cone three times as wide as the lens: what passes beside it would meet the target too."""
     wide = {"source.distance": 20.0, "target.half_width": [3000.0, 3000.0], "target.distance": 300.0}
@@ -120,6 +121,7 @@ def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     assert on_pixels == pytest.approx(other.light.on_target, rel=1e-9)  # which the fates tell
 
 
+@pytest.mark.slow
 def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     system, again, other = (system_of(tmp_path, NARROW | {"run.seed": seed}) for seed in (0, 0, 1))

@@ -148,6 +148,7 @@ def test_what_floats_is_not_what_is_held(even, backend) -> None:
     assert "may shift as a whole" in shop_sentences(floats)[0]
 
 
+@pytest.mark.slow
 def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even, backend) -> None:
     system, lens = even
     chosen = {t.name: t.amount for t in tolerances_of(system) if t.name.startswith(("target.", "lens.tilt"))}

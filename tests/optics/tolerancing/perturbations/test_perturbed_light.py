@@ -207,6 +207,7 @@ def test_nothing_changes_where_everything_moves_together(light, nominal, tilt, s
 WIDER = {"source.half_width": [14.0, 14.0], "lens.rear.half_width": [11.0, 11.0]}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("changes", [{}, pytest.param(WIDER, marks=pytest.mark.slow), POINT])
 @pytest.mark.parametrize("p", [EVERYTHING, Perturbation(lens_shift=(0.4, 0.0, 0.0), source_size=0.02)])
 def test_the_fates_sum_to_the_flux(tmp_path, backend, changes, p):
