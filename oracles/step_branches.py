@@ -1,24 +1,69 @@
-"""All branches of light through the solid of a STEP file, by OCCT's intersections with its faces."""
+"""Light through the solid of a STEP file by OCCT's intersections with its faces: all branches, and what goes
+through front and rear alone."""
 
 from __future__ import annotations
 
 import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
+from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopExp import TopExp
+from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from optics.light.tracing import FATES
-from thbcad.cad.exchange import face_hits, read_step
+from thbcad.cad.exchange import read_step
 
 PREFIX = {"front": "front_", "rear": ""}  # of fates, by the face that light left last; else "edges_"
+LEAVES, FARTHEST = 1e-6, 1e9  # mm along a ray: it leaves its own face, and so far others are looked for
+NEWTON = 3  # steps after OCCT's search, which meets splines within 1e-9 mm
 
 
-def file_branches(path, rays, index, target, threshold, absorbing=()):
-    """Return the flux of every ray by fate, (len(FATES), n), and x, y, flux of branches in the target plane,
-    (3, k).
+class FileFaces:
+    """The faces of the solid in a STEP file, as OCCT reads them."""
+
+    def __init__(self, path):
+        solid = read_step(path)
+        self._names = [name.split(" ")[0] for name in solid.face_names]
+        self._numbers, self._intersector = TopTools_IndexedMapOfShape(), IntCurvesFace_ShapeIntersector()
+        TopExp.MapShapes_s(solid.shape, TopAbs_FACE, self._numbers)
+        self._intersector.Load(solid.shape, 1e-7)
+
+    def meet(self, origins, directions):
+        """Return points and unit normals, (n, 3), where rays first meet a face, and its name's first word, ""
+        for none."""
+        points, normals = origins.copy(), np.full(origins.shape, [0.0, 0.0, 1.0])
+        names, search = np.full(len(origins), "", dtype="<U8"), self._intersector
+        for k, (o, d) in enumerate(zip(origins, directions)):
+            search.PerformNearest(gp_Lin(gp_Pnt(*o.tolist()), gp_Dir(*d.tolist())), LEAVES, FARTHEST)
+            if search.NbPnt():
+                face = search.Face(1)
+                names[k] = self._names[self._numbers.FindIndex(face) - 1]
+                place = np.array([search.UParameter(1), search.VParameter(1), search.WParameter(1)])
+                for _ in range(NEWTON):  # S(u, v) = o + t d
+                    s, by_u, by_v = jet(face, place)
+                    place -= np.linalg.solve(np.array([by_u, by_v, -d]).T, s - o - place[2] * d)
+                points[k], by_u, by_v = jet(face, place)
+                normals[k] = np.cross(by_u, by_v)
+        return points, normals / np.linalg.norm(normals, axis=1, keepdims=True), names
+
+
+def jet(face, place):
+    """Return S, S_u and S_v of a face, each (3,)."""
+    point, by_u, by_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    BRep_Tool.Surface_s(face).D1(*place[:2].tolist(), point, by_u, by_v)
+    return np.array(point.Coord()), np.array(by_u.Coord()), np.array(by_v.Coord())
+
+
+def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None):
+    """Return the flux of every ray by fate, (len(FATES), n), and x, y, flux and ray of branches in the target
+    plane, (4, k).
 
     path : of the STEP file.  target : as of `trace_nonsequential`, whose receiver is a plane across z.
     absorbing : the first words of names of faces at which light is blocked.
+    clear : by name of a face, the radius about the axis that a holder leaves free; light beside is blocked.
     """
-    solid = read_step(path)
-    names = np.array([name.split(" ")[0] for name in solid.face_names])
+    faces = FileFaces(path)
     by_ray, landings = np.zeros((len(FATES), len(rays.flux))), []
 
     def account(ray, flux, fates):
@@ -27,8 +72,8 @@ def file_branches(path, rays, index, target, threshold, absorbing=()):
     o, d, flux, ray = rays.origin.T, rays.direction.T, rays.flux, np.arange(len(rays.flux))
     inside, left = np.zeros(len(ray), dtype=bool), np.full(len(ray), "none", dtype="<U8")
     for _ in range(65):
-        hits = face_hits(solid.shape, o, d)
-        gone = hits.faces < 0
+        point, normal, met = faces.meet(o, d)
+        gone = met == ""
         z = target.receiver.pose.shift[2]
         t = (z - o[gone, 2]) / d[gone, 2]
         there = (o[gone] + t[:, None] * d[gone])[:, :2]
@@ -40,14 +85,13 @@ def file_branches(path, rays, index, target, threshold, absorbing=()):
         ]
         account(ray[gone], flux[gone], fates)
         through = np.array([fate.endswith("_target") for fate in fates], dtype=bool)
-        landings.append(np.vstack([there[through].T, flux[gone][through]]))
-        met = names[hits.faces]
-        dark = ~gone & np.isin(met, absorbing)
+        landings.append(np.vstack([there[through].T, flux[gone][through], ray[gone][through]]))
+        dark = ~gone & (np.isin(met, absorbing) | beside(point, met, clear))
         account(ray[dark], flux[dark], ["blocked"] * int(dark.sum()))
         on = ~(gone | dark)
         if not on.any():
             return by_ray, np.hstack(landings)
-        point, normal, met = hits.points[on], hits.normals[on], met[on]
+        point, normal, met = point[on], normal[on], met[on]
         d, flux, ray, inside, left = d[on], flux[on], ray[on], inside[on], left[on]
         onward, mirrored, passed = fresnel_split(d, normal, np.where(inside, index, 1 / index))
         first = np.where(inside, met, left), np.where(~inside & (left == "none"), "outside", left)
@@ -59,6 +103,41 @@ def file_branches(path, rays, index, target, threshold, absorbing=()):
         o, d, flux, ray, inside, left = (a[~weak] for a in (o, d, flux, ray, inside, left))
     account(ray, flux, ["trapped"] * len(ray))
     return by_ray, np.hstack(landings)
+
+
+def file_sequence(path, rays, index, target, clear=None):
+    """Return x and y of every ray in the target plane, (2, n), NaN unless it went through front and rear, and
+    its flux by fate, {name: (n,)}.
+
+    Parameters as of `file_branches`; the fates have the names of those of a lens alone.
+    """
+    faces = FileFaces(path)
+    o, d, flux = rays.origin.T, rays.direction.T, np.array(rays.flux)
+    goes, fates = np.ones(len(flux), dtype=bool), {"blocked": np.zeros(len(flux)), "total_internal": 0.0}
+
+    def ended(fate, where):
+        fates[fate] = fates.get(fate, 0.0) + np.where(goes & where, flux, 0.0)
+        return goes & ~where
+
+    for face, eta, missed in ("front", 1 / index, "beside_lens"), ("rear", index, "missed_rear"):
+        point, normal, met = faces.meet(o, d)
+        goes = ended(missed, met != face)
+        goes = ended("blocked", beside(point, met, clear))
+        onward, _, passed = fresnel_split(d, normal, np.full(len(flux), eta))
+        goes = ended("total_internal", passed == 0)
+        o, d = (np.where(goes[:, None], new, old) for old, new in ((o, point), (d, onward)))
+        fates[f"{face}_reflected"] = np.where(goes, flux * (1 - passed), 0.0)
+        flux = np.where(goes, flux * passed, 0.0)
+    there = (o + ((target.receiver.pose.shift[2] - o[:, 2]) / d[:, 2])[:, None] * d)[:, :2]
+    on = (abs(there) <= target.half_width).all(axis=1) & (d[:, 2] > 0)
+    fates |= {"on_target": np.where(on, flux, 0.0), "off_target": np.where(on, 0.0, flux)}
+    return np.where(goes, there.T, np.nan), fates
+
+
+def beside(points, faces, clear):
+    """Return which points of faces lie beside what a holder leaves free."""
+    free = np.array([np.inf if clear is None else clear.get(face, np.inf) for face in faces])
+    return np.hypot(*points[:, :2].T) > free
 
 
 def escape(left, forward, onto):

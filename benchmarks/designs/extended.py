@@ -98,8 +98,8 @@ def _design(name: str, run: DesignRun, other: dict[str, float]) -> list[Row]:
 
 def _other_ways(folder: Path) -> Row:
     """Return what the light by other ways than front and rear costs a finished design."""
-    problem, lens, _ = ResultFolder(folder).read()
-    system, backend = OpticalSystem(problem), load_backend("double")
+    system, lens, _ = ResultFolder(folder).read()
+    backend = load_backend("double")
     screen = system.target.screen()
     nonsequential_light(system, lens, screen, backend)  # compiles the kernels
     seconds = median_seconds(lambda: nonsequential_light(system, lens, screen, backend), 3)
@@ -111,8 +111,7 @@ def _source_image(folder: Path) -> list[Row]:
 
     One pixel of each of BLOCKS x BLOCKS blocks is compared.  Norms are relative to that of the target.
     """
-    problem, lens, _ = ResultFolder(folder).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(folder).read()
     screen, rng = system.target.screen(), np.random.default_rng(0)
     light, _ = ray_irradiance(system, system.path(lens), screen, load_backend("double"))
     target = system.target.irradiance(screen, light.on_target + light.off_target)

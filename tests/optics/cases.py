@@ -39,7 +39,7 @@ def store_result(path, problem, lens):
     """Write a result without a solid, as a design that was not verified would."""
     path.mkdir()
     folder = ResultFolder(path)
-    writer = ResultWriter(folder, problem, lens, ())
+    writer = ResultWriter(folder, OpticalSystem(problem), lens, ())
     writer.finish(problem, {"ok": True, "verdict": "", "notes": []})
     return folder
 

@@ -14,7 +14,7 @@ from benchmarks.thesis.drawing import curve_row, irradiance, panels, png
 from benchmarks.thesis.lens_runs import merit
 from benchmarks.thesis.records import Found, Results, Run
 from examples.thesis.constraints import PENALTIES, RANGES
-from optics.designing.penalties import ShapePenalty, shape_penalty
+from optics.designing.penalties import Part, ShapePenalty, shape_penalty
 from optics.scene.problem import Limits
 
 NUMBER = 3
@@ -117,7 +117,8 @@ def _charged(quick: bool, name: str, mu: float, bound: float, evaluations: int) 
 def _penalty(lens: Bench, name: str, mu: float, bound: float) -> Valued:
     """Return mu p(c) with its gradient."""
     if name == BENDING:
-        shape = shape_penalty(lens.system.lens(lens.space, np.zeros(lens.space.dim)), Limits(), roughness=mu)
+        flat = lens.system.lens(lens.space, np.zeros(lens.space.dim))
+        shape = shape_penalty([Part(flat, Limits())], roughness=mu)
         assert isinstance(shape, ShapePenalty)
         return lambda c: (lambda value, slopes: (value, slopes[0]))(*shape([c]))
 

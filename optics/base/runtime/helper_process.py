@@ -18,6 +18,7 @@ from fcntl import F_SETFL, F_SETOWN, fcntl
 from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from threading import Event
@@ -62,8 +63,12 @@ class HelperProcess:
         self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
 
     def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
-        """Return what a function of a module will return; an exception that it raises is raised here."""
-        return self._caller.submit(self._answer, module, function, arguments)
+        """Return what a function of a module will return; an exception that it raises is raised here.
+
+        The arguments are those of now: what is done with them here later does not change the request.
+        """
+        request = ForkingPickler.dumps((module, function, arguments))
+        return self._caller.submit(self._answer, f"{module}.{function}", request)
 
     def stop(self) -> None:
         """End the process as Ctrl-C does, so that no half of a file is left, or else without asking.
@@ -79,13 +84,13 @@ class HelperProcess:
         self._pipe.close()
         self._alive.close()
 
-    def _answer(self, module: str, function: str, arguments: Sequence[Any]) -> Any:
+    def _answer(self, asked: str, request: memoryview) -> Any:
         try:
-            self._pipe.send((module, function, arguments))
+            self._pipe.send_bytes(request)
             value, error = self._pipe.recv()
         except (EOFError, OSError):
             code = self._process.wait()
-            raise ProcessEnded(f"a helper process ended with code {code} in {module}.{function}") from None
+            raise ProcessEnded(f"a helper process ended with code {code} in {asked}") from None
         if error is not None:
             raise error
         return value

@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.level_objective import (
         PROBES as PROBES,
         Indicators as Indicators,
+        can_cross as can_cross,
         penalised_objective as penalised_objective,
         stage_objective as stage_objective,
         stage_window as stage_window,
-        surfaces_can_cross as surfaces_can_cross,
         window_named as window_named,
     )
     from optics.designing.optimisation.loop import (

@@ -34,7 +34,7 @@ def first_state(
     target = system.target.irradiance(stage.screen, flux)
 
     def loss(state: State) -> float:
-        objective = stage_objective(system, with_sags(system.lens, state.sags), stage, target, engine)
+        objective = stage_objective(*with_sags(system, state.sags), stage, target, engine)
         return objective([sag.coefficients for sag in state.sags]).loss
 
     return min(cut, flat, key=loss), fit
@@ -72,16 +72,24 @@ def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
 
 
-def with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
-    """Return the lens with other sags.
+def with_sags(system: OpticalSystem, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
+    """Return the system and its lens with other sags, proven.
 
     Raises
     ------
-    NumericalError : it cannot exist.
+    NumericalError : an element cannot exist.
     """
     try:
-        return require_sound(lens.with_sags(sags))
+        return sound_with(system, system.lens, sags)
     except ValueError as error:
         raise NumericalError(
             f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"
         ) from None
+
+
+def sound_with(system: OpticalSystem, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
+    """Return a system and its lens with other sags; raise as `require_sound` of its elements."""
+    system, lens = system.with_sags(lens, sags)
+    for _, shape in system.free_elements(lens):
+        require_sound(shape)
+    return system, lens

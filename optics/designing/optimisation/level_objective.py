@@ -20,7 +20,7 @@ from optics.designing.optimisation.indicators import (
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
-from optics.designing.penalties import shape_penalty
+from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, LightModel, sharp_engine
@@ -67,9 +67,12 @@ def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | G
     return windows[name]
 
 
-def surfaces_can_cross(system: OpticalSystem) -> bool:
-    """Return whether sags within z_freedom can make the surfaces of the lens cross."""
-    return system.lens.least_thickness().lower <= sum(f.freedom for f in system.freeforms)
+def can_cross(system: OpticalSystem) -> list[bool]:
+    """Return of every free element whether sags within z_freedom can make its surfaces cross."""
+    return [
+        base.least_thickness().lower <= sum(f.freedom for f in optic.free.values())
+        for optic, base in system.shaped_as({}).free_elements(system.lens)
+    ]
 
 
 def stage_film(
@@ -98,7 +101,7 @@ def stage_objective(
     fresh : draws other rays than those of the optimiser; cells are always the same.
     background : light of other ways, irradiance on the stage's pixels.
     """
-    axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
+    axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
     return penalised_objective(system, lens, model, target, background)
@@ -131,16 +134,17 @@ def penalised_objective(
     background: NDArray[np.float64] | None = None,
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
-    options, limits = system.problem.optimizer, system.problem.limits
-    if not limits.thickness and surfaces_can_cross(system):
-        limits = replace(limits, thickness=THINNEST * lens.thickness)
-    shape = shape_penalty(lens, limits, system.problem.optic.density, options.roughness_weight)
+    options, limits, parts = system.problem.optimizer, system.problem.limits, []
+    for (optic, shape), crosses in zip(system.free_elements(lens), can_cross(system)):
+        kept = crosses and not limits.thickness
+        own = replace(limits, thickness=THINNEST * shape.thickness) if kept else limits
+        parts.append(Part(shape, own, optic.density))
     return Objective(
         model,
         target,
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
-        shape=shape,
+        shape=shape_penalty(parts, options.roughness_weight),
         background=background,
     )
 
@@ -150,11 +154,12 @@ def marked_cells(
 ) -> list[dict[int, NDArray[np.int64]]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
     problem = system.problem
+    sags = system.sags(lens)
     if stage.level == last_level(problem):
-        return [{}] * len(lens.sags)
+        return [{}] * len(sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
     for surface, sag, finest, indicator in zip(
-        lens.free_surfaces, lens.sags, feature_levels(problem), indicators(lens, stage)
+        system.free_surfaces(lens), sags, feature_levels(problem), indicators(lens, stage)
     ):
         indicator, near = Mirrors(sag.space, axes).of_cells(indicator), near_cells(sag.space, surface.outline)
         out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest), near))
@@ -178,42 +183,43 @@ class Indicators:
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         indicator = self.system.problem.refinement.indicator
         if indicator == "decrease":
-            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
+            sags = self.system.sags(lens)
+            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(sags, self.system.freeforms)]
             finer = [
                 THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
-                for sag, space in zip(lens.sags, spaces)
+                for sag, space in zip(sags, spaces)
             ]
-            refined = lens.with_sags(finer)
-            objective = self._objective(refined, stage)
+            objective = self._objective(*self.system.with_sags(lens, finer), stage)
             coefficients = [sag.coefficients for sag in finer]
             gradients = objective(coefficients).gradients
             probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
             return [
                 promised_decrease(sag.space, space, g, p)
-                for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
+                for sag, space, g, p in zip(sags, spaces, gradients, probes)
             ]
         if indicator == "vertex" or not self.start:
             return self.vertex(lens, stage)
         misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
-        return [misfit] if len(lens.sags) == 1 else [self.vertex(lens, stage)[0], misfit]
+        return [misfit] if len(self.system.freeforms) == 1 else [*self.vertex(lens, stage)[:-1], misfit]
 
     def vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
-        rectangles = [surface.half_width for surface in lens.free_surfaces]
+        rectangles = [surface.half_width for surface in self.system.free_surfaces(lens)]
         spans = [f.spans for f in self.system.freeforms]
         knots = [
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
             for h, row in zip(rectangles, spans)
         ]
-        objective = self._objective(lens, stage)
-        gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
+        sags = self.system.sags(lens)
+        objective = self._objective(self.system, lens, stage)
+        gradients = objective.vertex_gradients([sag.coefficients for sag in sags], knots)
         return [
             summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
-            for sag, (kv_x, kv_y), gradient in zip(lens.sags, knots, gradients)
+            for sag, (kv_x, kv_y), gradient in zip(sags, knots, gradients)
         ]
 
-    def _objective(self, lens: Lens, stage: Stage) -> Objective:
-        return stage_objective(self.system, lens, stage, self.target, self.engine, background=self.background)
+    def _objective(self, system: OpticalSystem, lens: Lens, stage: Stage) -> Objective:
+        return stage_objective(system, lens, stage, self.target, self.engine, background=self.background)
 
 
 def _vertices(rays: int, spans: int) -> int:

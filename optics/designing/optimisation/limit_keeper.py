@@ -21,9 +21,8 @@ from scipy.optimize import minimize
 
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
-from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
+from optics.designing.penalties import ROOM, Part, ShapePenalty, shape_penalty
 from optics.scene.limits import Miss, limit_misses
-from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface
@@ -50,7 +49,9 @@ class LimitKeeper:
     def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], object]) -> None:
         self._system, self._lens, self._note = system, lens, note
         problem = system.problem
-        self._dense = shape_penalty(lens, problem.limits, problem.optic.density, fine=True)
+        free = system.free_elements(lens)
+        parts = [Part(shape, problem.limits, optic.density) for optic, shape in free]
+        self._dense, self._sags = shape_penalty(parts, fine=True), system.sags(lens)
         self._bounds = [freeform.freedom for freeform in system.freeforms]
 
     def minimised(self, search: Search, iterations: int, log: Log) -> tuple[tuple[THBSurface, ...], Found]:
@@ -92,10 +93,10 @@ class LimitKeeper:
 
         A limit that no sag can keep would spoil the light, and the other limits, for nothing.
         """
-        start = self._moved(self._lens.sags, penalty, variables)
+        start = self._moved(self._sags, penalty, variables)
         if start:
             # tell where z_freedom cuts off much of a start that is moved within the limits
-            _, heights, cut = self._lifted(self._lens.sags, penalty)
+            _, heights, cut = self._lifted(self._sags, penalty)
             if cut > CUT * min(self._bounds):
                 shaped = self._system.shaped
                 thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
@@ -104,10 +105,10 @@ class LimitKeeper:
                     f"cuts off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
                 )
             return start, penalty.keys
-        best = self._lens.sags
+        best = self._sags
         keys: tuple[str, ...] = ()
         for key in penalty.keys:
-            start = self._moved(self._lens.sags, penalty.only((*keys, key)), variables)
+            start = self._moved(self._sags, penalty.only((*keys, key)), variables)
             if start:
                 best, keys = start, (*keys, key)
         return best, keys
@@ -119,8 +120,8 @@ class LimitKeeper:
         assert self._dense is not None
         dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
         for _ in range(ROOMS):
-            misses = curable_misses(self._system.problem, self._lens.with_sags(found))
-            missed = {m.key for m in misses}.intersection(keys)
+            shaped, lens = self._system.with_sags(self._lens, found)
+            missed = {m.key for m in curable_misses(shaped, lens)}.intersection(keys)
             if not missed:
                 return found
             rooms |= {key: MORE_ROOM * rooms[key] if key in rooms else ROOM for key in missed}
@@ -154,12 +155,14 @@ class LimitKeeper:
         return lifted, heights, cut if heights.any() else 0.0
 
 
-def curable_misses(problem: Problem, lens: Lens) -> list[Miss]:
-    """Return the limits that a lens may miss, but for those that no coefficient can mend."""
-    free = {"", *problem.optic.free}
-    metrics = manufacturability(lens, problem.optic.density or None)
-    missed = [m for m in limit_misses(problem, metrics) if m.most > 0]
-    return [m for m in missed if m.key != "feature" and m.surface in free]
+def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
+    """Return the limits that free elements may miss, but for those that no coefficient can mend."""
+    return [
+        miss
+        for optic, shape in system.free_elements(lens)
+        for miss in limit_misses(system.problem.about(optic), manufacturability(shape, optic.density or None))
+        if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
+    ]
 
 
 def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:

@@ -22,7 +22,13 @@ import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
-from optics.designing.optimisation.first_state import first_state, fitted, transport_start, with_sags
+from optics.designing.optimisation.first_state import (
+    first_state,
+    fitted,
+    sound_with,
+    transport_start,
+    with_sags,
+)
 from optics.designing.optimisation.level_objective import (
     Indicators,
     background,
@@ -41,7 +47,7 @@ from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits
 from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability, require_sound
+from thbcad.lens import Lens, manufacturability
 from thbcad.surfaces import THBSurface
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
@@ -85,13 +91,14 @@ class Listener:
         with its Row in place of None after every evaluation.
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
-    seen : called with (Stage, its lens, the target irradiance that it asked for) behind every stage.
+    seen : called with (Stage, its system and lens, the target irradiance that it asked for) behind every
+        stage.
     """
 
     progress: Callable[[Sequence[Stage], Stage, int, Row | None], object] = _ignored
     checkpoint: Callable[[State], object] = _ignored
     note: Callable[[str], object] = _ignored
-    seen: Callable[[Stage, Lens, Floats], object] = _ignored
+    seen: Callable[[Stage, OpticalSystem, Lens, Floats], object] = _ignored
 
 
 def shape_lens(
@@ -102,7 +109,9 @@ def shape_lens(
     start: TransportStart | None = None,
     listener: Listener | None = None,
 ) -> tuple[Lens, State]:
-    """Optimise the free surfaces of a system's lens, stage by stage, and return (Lens, State).
+    """Optimise the free surfaces of all elements of a system, stage by stage, and return (Lens, State).
+
+    The Lens is that of `system.problem.optic`; the State has the sags of all, see `system.with_sags`.
 
     backend : of the exact tracer.  engine : what traces the light that is optimised.
     state : to go on from, or None.  start : of the system, where it is known already.
@@ -132,24 +141,24 @@ def shape_lens(
         try:
             listener.progress(run.plan, stage, state.dof, None)
             task = run.task(stage, state)
-            lens = task.lens
+            shaped, lens = task.system, task.lens
             if stage.iterations:
-                lens, state, crossed = run.optimised(task, state, listener)
+                shaped, lens, state, crossed = run.optimised(task, state, listener)
                 crossing = max(crossing, crossed)
-            listener.seen(stage, lens, task.target)
-            state, new_fit = run.refined(task, lens, state)
+            listener.seen(stage, shaped, lens, task.target)
+            state, new_fit = run.refined(task, shaped, lens, state)
             fit = new_fit or fit
             listener.checkpoint(state)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
     if start and fit and not start.within(fit):
         listener.note(start.note(fit))
-    lens = with_sags(system.lens, state.sags)
-    problem = system.problem
-    if crossing or problem.limits != Limits():
-        made = manufacturability(lens, problem.optic.density or None)
-        for sentence in limit_sentences(problem, made, crossing):
-            listener.note(sentence)
+    shaped, lens = with_sags(system, state.sags)
+    if crossing or system.problem.limits != Limits():
+        for optic, shape in shaped.free_elements(lens):
+            made = manufacturability(shape, optic.density or None)
+            for sentence in limit_sentences(system.problem.about(optic), made, crossing):
+                listener.note(sentence)
     return lens, state
 
 
@@ -157,10 +166,12 @@ def shape_lens(
 class _Task:
     """What a stage is to do.
 
-    lens : that it starts from.  target : the irradiance that it asks for.  background : light of other ways.
+    system, lens : the shapes that it starts from.  target : the irradiance that it asks for.
+    background : light of other ways.
     """
 
     stage: Stage
+    system: OpticalSystem
     lens: Lens
     target: Floats
     background: Floats | None
@@ -190,24 +201,25 @@ class _Run:
         sends on, but in the finish: there it is what the present lens sends on, since asking for light that
         cannot arrive spoils what does.  The background's flux is added.
         """
-        system = self.system
-        lens = with_sags(system.lens, state.sags)
+        system, lens = with_sags(self.system, state.sags)
         around = background(system, self.backend, lens, stage, self.axes) if stage.iterations else None
         flux = transmitted_flux(system, self.backend, lens) if stage.finish else self.flux
         if around is not None:
             flux += float(around.sum()) * stage.screen.pixel_area
         wanted = system.goal if stage.aimed else system.target
-        return _Task(stage, lens, wanted.irradiance(stage.screen, flux), around)
+        return _Task(stage, system, lens, wanted.irradiance(stage.screen, flux), around)
 
-    def optimised(self, task: _Task, state: State, listener: Listener) -> tuple[Lens, State, float]:
-        """Return the lens that the optimiser finds, or the nearest one that can exist, the state with it, and
-        by how much, mm, the surfaces crossed that were found.
+    def optimised(
+        self, task: _Task, state: State, listener: Listener
+    ) -> tuple[OpticalSystem, Lens, State, float]:
+        """Return the system and lens that the optimiser finds, or the nearest that can exist, the state with
+        them, and by how much, mm, the surfaces crossed that were found.
 
         The last stage ends within the limits.
         """
-        system, stage, last = self.system, task.stage, task.stage is self.plan[-1]
+        system, stage, last = task.system, task.stage, task.stage is self.plan[-1]
         of_stage = partial(stage_objective, system, task.lens, stage, task.target, self.engine, self.axes)
-        outlines = [surface.outline for surface in task.lens.free_surfaces]
+        outlines = [surface.outline for surface in system.free_surfaces(task.lens)]
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         search = Search(system.problem, of_stage(background=task.background), variables, state.sags)
@@ -220,14 +232,15 @@ class _Run:
             else:
                 found = minimised(search, stage.iterations, log)
                 sags = found.sags
-            lens, wrong = nearest_lens(task.lens, sags)
+            shaped, lens, wrong = nearest_shapes(system, task.lens, sags)
         except Interrupted as stop:
-            best = nearest_lens(task.lens, stop.state.sags)[0].sags
-            raise Interrupted(replace(stop.state, sags=best)) from None
+            shaped, lens, _ = nearest_shapes(system, task.lens, stop.state.sags)
+            raise Interrupted(replace(stop.state, sags=shaped.sags(lens))) from None
         crossing = 0.0
         if wrong:
             listener.note(f"level {stage.level}: {wrong}")
-            crossing = max(0.0, -task.lens.with_sags(sags).least_thickness().lower)
+            wanted, asked = system.with_sags(task.lens, sags)
+            crossing = max(0.0, *(-s.least_thickness().lower for _, s in wanted.free_elements(asked)))
         if system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = np.random.default_rng((system.problem.run.seed, FRESH))
             others = of_stage(fresh=fresh, background=task.background)
@@ -237,12 +250,17 @@ class _Run:
                 f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
                 f"{found.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"
             )
-        return lens, log.state(lens.sags), crossing
+        return shaped, lens, log.state(shaped.sags(lens)), crossing
 
-    def refined(self, task: _Task, lens: Lens, state: State) -> tuple[State, TransportFit | None]:
-        """Return the state of the next stage, with the marked cells refined, and the fit of a new level."""
-        indicators = Indicators(self.system, self.engine, task.target, self.guide, task.background)
-        marked = marked_cells(self.system, lens, task.stage, self.axes, indicators)
+    def refined(
+        self, task: _Task, shaped: OpticalSystem, lens: Lens, state: State
+    ) -> tuple[State, TransportFit | None]:
+        """Return the state of the next stage, with the marked cells refined, and the fit of a new level.
+
+        shaped, lens : that the stage ended with.
+        """
+        indicators = Indicators(shaped, self.engine, task.target, self.guide, task.background)
+        marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
         sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
         following = replace(state, stage=state.stage + 1, sags=sags)
         further = self.plan[following.stage :]
@@ -251,14 +269,16 @@ class _Run:
         return following, None
 
 
-def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
-    """Return the lens with other sags and "".
+def nearest_shapes(
+    system: OpticalSystem, lens: Lens, sags: Sequence[THBSurface]
+) -> tuple[OpticalSystem, Lens, str]:
+    """Return the system and its lens with other sags and "".
 
-    Where it cannot exist: the lens with the sags c + t (c' - c) from its present c towards the others c', and
-    a sentence that says why, without a remedy.  The step t is halved until a lens can exist.
+    Where they cannot exist: with the sags c + t (c' - c) from the present c towards the others c', and
+    a sentence that says why, without a remedy.  The step t is halved until all elements can exist.
     """
     try:
-        return require_sound(lens.with_sags(sags)), ""
+        return *sound_with(system, lens, sags), ""
     except ValueError as error:
         wrong = str(error).partition("; ")[0]
     fraction = 1.0
@@ -266,13 +286,13 @@ def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
         fraction /= 2
         between = [
             THBSurface(a.space, a.coefficients + fraction * (b.coefficients - a.coefficients))
-            for a, b in zip(lens.sags, sags)
+            for a, b in zip(system.sags(lens), sags)
         ]
         try:
             return (
-                require_sound(lens.with_sags(between)),
+                *sound_with(system, lens, between),
                 f"the optimised lens cannot exist ({wrong}): of the level's changes {fraction:.2g} are kept",
             )
         except ValueError:
             continue
-    return lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"
+    return system, lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"

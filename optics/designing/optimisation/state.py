@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import near_cells
 from optics.designing.optimisation.stage_plan import first_level, stages
 from optics.scene.limits import feature_levels
+from optics.scene.problem import Optic
 from optics.scene.system import OpticalSystem
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.surfaces import THBSurface
@@ -38,7 +40,7 @@ class State:
 
     started_from_transport : the plan is that of a design that starts from an optimal-transport map.
     stage : index of the next Stage in that plan; the plan's length at the end of a run.
-    sags : the surfaces that this stage starts from, front first.
+    sags : the surfaces that this stage starts from, in the order of the light.
     """
 
     started_from_transport: bool
@@ -68,7 +70,7 @@ class State:
 def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     first = first_level(system.problem, from_transport)
-    pairs = zip(system.lens.free_surfaces, feature_levels(system.problem))
+    pairs = zip(system.free_surfaces(system.lens), feature_levels(system.problem))
     return tuple(_refined(surface, min(first, finest)) for surface, finest in pairs)
 
 
@@ -83,8 +85,10 @@ def _refined(surface: FreeformSurface, level: int) -> THBSurface:
     return sag
 
 
-def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
+def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Lens] | None = None) -> State:
     """Return the State that optimises the sags of an earlier design on the last level, without a new mesh.
+
+    shapes : of its other free elements by name; one that it lacks starts from zero.
 
     A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
     optimiser averages the sags with their mirror images.
@@ -95,9 +99,21 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
     """
     if not earlier.sags:
         raise UserError("the earlier design has no freeform surface to start from")
+    found = {**(shapes or {}), system.problem.optic.called: earlier}
+    sags = [
+        sag
+        for optic, base in system.free_elements(system.lens)
+        for sag in _earlier_sags(optic, base, found.get(optic.called, base))
+    ]
+    final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
+    return State(False, final, tuple(sags))
+
+
+def _earlier_sags(optic: Optic, lens: Lens, earlier: Lens) -> list[THBSurface]:
+    """Return the sags of an earlier shape of an element, zeros where it had none; raise as above."""
     sags = []
     for name in ("front", "rear"):
-        base, other = getattr(system.lens, name), getattr(earlier, name)
+        base, other = getattr(lens, name), getattr(earlier, name)
         if base.sag is not None:
             sags.append(base.sag if other.sag is None else other.sag)
         same = base.half_width == other.half_width and base.conic == other.conic
@@ -107,7 +123,6 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
         if not same or (base.sag is None and other.sag is not None):
             raise UserError(
                 f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
-                f"spans; make {system.problem.optic.key(name)} equal to its problem.toml"
+                f"spans; make {optic.key(name)} equal to its problem.toml"
             )
-    final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
-    return State(False, final, tuple(sags))
+    return sags

@@ -1,4 +1,4 @@
-"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds."""
+"""What the shapes of elements add to the loss: roughness, and limits that they exceed."""
 
 from typing import TYPE_CHECKING
 
@@ -7,6 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.designing.penalties.shape_loss import (
         ROOM as ROOM,
+        Part as Part,
         ShapePenalty as ShapePenalty,
         shape_penalty as shape_penalty,
     )

@@ -1,4 +1,4 @@
-"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds.
+"""What the shapes of elements add to the loss: roughness, and limits that they exceed.
 
 With the Hessian D^2 of a sag s, h the larger half-width, and means over points of the surface,
 
@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
-from optics.designing.penalties.sample_points import Excess, Floats, SurfaceSamples, free_surfaces
+from optics.designing.penalties.sample_points import Excess, Floats, Pull, SurfaceSamples
 from optics.scene.problem import Limits
-from thbcad.lens import Lens
+from thbcad.lens import FreeformSurface, Lens
 
 WEIGHT = 100.0  # of the mean square of relative excesses
 ROOM = 1e-3  # of a limit: what lies between the points stays within it
@@ -30,14 +31,15 @@ HESSIAN = ((2, 0), (1, 1), (1, 1), (0, 2))
 
 
 class ShapePenalty:
-    """The shape's part of the loss, and its gradient by the coefficients of every sag, front first.
+    """The shapes' part of the loss, and its gradient by the coefficients of every sag.
 
-    excesses : over limits, each with its penalty.  roughness : weight.
+    free : the free surfaces.  excesses : over limits, each with its penalty.  roughness : weight.
     """
 
-    def __init__(self, lens: Lens, excesses: Sequence[Excess], roughness: float = 0.0) -> None:
-        free = [surface for _, surface in free_surfaces(lens)]
-        self._embeddings = [sag.space.embedding for sag in lens.sags]
+    def __init__(
+        self, free: Sequence[FreeformSurface], excesses: Sequence[Excess], roughness: float = 0.0
+    ) -> None:
+        self._embeddings = [s.sag.space.embedding for s in free if s.sag is not None]
         self._excesses, self._weight = excesses, WEIGHT
         self._shifts = [np.full(excess.mean.shape, ROOM) for excess in excesses]
         self._rough = [SurfaceSamples(s, k) for k, s in enumerate(free)] if roughness else []
@@ -107,12 +109,43 @@ def _counted(excess: Excess, nets: Sequence[Floats], shift: Floats) -> Floats:
     return np.where(excess.mean > 0, excess(nets, shift)[0], -np.inf)
 
 
-def shape_penalty(
-    lens: Lens, limits: Limits, density: float = 0.0, roughness: float = 0.0, fine: bool = False
-) -> ShapePenalty | None:
-    """Return the penalty on the shape of a lens, or None.
+@dataclass(frozen=True, eq=False)
+class Part:
+    """An element whose shape is to keep limits.  density : g/cm^3, for limits.mass."""
 
-    density : g/cm^3, for limits.mass.  fine : at twice as many points each way.
-    """
-    excesses = [*height_limits(lens, limits, density, fine), *bending_limits(lens, limits, fine)]
-    return ShapePenalty(lens, excesses, roughness) if excesses or roughness else None
+    lens: Lens
+    limits: Limits
+    density: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _OfPart:
+    """The excess of one of several elements.  own : its nets among those of all."""
+
+    excess: Excess
+    own: slice
+
+    @property
+    def key(self) -> str:
+        return self.excess.key
+
+    @property
+    def mean(self) -> Floats:
+        return self.excess.mean
+
+    def __call__(self, nets: Sequence[Floats], shift: Floats) -> tuple[Floats, Pull]:
+        """See `Excess`."""
+        values, pull = self.excess(nets[self.own], shift)
+        return values, lambda bar, slopes: pull(bar, slopes[self.own])
+
+
+def shape_penalty(parts: Sequence[Part], roughness: float = 0.0, fine: bool = False) -> ShapePenalty | None:
+    """Return the penalty on the shapes of elements, or None.  fine : at twice as many points each way."""
+    free, excesses = list[FreeformSurface](), list[Excess]()
+    for part in parts:
+        own = slice(len(free), len(free) + len(part.lens.sags))
+        limits = height_limits(part.lens, part.limits, part.density, fine)
+        limits += bending_limits(part.lens, part.limits, fine)
+        excesses += limits if len(parts) == 1 else [_OfPart(excess, own) for excess in limits]
+        free += part.lens.free_surfaces
+    return ShapePenalty(free, excesses, roughness) if excesses or roughness else None

@@ -65,10 +65,12 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
         return system, None
     start = TransportStart(system, backend)
     level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
-    spec = system.problem.optic
-    front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
-    rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
-    return replace(system, problem=system.problem.with_optic(front=front, rear=rear)), start
+    problem = system.problem
+    for spec in problem.free_optics:
+        front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
+        rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
+        problem = problem.with_optic(spec, front=front, rear=rear)
+    return replace(system, problem=problem), start
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:

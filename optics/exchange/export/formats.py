@@ -27,7 +27,6 @@ from optics.exchange.export.read_back import (
 )
 from optics.exchange.results import ResultFolder, lens_of, require_own, require_writable
 from optics.exchange.verification import EXACT_VOLUME, FITTED_VOLUME, volume_check
-from optics.scene.system import OpticalSystem, lens_product
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
@@ -75,8 +74,8 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """
     path = Path(result)
     if path.is_dir():
-        problem, lens, _ = ResultFolder(path).read()
-        return lens, Labels(lens_product(problem), problem.export.schema)
+        system, lens, _ = ResultFolder(path).read()
+        return lens, Labels(system.product, system.problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), Labels()
 
 
@@ -85,8 +84,7 @@ def moulded_in(result: str, body: Body) -> Body:
     path = Path(result)
     if not path.is_dir():
         return body
-    problem, lens, _ = ResultFolder(path).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(path).read()
     return replace(body, moulded=system.body, clear=system.clear_aperture(lens))
 
 

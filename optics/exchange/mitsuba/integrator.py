@@ -110,8 +110,8 @@ def register() -> None:
     mi = current_mitsuba()
 
     def make(properties: Any) -> Any:
-        problem, lens, _ = ResultFolder(properties["result"]).read()
-        return _exact(mi, properties, OpticalSystem(problem), lens)
+        system, lens, _ = ResultFolder(properties["result"]).read()
+        return _exact(mi, properties, system, lens)
 
     mi.register_integrator(NAME, make)
 

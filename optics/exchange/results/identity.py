@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,17 +32,16 @@ def fingerprint(problem: Problem) -> str:
     return _sha256(_set_keys(problem, {"run.threads": 0, "run.keep": KEPT, **files}))
 
 
-def run_id(problem: Problem, lens: Lens) -> str:
-    """Return the hash of a resolved problem and the lens made for it.
+def run_id(problem: Problem, lens: Lens, others: Iterable[Lens] = ()) -> str:
+    """Return the hash of a resolved problem and the lens, and other free elements, made for it.
 
     Pictures and rays do not count: the run's record holds the hashes of the files.  Nor do the table export
     and the limits of the light: names in CAD files, and what light will do, may be changed after a design.
     """
     files = {f"{table}.{part.data}": table for table, part, _ in data_of(problem)}
     limits = {f"verify.{f.name}": f.default for f in fields(Verify) if f.name in OF_THE_LIGHT}
-    return _sha256(
-        _set_keys(replace(problem, export=Export()), {**files, **limits}) + json.dumps(lens_to_dict(lens))
-    )
+    shapes = "".join(json.dumps(lens_to_dict(shape)) for shape in (lens, *others))
+    return _sha256(_set_keys(replace(problem, export=Export()), {**files, **limits}) + shapes)
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:

@@ -21,6 +21,7 @@ from optics.exchange.results.folder_lock import require_no_run, run_lock
 from optics.exchange.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
 from optics.exchange.results.owned_files import HASHES, recorded, require_own, sha256_of, writable_folder
 from optics.scene.problem import Problem, load_problem
+from optics.scene.system import OpticalSystem
 from thbcad.io import read_lens
 from thbcad.lens import Lens
 
@@ -40,18 +41,22 @@ FIGURES = tuple(
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
 SCENE = "scene.step"  # of all elements in their places
-PART_FILE = re.compile(r"[\w-]+\.step")  # of an element, or of the whole scene
+PART_FILE = re.compile(r"[\w-]+\.(step|lens\.json)")  # of an element, or of the whole scene
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 FILES_OF_A_LEVEL = 3  # lens, arrays, picture
 KEYS_SHOWN = 4  # in which two problems differ; files that are named
 
 
 class Result(NamedTuple):
-    """A whole result, read back."""
+    """A whole result, read back.  system : of its problem, with the shapes of other free elements."""
 
-    problem: Problem
+    system: OpticalSystem
     lens: Lens
     record: dict[str, Any]
+
+    @property
+    def problem(self) -> Problem:
+        return self.system.problem
 
 
 class ResultFolder:
@@ -109,10 +114,11 @@ class ResultFolder:
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
         if not taken:
             require_no_run(self.path)
-        record = self._record()
-        result = Result(load_problem(self.problem), self.read_lens(), record)
-        if record["run_id"] != run_id(result.problem, result.lens):
-            changed = [name for name in ("problem.toml", "lens.json") if not self._is_recorded(name)]
+        record, problem, lens = self._record(), load_problem(self.problem), self.read_lens()
+        shapes = self.read_shapes(problem)
+        if record["run_id"] != run_id(problem, lens, shapes.values()):
+            made = ("problem.toml", "lens.json", *map(shape_file, shapes))
+            changed = [name for name in made if not self._is_recorded(name)]
             if not changed:
                 raise UserError(
                     f"{self.path} is the result of a version of thbcad whose problem files had other keys; "
@@ -137,10 +143,20 @@ class ResultFolder:
                 f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
                 f"{RECORD}; run the design again"
             )
-        return result
+        return Result(OpticalSystem(problem, shapes=shapes), lens, record)
 
     def read_lens(self) -> Lens:
         return lens_of(self.lens, "was the design interrupted?")
+
+    def read_shapes(self, problem: Problem) -> dict[str, Lens]:
+        """Return the shapes of the free elements by name, but for that of lens.json."""
+        names = [optic.called for optic in problem.free_optics if optic is not problem.optic]
+        return {name: lens_of(self.path / shape_file(name), "run the design again") for name in names}
+
+    def found_shapes(self) -> dict[str, Lens]:
+        """Return the same of the files that lie here, also of a run that was interrupted."""
+        files = {path.name.partition(".")[0]: path for path in self.path.glob(shape_file("*"))}
+        return {name: lens_of(path, "run the design again") for name, path in files.items()}
 
     def read_history(self) -> tuple[Row, ...]:
         """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0."""
@@ -202,7 +218,7 @@ class ResultFolder:
 
     def _clear_temporaries(self) -> None:
         """Remove what a killed run left of half-written files."""
-        for name in (*FILES, CHECKPOINT, "*.step", *(f"{stem}.*" for stem in DATA)):
+        for name in (*FILES, CHECKPOINT, "*.step", shape_file("*"), *(f"{stem}.*" for stem in DATA)):
             folder, _, last = name.rpartition("/")
             for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
                 for path in (self.path / folder).glob(pattern):
@@ -248,10 +264,16 @@ def is_result_file(name: str) -> bool:
 
 
 def part_files(problem: Problem) -> list[str]:
-    """Return the names of the STEP files of the fixed elements, and of the scene where there are some."""
-    pairs = zip(problem.element, problem.optics)
-    fixed = [f"{element.name}.step" for element, optic in pairs if optic is not problem.optic]
-    return [*fixed, SCENE] if fixed else []
+    """Return the names of the files of the other elements, and of the scene where there are some."""
+    others = [optic for optic in problem.optics if optic is not problem.optic]
+    steps = [f"{optic.called}.step" for optic in others]
+    shapes = [shape_file(optic.called) for optic in others if optic.free]
+    return [*steps, *shapes, SCENE] if others else []
+
+
+def shape_file(name: str) -> str:
+    """Return the native file of a free element that is not that of lens.json."""
+    return f"{name}.lens.json"
 
 
 def is_level_file(name: str) -> bool:

@@ -17,9 +17,17 @@ from typing import Any
 from optics.designing.optimisation import Row
 from optics.exchange.results.identity import data_of, fingerprint, run_id
 from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
-from optics.exchange.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
+from optics.exchange.results.result_folder import (
+    CLAIMS,
+    RECORD,
+    ResultFolder,
+    is_level_file,
+    is_result_file,
+    shape_file,
+)
 from optics.scene.problem import Problem, problem_to_toml
-from thbcad.io import json_text, write_bytes, write_lens, write_text
+from optics.scene.system import OpticalSystem
+from thbcad.io import json_text, lens_to_dict, write_bytes, write_lens, write_text
 from thbcad.lens import Lens
 
 SCHEMA, VERSION = "thbcad-result", 1
@@ -28,10 +36,13 @@ SCHEMA, VERSION = "thbcad-result", 1
 class ResultWriter:
     """The files of one run.
 
-    folder : taken by this run.  problem : with every "auto" resolved.
+    folder : taken by this run.  system : of the problem with every "auto" resolved.
     """
 
-    def __init__(self, folder: ResultFolder, problem: Problem, lens: Lens, history: Sequence[Row]) -> None:
+    def __init__(
+        self, folder: ResultFolder, system: OpticalSystem, lens: Lens, history: Sequence[Row]
+    ) -> None:
+        problem = system.problem
         self._folder, self._written = folder.path, set[str]()
         self._earlier = recorded(self._folder / RECORD)
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
@@ -46,12 +57,15 @@ class ResultWriter:
         self.write("problem.toml", self.problem_text.encode())
         write_lens(lens, folder.lens)
         self._written.add(folder.lens.name)
+        *others, _ = system.free_elements(lens)
+        for optic, shape in others:
+            self.write(shape_file(optic.called), json_text(lens_to_dict(shape)).encode())
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
         writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
         self.write("history.csv", text.getvalue().encode())
-        self.run = {"run_id": run_id(problem, lens)}
+        self.run = {"run_id": run_id(problem, lens, (shape for _, shape in others))}
 
     def staged(self, name: str) -> Path:
         """Return where another process may write a solid; `place_steps` puts it into its place."""

@@ -32,7 +32,7 @@ from optics.scene.system import TURNED
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
-from thbcad.sags import Conic, PlacedConic
+from thbcad.sags import Conic, PlacedConic, graph_poles
 from thbcad.splines import BSplineSurface, KnotVector
 
 Booleans = NDArray[np.bool_]
@@ -73,12 +73,15 @@ class FileFace:
 
 
 def fixed_face(path: LightPath, number: int) -> FileFace:
-    """Return a surface of a path without a sag, as its prescription has it."""
+    """Return a surface of a path as its prescription, and its sag, have it."""
     surface, (before, behind) = path.surfaces[number], path.media[number : number + 2]
     mirror = surface.kind == "reflect"
     eta = before.index / (surface.beyond if mirror else behind).index
+    shape, form = surface.shape, PlacedConic(surface.shape.conic, 0.0, surface.shape.half_width)
+    if shape.sag is not None:
+        graph = shape.graph((shape.sag.space.kv_u.degree, shape.sag.space.kv_v.degree))
     return FileFace(
-        PlacedConic(surface.shape.conic, 0.0, surface.shape.half_width),
+        form if shape.sag is None else graph_poles(graph, 0.0, graph),
         None if mirror and surface.share is not None else eta,
         mirror,
         surface.share,

@@ -8,6 +8,7 @@ from optics.base.runtime import UserError
 from optics.base.workers import require_workers, worker_pool
 from optics.interface.api.design_result import Design
 from optics.interface.api.irradiance_model import DEVICE
+from optics.scene.problem import FaceMet
 from optics.tolerancing.form_errors import FormErrors, form_errors_of
 from optics.tolerancing.monte_carlo_samples import (
     ErrorModel,
@@ -30,7 +31,7 @@ def tolerances(
     progress: Callable[[str, int, int], None] | None = None,
     float_shift: bool = False,
 ) -> ToleranceBudget:
-    """Return what each tolerance of lens, source and target does to the light of a design.
+    """Return what each tolerance of elements, source and target does to the light of a design.
 
     amounts : other amounts than the usual ones, by name, such as {"lens.decentre": 0.02}; 0 leaves one out.
     limit : what the light must keep, for which the amount of each is looked for: a rise of rel_l2 such as
@@ -80,7 +81,8 @@ def monte_carlo(
 
     budget : of `tolerances`, whose amounts and limit hold here too.
     samples : lenses, 8 times a power of two.
-    forms : rms of the form of "front" and "rear" in nm; of a free surface that is left out it is FORM_NM.
+    forms : rms of the form of "front" and "rear" in nm, in a row of elements of "L1.rear" or "M1.face"; of a
+        free surface that is left out it is FORM_NM.
     periods : shortest and longest period of the form errors, mm.
     workers, scheduler : see `optics.base.workers.worker_pool`.
     progress : called with the number of lenses that are done, and of all.
@@ -118,14 +120,16 @@ def require_monte_carlo(
         with worker_pool(scheduler=scheduler):
             pass  # it answers
     for form in _forms(design, forms, periods):
-        form.drawn(getattr(design.lens, form.surface).outline, seed=0)
+        form.drawn(design.system, design.lens, seed=0)
 
 
 def _forms(
     design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
 ) -> tuple[FormTolerance, ...]:
     """Return the form tolerances of the surfaces, those of 0 left out."""
-    chosen = dict.fromkeys(design.problem.optic.free, FORM_NM) | dict(forms or {})
+    optic = design.problem.optic
+    free = (FaceMet(optic, face).name for face in optic.free)
+    chosen = dict.fromkeys(free, FORM_NM) | dict(forms or {})
     try:
         found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]
     except TypeError:

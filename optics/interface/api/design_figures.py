@@ -51,7 +51,7 @@ class DesignFigures:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
         placed = system.lens_on_axis and not (system.source.from_afar or system.source.from_file)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
-        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance
         self._light = self.process.ask(
             "optics.reporting.figures", "light_figures", plain, lens, measurement, fans
@@ -67,7 +67,7 @@ class DesignFigures:
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
-        plain = OpticalSystem(system.problem)
+        plain = system.plain
         self._levels = [
             self.process.ask(
                 "optics.reporting.figures", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients

@@ -32,7 +32,7 @@ from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.problem import Problem
-from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_parts
+from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_parts, other_limit_checks
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
@@ -74,7 +74,7 @@ class _Exports:
         if self._fixed:
             self.files.append(SCENE)
             room = "optics.exchange.assemblies"
-            self._scene = solids.ask(room, "export_scene", OpticalSystem(system.problem), lens, place(SCENE))
+            self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE))
 
     def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
         """Return the checks of all solids, and the file of the designed one as `_Export.checked`."""
@@ -131,8 +131,8 @@ def write_result(
 
     folder : taken by this run.  solids : which exports.
     """
-    system, lens, problem = design.system, design.lens, design.problem
-    writer = ResultWriter(folder, problem, lens, design.history)
+    system, lens = design.system, design.lens
+    writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
     figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
@@ -204,4 +204,5 @@ def _checks(
         *light_checks(system, lens, step, file, system.backend),
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
+        *other_limit_checks(system, lens),
     ]

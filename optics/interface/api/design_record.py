@@ -25,7 +25,7 @@ from optics.light.analysis import (
 )
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, other_limit_checks
 from thbcad.lens import Lens
 
 
@@ -75,6 +75,7 @@ class DesignRecord:
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
             checks += limit_checks(problem, self.system.manufactured(self.lens))
+            checks += other_limit_checks(self.system, self.lens)
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property
@@ -82,8 +83,8 @@ class DesignRecord:
         """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
         measured = [row for row in self.history if row.fresh_fit is not None][-1:]
         return {
-            "dof": sum(sag.space.dim for sag in self.lens.sags),
-            "levels": max(sag.space.levels for sag in self.lens.sags),
+            "dof": sum(sag.space.dim for sag in self.system.sags(self.lens)),
+            "levels": max(sag.space.levels for sag in self.system.sags(self.lens)),
             "evaluations": self.history[-1].evaluation if self.history else 0,
             **({"fit": measured[0].fit, "fresh_fit": measured[0].fresh_fit} if measured else {}),
         }

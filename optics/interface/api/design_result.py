@@ -69,10 +69,11 @@ class Design(DesignRecord):
         levels: Sequence[LevelRecord] = (),
     ) -> Design:
         """Return the design that a run has come to."""
+        system, lens = system.with_sags(system.lens, state.sags)
         return cls(
             asked=asked,
             system=system,
-            lens=system.lens.with_sags(state.sags),
+            lens=lens,
             history=state.history,
             notes=notes,
             wall_s=wall_s,
@@ -90,12 +91,12 @@ class Design(DesignRecord):
         UserError : the folder holds no whole result.
         """
         results = ResultFolder(folder)
-        problem, lens, record = results.read()
+        system, lens, record = results.read()
         levels = results.kept_levels()
         results.require_recorded([HISTORY, METRICS, IRRADIANCE, *chain.from_iterable(levels)])
-        system, history = OpticalSystem(problem), results.read_history()
+        history = results.read_history()
         loaded = cls(
-            asked=problem,
+            asked=system.problem,
             system=system,
             lens=lens,
             history=history,
@@ -194,10 +195,9 @@ class Design(DesignRecord):
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         self._require_told("viewed")
-        plain = OpticalSystem(self.problem)
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
-        return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
+        return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
 
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.

@@ -26,8 +26,8 @@ class LevelRecord:
     """A level of a design, as it was behind its optimisation.
 
     name : such as "level 3" or "finish".
-    gradients : for every free surface, front first, the sum of |dL/dz| of a grid of vertices over every leaf
-        cell (thesis 6.2).
+    gradients : for every free surface of the lens, front first, the sum of |dL/dz| of a grid of vertices over
+        every leaf cell (thesis 6.2).
     measurement : irradiance, target and metrics of its lens.  unit : of scripts, see `unit_of`.
     """
 
@@ -57,10 +57,11 @@ class LevelKeeper:
         self._system, self._traced, self._engine = system, traced, engine
         self.records: list[LevelRecord] = []
 
-    def __call__(self, stage: Stage, lens: Lens, target: Floats) -> None:
-        indicators = Indicators(self._traced, self._engine, target, None)
-        measurement = measure(self._system, lens, self._system.backend)
-        gradients = tuple(indicators.vertex(lens, stage))
+    def __call__(self, stage: Stage, shaped: OpticalSystem, lens: Lens, target: Floats) -> None:
+        indicators = Indicators(self._traced.shaped_as(shaped.shapes), self._engine, target, None)
+        system = self._system.shaped_as(shaped.shapes)
+        measurement = measure(system, lens, system.backend)
+        gradients = tuple(indicators.vertex(lens, stage)[-len(lens.sags) :])
         self.records.append(LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system)))
 
 

@@ -57,6 +57,9 @@ class System:
     ) -> None:
         if not isinstance(problem, Problem):
             raise UserError(f"System takes a Problem, got {problem!r}; optics.load_problem reads a file")
+        if len(problem.free_optics) > 1:
+            names = " and ".join(optic.table for optic in problem.free_optics)
+            raise UserError(f"System is a map of one free element, got {names}; optics.design shapes several")
         with DEVICE:
             ready = prepared(solvable_system(problem, Own(source, receiver)))
         self.optical, self._backend, self._start = ready.system, ready.backend, ready.start

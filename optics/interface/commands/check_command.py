@@ -9,7 +9,7 @@ from typing import Any
 
 from optics.base.runtime import speaking_of
 from optics.designing.etendue import etendue_notes
-from optics.designing.optimisation import Stage, surfaces_can_cross
+from optics.designing.optimisation import Stage, can_cross
 from optics.designing.prediction import (
     STEEP,
     Expectation,
@@ -106,7 +106,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
 def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
     """Return sentences about what does not suit the problem."""
     notes = [expectation.note] if expectation.note else []
-    if surfaces_can_cross(system):
+    if any(can_cross(system)):
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )

@@ -68,7 +68,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             optimizer = replace(ready.system.problem.optimizer, iterations=(options.iterations,))
             ready = replace(ready, system=OpticalSystem(replace(ready.system.problem, optimizer=optimizer)))
         if options.earlier:
-            state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
+            earlier = ResultFolder(options.earlier)
+            state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())
         solids, drawing = stack.enter_context(helpers())  # not for what is refused
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
@@ -94,7 +95,8 @@ def _resumed(run: _Run, system: OpticalSystem) -> State:
         run.notes.extend(earlier)
         return state
     run.notes(f"goes on from the finished result in {run.folder.path}, on its last level")
-    return earlier_state(system, run.folder.read(taken=True).lens)
+    result = run.folder.read(taken=True)
+    return earlier_state(system, result.lens, result.system.shapes)
 
 
 def _what_is_kept(run: _Run) -> str:

@@ -31,7 +31,6 @@ from optics.exchange.results import ResultFolder
 from optics.interface.commands.light_export import intensity_of_light, is_luminaire, rays_of_light, reported
 from optics.interface.commands.outcome import Outcome
 from optics.light.outgoing import cut_cost
-from optics.scene.system import OpticalSystem
 from thbcad.io import write_files
 from thbcad.lens import Flange, Lens
 from thbcad.moulds import UNCHANGED, shrinkage_factors
@@ -95,8 +94,7 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
         return {}, []
     if not Path(result).is_dir():
         return {}, []
-    problem, _, _ = ResultFolder(result).read()
-    system = OpticalSystem(problem)
+    system = ResultFolder(result).read().system
     cost = cut_cost(system, lens, system.backend, cut)
     line = (
         f"the cut costs {cost.through:.2%} of the light through front and rear, "
@@ -138,9 +136,8 @@ def _scene(options: Namespace) -> Outcome:
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
     require_free_files(scene_file_names(out), options.out, options.force)
-    problem, lens, _ = ResultFolder(folder).read()
+    system, lens, _ = ResultFolder(folder).read()
     current_mitsuba()
-    system = OpticalSystem(problem)
     files = scene_files(system, lens, out)
     write_files(files)
     density = system.density
@@ -171,8 +168,8 @@ def _assembly(options: Namespace, name: str) -> Outcome:
     if not folder.is_dir():
         raise UserError(f"--scene needs the problem of a result folder, and {folder} is none")
     require_free_files([out], options.out, options.force)
-    problem, lens, _ = ResultFolder(folder).read()
-    checks = export_scene(OpticalSystem(problem), lens, out, options.scene == "staged")
+    system, lens, _ = ResultFolder(folder).read()
+    checks = export_scene(system, lens, out, options.scene == "staged")
     return reported(options.out, name, [out], checks, {}, _sizes([out]))
 
 

@@ -159,8 +159,7 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     if not Path(options.result).is_dir():
         raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
     require_free_files([Path(options.out)], options.out, options.force)
-    problem, lens, _ = ResultFolder(options.result).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(options.result).read()
     require_lens_on_axis(system, "files of light")
     return system, lens, system.backend
 

@@ -9,7 +9,6 @@ from optics.base.runtime import check_lines, verification
 from optics.exchange.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.reporting.report import check_page
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
 from thbcad.io import json_text, write_files, write_text
 
@@ -30,18 +29,17 @@ def tool(options: Namespace) -> Outcome:
         surface=options.surface,
         speed=options.speed,
     )
-    problem, lens, _ = ResultFolder(options.result).read()
+    system, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "tool")
     writable_folder(folder)
     require_own(folder, (RECORD, PAGE, *PICTURES), RECORD, options.force)
-    system = OpticalSystem(problem)
     findings = tool_findings(system, lens, order, system.backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
     from optics.reporting.figures import figures_of_tool  # matplotlib
 
     figures = figures_of_tool(findings)
-    page = check_page(f"{problem.title}: tools", data, lines, [(c, p) for _, c, p in figures])
+    page = check_page(f"{system.problem.title}: tools", data, lines, [(c, p) for _, c, p in figures])
     files = {name: picture for name, _, picture in figures} | {PAGE: page.encode()}
     write_files({folder / name: content for name, content in files.items()})
     remove_files(folder, {*PICTURES} - {*files})

@@ -42,15 +42,14 @@ def trace(options: Namespace) -> Outcome:
     """
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
-    problem, lens, _ = ResultFolder(options.result).read()
-    system = OpticalSystem(problem)
+    system, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     files = (*FILES, *OF_LENS * system.lens_on_axis, *DIAGRAMS * system.target.far_field)
     require_own(folder, (*files, RECORD), RECORD, options.force)
     from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
-    backend = load_backend(options.precision, problem.run.threads)
+    backend = load_backend(options.precision, system.problem.run.threads)
     exact = backend if options.precision == "double" else system.backend
     start = perf_counter()
     image, fates, counts = sequential(system, lens, backend, options.rays)

@@ -15,7 +15,7 @@ from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
-from optics.scene.system import OpticalSystem, fixed_parts
+from optics.scene.system import OpticalSystem, fixed_parts, other_limit_checks
 from thbcad.doors import pip_command
 from thbcad.io import json_text, write_bytes, write_text
 from thbcad.lens import Lens
@@ -150,7 +150,7 @@ def verify(options: Namespace) -> Outcome:
 
         lens, _ = labelled_lens(options.lens)
         designed = Path(options.lens).is_dir()
-        system = OpticalSystem(ResultFolder(options.lens).read().problem) if designed else None
+        system = ResultFolder(options.lens).read().system if designed else None
         checks, left_out = part_checks(path, lens, options.optiland and optiland_available(), system)
         if options.optiland and not optiland_available():
             left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
@@ -197,9 +197,8 @@ def _folder_checks(
     )
 
     folder = ResultFolder(path)
-    problem, lens, _ = folder.read()
-    system = OpticalSystem(problem)
-    backend = system.backend
+    system, lens, _ = folder.read()
+    problem, backend = system.problem, system.backend
     file = StepFile(folder.step)
     with reading(file.path):
         file.read_lens()
@@ -217,7 +216,7 @@ def _folder_checks(
 
         with reading(folder.path / SCENE):
             checks += scene_checks(system, lens, folder.path / SCENE)
-    checks += limit_checks(problem, system.manufactured(lens))
+    checks += limit_checks(problem, system.manufactured(lens)) + other_limit_checks(system, lens)
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")
     elif by_optiland and optiland_available():

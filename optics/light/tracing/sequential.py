@@ -65,7 +65,8 @@ class Tracer:
         frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
         self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
         self._receiver = path.receiver.seen_from(frames[-1])
-        self._obstructions = self._in_the_way(frames, isinstance(rays, RayGrid))
+        starts = path.before if isinstance(rays, RayGrid) else rays.origin[2].max()
+        self._obstructions = self._in_the_way(frames, max(0.0, path.emitted - starts))
         self._number = cache(partial(backend.dr.opaque, backend.Float))
         grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
@@ -263,10 +264,11 @@ class Tracer:
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
         return by_name(counts)
 
-    def _in_the_way(self, frames: list[Pose], parallel: bool) -> list[Obstruction]:
+    def _in_the_way(self, frames: list[Pose], early: float) -> list[Obstruction]:
         """Return what is in the way to every surface and to the receiver.
 
         frames : of the surfaces; in that of the next or of the last surface are the rays.
+        early : mm, of the way that lies before the source.
         """
         path, backend = self._path, self._backend
         bodies, ways = [ShadingBody(backend, body) for body in path.bodies], []
@@ -274,8 +276,7 @@ class Tracer:
             back, air = frame.inverse(), medium == AIR
             stops = [stop.moved(back) for stop in path.stops if air]
             placed = [(b, back @ b.body.pose, not {k - 1, k}.isdisjoint(b.body.faces)) for b in bodies if air]
-            start = max(0.0, path.emitted - path.before) if parallel and not k else 0.0
-            ways.append(Obstruction(backend, stops, placed, start))
+            ways.append(Obstruction(backend, stops, placed, 0.0 if k else early))
         return ways
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:

@@ -8,7 +8,7 @@ from math import floor, inf, isfinite, log2, nextafter
 
 from optics.base.runtime import Check, UserError
 from optics.scene.limits.manufacture_text import position, positions
-from optics.scene.problem import Freeform, Limits, Problem
+from optics.scene.problem import Freeform, Limits, Optic, Problem
 from thbcad.certified import Enclosure
 from thbcad.lens import (
     NM_PER_MM,
@@ -180,39 +180,42 @@ def _beyond(
 
 
 def feature_levels(problem: Problem) -> list[int]:
-    """Return the finest level of every free surface, front first, that limits.feature leaves of max_level.
+    """Return the finest level of every free surface along the path that limits.feature leaves of max_level.
 
     It is 0 where even level 0 has smaller features.
     """
+    return [level for optic in problem.free_optics for level in _levels(problem, optic)]
+
+
+def _levels(problem: Problem, optic: Optic) -> list[int]:
     return [
         max(0, min(free.finest, floor(log2(size / problem.limits.feature))))
         if problem.limits.feature
         else free.finest
-        for _, free, size in _features(problem)
+        for _, free, size in _features(problem, optic)
     ]
 
 
-def _features(problem: Problem) -> Iterator[tuple[str, Freeform, float]]:
-    """Yield name, settings and the smallest feature of level 0 in wavelengths of every free surface."""
-    lens = problem.optic
-    for name, free in lens.free.items():
-        half_width = getattr(lens, name).half_width
+def _features(problem: Problem, optic: Optic) -> Iterator[tuple[str, Freeform, float]]:
+    """Yield key, settings and the smallest feature of level 0 in wavelengths of every free surface."""
+    for name, free in optic.free.items():
+        half_width = getattr(optic, name).half_width
         smallest = min(free.degree * 2 * h / n for h, n in zip(half_width, free.spans))
-        yield name, free, smallest * NM_PER_MM / problem.source.wavelength
+        yield optic.key(name), free, smallest * NM_PER_MM / problem.source.wavelength
 
 
 def _feature_advice(problem: Problem) -> Iterator[str]:
     """Yield a sentence for every free surface whose finest level would break limits.feature."""
-    limit, levels = problem.limits.feature, feature_levels(problem)
-    for (name, free, coarsest), level in zip(_features(problem), levels):
+    limit, levels = problem.limits.feature, _levels(problem, problem.optic)
+    for (key, free, coarsest), level in zip(_features(problem, problem.optic), levels):
         if coarsest < limit:
             yield (
                 f"limits.feature is {limit:g} wavelengths, but level 0 of "
-                f"{problem.optic.key(name)}.freeform has {coarsest:.4g}: take fewer spans"
+                f"{key}.freeform has {coarsest:.4g}: take fewer spans"
             )
         elif level < free.finest:
             yield (
                 f"limits.feature holds up to level {level}, but "
-                f"{problem.optic.key(name)}.freeform.max_level is {free.max_level}: the mesh "
+                f"{key}.freeform.max_level is {free.max_level}: the mesh "
                 f"stays at level {level}"
             )

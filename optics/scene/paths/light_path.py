@@ -207,10 +207,6 @@ class LightPath:
         new = tuple(media)
         return self if new == self.media else replace(self, media=new)
 
-    def in_glass(self, glass: Medium) -> LightPath:
-        """Return the path through another glass: all but air is made of it."""
-        return self.in_media(AIR if medium == AIR else glass for medium in self.media)
-
     def without_absorption(self) -> LightPath:
         """Return the path through clear media."""
         return self.in_media(replace(medium, absorption=0.0) for medium in self.media)
@@ -253,13 +249,17 @@ class LightPath:
         """Return the path over surfaces whose heights err, mm.  errors : one of each surface."""
         return self._with_errors("height_error", errors)
 
-    def moved(self, surface: int, motion: Pose) -> LightPath:
-        """Return the path over surfaces of which one is moved.  motion : in the frame of the path."""
-        if motion.is_identity:
-            return self
-        return self._with(
-            replace(s, pose=motion @ s.pose) if k == surface else s for k, s in enumerate(self.surfaces)
-        )
+    def moved(self, motions: Sequence[Pose]) -> LightPath:
+        """Return the path whose surfaces, and at last its receiver, are moved, with their bodies.
+
+        motions : one of each, in the frame of the path.
+        """
+        pairs = zip(self.surfaces, motions)
+        path = self._with(s if m.is_identity else replace(s, pose=m @ s.pose) for s, m in pairs)
+        path = path.onto(self.receiver.moved(motions[-1]))
+        bodies = tuple(body.moved(motions[body.faces[-1]]) for body in self.bodies)
+        same = all(a is b for a, b in zip(bodies, self.bodies))
+        return path if same else replace(path, bodies=bodies)
 
     def with_shape(self, surface: int, shape: FreeformSurface) -> LightPath:
         """Return the path over surfaces of which one has another shape."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from html import escape
@@ -88,8 +89,21 @@ class Problem:
 
     @cached_property
     def optic(self) -> Optic:
-        """The lens or the mirror whose surface is free; the first where none is."""
-        return next((optic for optic in self.optics if optic.free), self.optics[0])
+        """The lens or the mirror whose surface is free, of several the last that light meets; the first where
+        none is."""
+        return (self.free_optics or self.optics[:1])[-1]
+
+    @cached_property
+    def free_optics(self) -> tuple[Optic, ...]:
+        """The elements with free surfaces, in the order in which light meets them."""
+        met = {face.optic.table: face.optic for face in self.faces_met if face.optic.free}
+        return tuple(met.values())
+
+    def about(self, optic: Optic) -> Problem:
+        """Return the problem with another of its elements as `optic`, of which limits and keys then speak."""
+        other = copy(self)
+        other.__dict__["optic"] = optic
+        return other
 
     @cached_property
     def faces_met(self) -> tuple[FaceMet, ...]:

@@ -14,8 +14,8 @@ from optics.scene.problem.toml_records import AUTO
 LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 
 
-def require_optic(optic: Optic, free: bool) -> None:
-    """Refuse an element whose keys do not go together.  free : it is the one with a surface to design.
+def require_optic(optic: Optic, shaped: bool) -> None:
+    """Refuse an element whose keys do not go together.  shaped : a transport map shapes a surface of it.
 
     Raises
     ------
@@ -23,10 +23,10 @@ def require_optic(optic: Optic, free: bool) -> None:
     """
     if isinstance(optic, LensSpec):
         _require_glass(optic)
-    if free:
+    if shaped:
         _require_free(optic)
     else:
-        _require_fixed(optic)
+        _require_numbers(optic)
     _require_outline(optic)
     _require_clear_aperture(optic)
     _require_body(optic)
@@ -103,18 +103,18 @@ def require_rows(key: str, rows: Rows, low: float, high: float) -> None:
             raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
 
 
-def _require_fixed(optic: Optic) -> None:
-    """Refuse a second element with a surface to design, and a fixed surface left to the program."""
+def _require_numbers(optic: Optic) -> None:
+    """Refuse a base or a bound that is left to the program where no transport map tells it."""
     for name, surface in (("front", optic.front), ("rear", optic.rear)):
-        if surface.freeform is not None:
-            raise UserError(
-                f"{optic.key(name)} is free, and so is a surface of another element: one element can be "
-                f"designed; set {optic.key(name)}.freeform = false there"
-            )
         if AUTO in (surface.radius, surface.conic):
             raise UserError(
-                f"{optic.key(name)}.radius and {optic.key(name)}.conic must be numbers, since the surface "
-                f'is not free; got "{AUTO}"'
+                f"{optic.key(name)}.radius and {optic.key(name)}.conic must be numbers, since only the last "
+                f'free surface of the path gets them from the light; got "{AUTO}"'
+            )
+        if surface.freeform is not None and surface.freeform.z_freedom == AUTO:
+            raise UserError(
+                f"{optic.key(name)}.freeform.z_freedom must be a number of mm, since only the last free "
+                f'surface of the path gets it from the light; got "{AUTO}"'
             )
 
 

@@ -7,11 +7,15 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.geometry_search import nearest_geometry as nearest_geometry
     from optics.scene.system.lens import freeforms as freeforms, lens_product as lens_product
-    from optics.scene.system.lens_material import index_at as index_at
+    from optics.scene.system.lens_material import (
+        index_at as index_at,
+        indexing_material as indexing_material,
+    )
     from optics.scene.system.made_parts import (
         MadePart as MadePart,
         designed_part as designed_part,
         fixed_parts as fixed_parts,
+        other_limit_checks as other_limit_checks,
         scene_parts as scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem

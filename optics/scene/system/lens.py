@@ -43,8 +43,8 @@ def lens_product(problem: Problem, fixed: Optic | None = None) -> Product:
 
 
 def freeforms(problem: Problem) -> tuple[Freeform, ...]:
-    """Return the settings of the free surfaces, front first, as `Lens.sags`."""
-    return tuple(problem.optic.free.values())
+    """Return the settings of the free surfaces of all elements, in the order in which light meets them."""
+    return tuple(freeform for optic in problem.free_optics for freeform in optic.free.values())
 
 
 def _surface(optic: Optic, name: str) -> FreeformSurface:

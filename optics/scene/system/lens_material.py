@@ -65,12 +65,12 @@ def known_material(spec: Optic) -> Material | None:
         return None
 
 
-def indexing_material(problem: Problem) -> Material | None:
-    """Return the material whose index the lens has at the source's wavelength; None where it is another."""
-    material, nm = known_material(problem.optic), problem.source.wavelength
+def indexing_material(problem: Problem, optic: Optic) -> Material | None:
+    """Return the material whose index a lens has at the source's wavelength; None where it is another."""
+    material, nm = known_material(optic), problem.source.wavelength
     if material is None or not material.range[0] <= nm <= material.range[1]:
         return None
-    same = abs(material.index(nm) - problem.optic.known_index) < 10**-INDEX_DIGITS
+    same = abs(material.index(nm) - optic.known_index) < 10**-INDEX_DIGITS
     return material if same else None
 
 

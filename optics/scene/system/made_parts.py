@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from optics.base.runtime import Check
+from optics.scene.limits import limit_checks
 from optics.scene.problem import Optic
 from optics.scene.system.lens import lens_product
 from optics.scene.system.made_bodies import made_of
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.placed_faces import pose_of
-from thbcad.lens import Lens, Product
+from thbcad.lens import Lens, Product, manufacturability
 from thbcad.poses import Pose
 
 if TYPE_CHECKING:
@@ -57,6 +59,17 @@ def scene_parts(system: OpticalSystem, lens: Lens) -> tuple[MadePart, ...]:
     designed = replace(designed, product=replace(designed.product, name=designed.name))
     fixed = {part.name: part for part in fixed_parts(system)}
     return tuple(fixed.get(optic.called, designed) for optic in system.problem.optics)
+
+
+def other_limit_checks(system: OpticalSystem, lens: Lens) -> list[Check]:
+    """Return the checks of the limits of manufacture of the free elements other than a lens."""
+    return [
+        replace(check, name=f"{optic.called}: {check.name}")
+        for optic, shape in system.free_elements(lens)[:-1]
+        for check in limit_checks(
+            system.problem.about(optic), manufacturability(shape, optic.density or None)
+        )
+    ]
 
 
 def _part(optic: Optic, lens: Lens, product: Product) -> MadePart:

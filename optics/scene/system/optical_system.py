@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
+from math import inf
 from typing import TYPE_CHECKING
 
 from optics.base.runtime import Backend, load_backend
@@ -26,10 +30,11 @@ from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import Lens, Manufacturability, Product, manufacturability
+from thbcad.lens import FreeformSurface, Lens, Manufacturability, Product, manufacturability
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
+from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from thbcad.moulds import Solid
@@ -46,6 +51,8 @@ class OpticalSystem:
     own : what a script brings in place of the source and the receiver that the problem describes.
     aim : what the light of a sharp system is to be that stands for a blurred one, see `blur.aimed`;
         None of other systems.
+    shapes : of other free elements than the one that is shaped by a transport map, by name, where they are
+        not as prescribed.
 
     Raises
     ------
@@ -55,6 +62,7 @@ class OpticalSystem:
     problem: Problem
     aim: LightTarget | None = None
     own: Own = Own()
+    shapes: Mapping[str, Lens] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "problem", with_material(self.problem))
@@ -71,14 +79,17 @@ class OpticalSystem:
 
     @cached_property
     def fixed(self) -> tuple[tuple[Optic, Lens], ...]:
-        """The elements that are not designed, with their lenses or blanks.
+        """The other elements, with their lenses or blanks: the fixed ones, and those that have their shapes.
 
         Raises
         ------
         UserError : a prescription makes no lens.
         """
-        optics = self.problem.optics
-        return tuple((optic, base_lens(optic)) for optic in optics if optic is not self.problem.optic)
+        return tuple(
+            (optic, self.shapes.get(optic.called) or base_lens(optic))
+            for optic in self.problem.optics
+            if optic is not self.problem.optic
+        )
 
     @property
     def backend(self) -> Backend:
@@ -139,8 +150,47 @@ class OpticalSystem:
 
     @property
     def freeforms(self) -> tuple[Freeform, ...]:
-        """The settings of the free surfaces, front first, as `Lens.sags`."""
+        """The settings of the free surfaces, as `sags`."""
         return freeforms(self.problem)
+
+    def free_elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
+        """Return the elements with free surfaces in the order of the light; `lens` is the last."""
+        lenses = {optic.called: shape for optic, shape in self.elements(lens)}
+        return tuple((optic, lenses[optic.called]) for optic in self.problem.free_optics)
+
+    def free_surfaces(self, lens: Lens) -> list[FreeformSurface]:
+        """Return the free surfaces of all elements in the order of the light."""
+        return [surface for _, shape in self.free_elements(lens) for surface in shape.free_surfaces]
+
+    def sags(self, lens: Lens) -> tuple[THBSurface, ...]:
+        """Return the sags of all elements in the order of the light, as `LightPath.sags`."""
+        return tuple(sag for _, shape in self.free_elements(lens) for sag in shape.sags)
+
+    def with_sags(self, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
+        """Return the system and the lens with other sags.
+
+        Raises
+        ------
+        ValueError : too few or too many sags.
+        """
+        rest, shapes = iter(sags), dict[str, Lens]()
+        for optic, shape in self.free_elements(lens):
+            shapes[optic.called] = shape.with_sags([*islice(rest, len(shape.sags))])
+        lens = shapes.pop(self.problem.optic.called)
+        return (self.shaped_as(shapes) if shapes else self), lens
+
+    def shaped_as(self, shapes: Mapping[str, Lens]) -> OpticalSystem:
+        """Return the system with other `shapes`; what does not depend on them is not made again."""
+        other = copy(self)
+        other.__dict__["shapes"] = shapes
+        for made in ("fixed", "sharp"):
+            other.__dict__.pop(made, None)
+        return other
+
+    @property
+    def plain(self) -> OpticalSystem:
+        """The same of the problem alone, without what was made of it: for other processes."""
+        return OpticalSystem(self.problem, shapes=self.shapes)
 
     @property
     def units(self) -> Units:
@@ -208,7 +258,7 @@ class OpticalSystem:
     @property
     def material(self) -> Material | None:
         """The known material whose index the lens has; None where its index is another."""
-        return indexing_material(self.problem)
+        return indexing_material(self.problem, self.problem.optic)
 
     def media_at(self, nm: float) -> tuple[Medium, ...]:
         """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
@@ -284,13 +334,13 @@ class OpticalSystem:
         lens : the element that is designed, of whatever shape and index; the others are as the problem has
             them.
         """
-        optic, media = self.problem.optic, [*self.media_at(self.problem.source.wavelength)]
-        for k, face in self.own_faces.items():
+        faces, media = self.problem.faces_met, [*self.media_at(self.problem.source.wavelength)]
+        lenses = {id(optic): blank for optic, blank in self.elements(lens)}
+        for k, face in enumerate(faces, 1):
             if face.into_glass:
-                media[k + 1] = replace(media[k + 1], index=lens.index)
-        lenses = {id(other): blank for other, blank in self.elements(lens)}
-        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in self.problem.faces_met]
-        black = optic.wall == "absorbing"
+                media[k] = replace(media[k], index=lenses[id(face.optic)].index)
+        surfaces = [surface_of(face, lenses[id(face.optic)]) for face in faces]
+        black = self.problem.optic.wall == "absorbing"
         return tuple(
             LightPath(
                 tuple(surfaces), tuple(media), target.receiver, stops=self.stops, absorbing_wall=black
@@ -307,6 +357,15 @@ class OpticalSystem:
         """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
         return (self.problem.optic, lens), *self.fixed
 
+    def with_fixed(self, lenses: Sequence[Lens]) -> OpticalSystem:
+        """Return the system whose fixed elements have other lenses or blanks; itself, if they are its own."""
+        fixed = tuple((optic, lens) for (optic, _), lens in zip(self.fixed, lenses))
+        if all(new is old for (_, new), (_, old) in zip(fixed, self.fixed)):
+            return self
+        other = replace(self)
+        other.__dict__["fixed"] = fixed
+        return other
+
     def shaded_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, among the bodies of all elements and a plane screen.
 
@@ -316,7 +375,8 @@ class OpticalSystem:
         if self.axial:
             return path
         bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
-        return replace(path, bodies=bodies, emitted=-self.problem.source.distance)
+        emitted = -self.problem.source.distance if self.source.from_afar else -inf
+        return replace(path, bodies=bodies, emitted=emitted)
 
     @property
     def lens_on_axis(self) -> bool:

@@ -156,7 +156,8 @@ def advice(system: OpticalSystem) -> list[str]:
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
-    bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
+    free = system.free_elements(lens)
+    bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
     thrown = CONIC_SLOPE * system.path(system.lens).lever
     if bent and not system.target.far_field and thrown > problem.verify.landing:
         sentences.append(
@@ -171,4 +172,4 @@ def advice(system: OpticalSystem) -> list[str]:
             f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
             f"{problem.optic.key(system.shaped)}.freeform.degree fewer"
         )
-    return sentences + limit_advice(problem, lens)
+    return sentences + [s for optic, shape in free for s in limit_advice(problem.about(optic), shape)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from optics.scene.problem import Problem
+from optics.scene.problem import Placed, Problem
 from optics.scene.receivers import Receiver
 from optics.scene.sources import (
     CollimatedBeam,
@@ -39,6 +39,16 @@ class Own:
         return self.source is not None or self.receiver is not None
 
 
+def aperture_of(problem: Problem) -> tuple[float, float]:
+    """Return the half-widths of a rectangle around the axis beside which no parallel light is of use, mm.
+
+    It is that of the face that light meets first, where that stands upright on the axis, else of the beam.
+    """
+    first = problem.faces_met[0].optic
+    aside = isinstance(first, Placed) and (any(first.position[:2]) or any(first.tilt))
+    return problem.source.half_width if aside else first.front.half_width
+
+
 def source_of(problem: Problem) -> LightSource:
     """Return the source of a problem: its class takes those keys of [source] that it has fields for.
 
@@ -49,7 +59,7 @@ def source_of(problem: Problem) -> LightSource:
         "shape": keys.profile,
         "picture": keys.image,
         "divergence": Divergence(keys.divergence_profile, keys.half_divergence),
-        "aperture": problem.optic.front.half_width,
+        "aperture": aperture_of(problem),
     }
     values = vars(keys) | others
     return made(**{field.name: values[field.name] for field in fields(made)})

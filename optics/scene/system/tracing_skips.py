@@ -9,6 +9,7 @@ from math import erf, exp, pi, sqrt
 from optics.scene.problem import Problem
 from optics.scene.receivers import GaussianWindow
 from optics.scene.sources import LightSource
+from optics.scene.system.source import aperture_of
 
 ROUNDING = 1e-10  # relative, of loss and gradient: the resolution of meeting points in double precision
 
@@ -89,8 +90,8 @@ def skip_lines(parts: Sequence[Skip]) -> list[str]:
 
 
 def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
-    size, front = problem.source.half_width, problem.optic.front
-    wider = source.collimated and any(s > f for s, f in zip(size, front.half_width))
+    pairs = zip(problem.source.half_width, aperture_of(problem))
+    wider = source.collimated and any(beam > aperture for beam, aperture in pairs)
     if not source.collimated:
         aperture = "the source lights all around"
     elif wider:

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from optics.base.runtime import UserError
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import Perturbation, random_field
 from thbcad.checks import require_integer, require_number
-from thbcad.outlines import Outline
+from thbcad.lens import Lens
 
 REPLICATES = 8  # independent scramblings of the points: their spread tells the error of every result
 MOST_SAMPLES = 1 << 20
@@ -26,11 +27,12 @@ MOST_SEED = 1 << 63
 class FormTolerance:
     """A form error of random shape.
 
-    surface : "front" or "rear".  rms : over the aperture, mm.  band : shortest and longest period, mm.
+    surface : "front" or "rear" of a lens on the axis, a face that light meets of others, such as "L1.rear".
+    rms : over the aperture, mm.  band : shortest and longest period, mm.
 
     Raises
     ------
-    UserError : another surface, an rms that is not a number from 0.
+    UserError : an rms that is not a number from 0.
     """
 
     surface: str
@@ -38,8 +40,6 @@ class FormTolerance:
     band: tuple[float, float]
 
     def __post_init__(self) -> None:
-        if self.surface not in ("front", "rear"):
-            raise UserError(f'a form error is one of "front" or "rear", got {self.surface!r}')
         try:
             require_number("the rms of a form error", self.rms, least=0, finite=True)
         except ValueError as error:
@@ -49,15 +49,23 @@ class FormTolerance:
     def name(self) -> str:
         return f"{self.surface}.form"
 
-    def drawn(self, outline: Outline, seed: int) -> Perturbation:
-        """Return one form error.  outline : of the surface, over which it has its rms.
+    def drawn(self, system: OpticalSystem, lens: Lens, seed: int) -> Perturbation:
+        """Return one form error, of its rms over the outline of the surface.
+
+        lens : of the element that is designed.
 
         Raises
         ------
-        UserError : see `random_field`.
+        UserError : a surface that is not there; see `random_field`.
         """
-        field = random_field(self.band, self.rms, outline.half_width, seed, outline.corners)
-        return Perturbation(front_error=field) if self.surface == "front" else Perturbation(rear_error=field)
+        faces = {face.name: face for face in system.problem.faces_met}
+        if self.surface not in faces:
+            names = " or ".join(f'"{name}"' for name in faces)
+            raise UserError(f"a form error is one of {names}, got {self.surface!r}")
+        optic, side = faces[self.surface].optic, faces[self.surface].face
+        shape = getattr(next(made for one, made in system.elements(lens) if one is optic), side)
+        field = random_field(self.band, self.rms, shape.half_width, seed, shape.corners)
+        return Perturbation.on(optic, system.problem.optic, **{f"{side}_error": field})
 
 
 @dataclass(frozen=True)

@@ -68,9 +68,8 @@ class ErrorModel:
 
     def form(self, seed: int) -> list[Perturbation]:
         """Return random form errors of the surfaces.  seed : of all of them."""
-        outlines = {"front": self.lens.front.outline, "rear": self.lens.rear.outline}
         seeds = np.random.default_rng(seed).integers(1 << 63, size=len(self.forms))
-        return [form.drawn(outlines[form.surface], int(s)) for form, s in zip(self.forms, seeds)]
+        return [form.drawn(self.system, self.lens, int(s)) for form, s in zip(self.forms, seeds)]
 
     def irradiance(self, draw: Draw) -> NDArray[np.float64]:
         """Return the light of a lens, (rows, columns)."""

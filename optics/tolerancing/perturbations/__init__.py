@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     )
     from .light_limits import RISE as RISE
     from .linear_light import LinearLight as LinearLight
-    from .perturbation import NOMINAL as NOMINAL, Perturbation as Perturbation
+    from .perturbation import (
+        NOMINAL as NOMINAL,
+        ElementErrors as ElementErrors,
+        Perturbation as Perturbation,
+    )
     from .shop_words import HEAD as HEAD, effect_rows as effect_rows, shop_sentences as shop_sentences
     from .tolerance_effects import ToleranceBudget as ToleranceBudget, ToleranceEffect as ToleranceEffect
     from .tolerance_names import Tolerance as Tolerance, tolerances_of as tolerances_of

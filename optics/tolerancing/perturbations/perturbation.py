@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
 
 from optics.scene.paths import HeightError
+from optics.scene.problem import Optic
 from optics.tolerancing.perturbations.height_errors import HeightSum
 
 Triple = tuple[float, float, float]
@@ -13,17 +15,17 @@ ZERO: Triple = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Perturbation:
-    """How a lens, its source and its target differ from what was designed; all zero is the design.
+class ElementErrors:
+    """How a lens or a mirror differs from what was designed; all zero is the design.
 
-    lens_shift, source_shift, target_shift : mm, along x, y, z.
-    lens_tilt, source_tilt, target_tilt : rad, rotation vectors: about the middle of the lens's front vertex,
-        the middle of the source, and the middle of the target.  What is tilted is shifted afterwards.
+    A mirror is asked as a lens whose front reflects.
+
+    lens_shift : mm, along its own x, y, z.  lens_tilt : rad, a rotation vector about the middle of its front
+        vertex.  What is tilted is shifted afterwards.
     front_shift, front_tilt : the same of the front alone, about its vertex, in the frame of the lens.
-    thickness : mm, added; the rear moves, the target stays.  index : added.
+    thickness : mm, added; the rear moves, all else stays.  index : added.
     front_power, rear_power : relative change of the curvature of the base conic, R becomes R / (1 + power);
         the spline above it stays.
-    source_size : relative change of the source's width, at the same flux.
     temperature : K above that of the design: the lens alone expands, and its index changes.
     front_error, rear_error : what is added to the heights of front and rear, mm; None is nothing.
     """
@@ -32,33 +34,60 @@ class Perturbation:
     lens_tilt: Triple = ZERO
     front_shift: Triple = ZERO
     front_tilt: Triple = ZERO
-    source_shift: Triple = ZERO
-    source_tilt: Triple = ZERO
-    target_shift: Triple = ZERO
-    target_tilt: Triple = ZERO
     thickness: float = 0.0
     index: float = 0.0
     front_power: float = 0.0
     rear_power: float = 0.0
-    source_size: float = 0.0
     temperature: float = 0.0
     front_error: HeightError | None = None
     rear_error: HeightError | None = None
 
-    def __add__(self, other: Perturbation) -> Perturbation:
+    def __add__(self, other: Self) -> Self:
         """Return the sum of both, number by number."""
-        return Perturbation(
+        return type(self)(
             **{f.name: _sum(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
         )
 
-    def __mul__(self, factor: float) -> Perturbation:
+    def __mul__(self, factor: float) -> Self:
         """Return it with every number, and every error of height, times a factor."""
-        return Perturbation(**{f.name: _times(getattr(self, f.name), factor) for f in fields(self)})
+        return type(self)(**{f.name: _times(getattr(self, f.name), factor) for f in fields(self)})
 
     __rmul__ = __mul__
 
-    def __neg__(self) -> Perturbation:
+    def __neg__(self) -> Self:
         return self * -1.0
+
+
+RIGHT = ElementErrors()
+
+
+@dataclass(frozen=True)
+class Perturbation(ElementErrors):
+    """How a lens, its source and its target differ from what was designed; all zero is the design.
+
+    In a row of elements its own numbers are those of the element that is designed.
+
+    source_shift, source_tilt : mm, rad, about the middle of the source, along the axes of the scene.
+    target_shift, target_tilt : the same of the target, along its own axes.
+    source_size : relative change of the source's width, at the same flux.
+    others : of the other elements, by name.
+    """
+
+    source_shift: Triple = ZERO
+    source_tilt: Triple = ZERO
+    target_shift: Triple = ZERO
+    target_tilt: Triple = ZERO
+    source_size: float = 0.0
+    others: Mapping[str, ElementErrors] = field(default_factory=dict)
+
+    @classmethod
+    def on(cls, optic: Optic, designed: Optic, **errors: Any) -> Perturbation:
+        """Return the one with errors of an element, as `ElementErrors`.  designed : see `of`."""
+        return cls(**errors) if optic is designed else cls(others={optic.called: ElementErrors(**errors)})
+
+    def of(self, optic: Optic, designed: Optic) -> ElementErrors:
+        """Return what is wrong with an element.  designed : the one that the own numbers are of."""
+        return self if optic is designed else self.others.get(optic.called, RIGHT)
 
 
 NOMINAL = Perturbation()
@@ -68,6 +97,8 @@ def _sum(a: Any, b: Any) -> Any:
     """Return the sum of two values of the same field."""
     if isinstance(a, tuple) and isinstance(b, tuple):
         return tuple(p + q for p, q in zip(a, b))
+    if isinstance(a, Mapping):
+        return {name: a.get(name, RIGHT) + b.get(name, RIGHT) for name in {**a, **b}}
     if isinstance(a, float | int) and isinstance(b, float | int):
         return a + b
     parts = [part for error in (a, b) if error is not None for part in _parts(error)]
@@ -80,6 +111,8 @@ def _times(value: Any, factor: float) -> Any:
         return tuple(factor * v for v in value)
     if isinstance(value, float | int):
         return factor * value
+    if isinstance(value, Mapping):
+        return {name: factor * errors for name, errors in value.items()}
     return None if value is None else HeightSum(tuple((factor * f, error) for f, error in _parts(value)))
 
 

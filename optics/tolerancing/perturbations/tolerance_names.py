@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partial
 from math import isfinite, radians
-from typing import Any
 
 from optics.base.runtime import UserError
-from optics.scene.system import OpticalSystem
+from optics.scene.problem import MirrorElement, Optic, Placed
+from optics.scene.system import OpticalSystem, indexing_material
 from optics.tolerancing.perturbations.perturbation import Perturbation
+from thbcad.lens import Lens
 
 # mm: a fine length of 0.5 to 6 mm, such as a lens's seat (ISO 2768-1, class f), and one of 6 to 30 mm, at
 # which a source is mounted; where the target is set up in a room with a ruler, and its distance with a tape
@@ -22,8 +24,9 @@ POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits 
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
 TEMPERATURE = 20.0  # K: a room's 20 C against a luminaire's 40 C
 AXES = "xyz"
-# tolerances that not every lens has
-SOMETIMES = ("front.decentre", "front.power", "rear.power", "temperature")
+# tolerances that not every lens or mirror has
+SOMETIMES = ("front.decentre", "front.power", "rear.power", "face.power", "temperature")
+MEDIUM = "thickness", "index", "temperature"  # what only a lens can have
 
 
 @dataclass(frozen=True)
@@ -64,32 +67,45 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     known = {t.name: t for t in _usual(system)}
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
-        absent = name in SOMETIMES and name not in known and amount == 0  # what is not there may be left out
-        names = [] if absent else _meant(name, known)
+        names = [n for n in known if n == name or (n[-2] == "_" and n[:-2] == name)]
+        if not names and not (amount == 0 and _own(system, name)[1] in SOMETIMES):
+            raise UserError(_why_not(system, name, known))
         checked = _checked(name, amount)
         chosen |= {one: checked for one in names}
     return tuple(Tolerance(n, t.unit, chosen[n], t.change) for n, t in known.items() if chosen[n])
 
 
-def _meant(name: str, known: Mapping[str, Tolerance]) -> list[str]:
-    """Return the names of tolerances that a name stands for."""
-    names = [n for n in known if n == name or (n[-2] == "_" and n[:-2] == name)]
-    if names:
-        return names
-    if name == "temperature":
-        raise UserError(
-            "how the lens changes with temperature is not known: lens.material names no material with dn/dT "
-            "and expansion; leave temperature out, or name one, such as PMMA"
+def _own(system: OpticalSystem, name: str) -> tuple[Optic | None, str]:
+    """Return the element that a name begins with, and the rest; all names of a lens on the axis are its."""
+    if not system.problem.element:
+        return system.problem.optic, name
+    called, _, own = name.partition(".")
+    return next((optic for optic in system.problem.optics if optic.called == called), None), own
+
+
+def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -> str:
+    """Return why there is no tolerance of a name."""
+    optic, own = _own(system, name)
+    part = name.rpartition(".")[0]
+    if isinstance(optic, MirrorElement) and own in MEDIUM:
+        return f"{optic.called} is a mirror, which has no {own}; leave {name} out"
+    if optic is not None and own == "temperature":
+        return (
+            f"how {'the lens' if own == name else optic.called} changes with temperature is not known: "
+            f"{optic.key('material')} names no material with dn/dT and expansion; leave {name} out, or name "
+            "one, such as PMMA"
         )
-    if name.endswith(".power"):
-        raise UserError(
-            f"the {name.removesuffix('.power')} is plane, so that it has no radius; leave {name} out"
-        )
-    if name.startswith("front.decentre"):
-        raise UserError(f"the front is plane, so that it has no middle; leave {name} out")
+    if own in SOMETIMES and own.endswith(".power"):
+        return f"the {part} is plane, so that it has no radius; leave {name} out"
+    if optic is not None and own.startswith(("front.decentre", "decentre")):
+        return f"the {part} is plane, so that it has no middle; leave {name} out"
+    begins = [*(optic.called for optic in system.problem.optics), "source", "target"]
+    if system.problem.element and name.partition(".")[0] not in begins:
+        first = next(iter(known))
+        return f"tolerances of this scene begin with {', '.join(begins)}, such as {first}, got {name!r}"
     near = get_close_matches(name, [*known, *{n[:-2] for n in known if n[-2] == "_"}], 1)
     meant = f" (did you mean {near[0]}?)" if near else ""
-    raise UserError(f"there is no tolerance {name!r} of this system{meant}; there are {', '.join(known)}")
+    return f"there is no tolerance {name!r} of this system{meant}; there are {', '.join(known)}"
 
 
 def _checked(name: str, amount: object) -> float:
@@ -100,44 +116,65 @@ def _checked(name: str, amount: object) -> float:
 
 def _usual(system: OpticalSystem) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
-    rows = [*_placed("lens", SEAT, SEAT, TILT, AXES)]
-    rows.append(Tolerance("thickness", "mm", THICKNESS, Perturbation(thickness=1.0)))
-    rows.append(Tolerance("index", "1", INDEX, Perturbation(index=1.0)))
-    front = system.lens.front  # against the rear: halves of a mould, or the seat between two cuts
-    decentre = 0.0 if front.is_plane else SEAT
-    rows += _placed("front", decentre, 0.0, TILT, "xy" if front.sag is None else AXES)
-    for name in ("front", "rear"):
-        if not getattr(system.lens, name).conic.is_plane:
-            rows.append(Tolerance(f"{name}.power", "%", POWER, _changed(f"{name}_power", 0.01)))
-    material, source = system.material, system.source
-    if material is not None and (material.dn_dt or material.expansion):
-        rows.append(Tolerance("temperature", "K", TEMPERATURE, Perturbation(temperature=1.0)))
+    rows = [row for optic, lens in system.elements(system.lens) for row in _of_element(system, optic, lens)]
+    source = system.source
     defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
-    rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES)
+    rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES, "source")
     if source.scalable:
         rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01)))
     # directions have no position
     room, throw = (0.0, 0.0) if system.target.far_field else (ROOM, THROW)
-    return rows + _placed("target", room, throw, ROOM_TILT, AXES)
+    return rows + _placed("target", room, throw, ROOM_TILT, AXES, "target")
 
 
-def _placed(part: str, decentre: float, defocus: float, tilt: float, turned: str) -> list[Tolerance]:
-    """Return the tolerances of where a part stands; those of amount 0 do not exist."""
+def _of_element(system: OpticalSystem, optic: Optic, lens: Lens) -> list[Tolerance]:
+    """Return the tolerances of an element.  lens : it, or its blank."""
+    placed, front = isinstance(optic, Placed), lens.front
+    errors, own = partial(Perturbation.on, optic, system.problem.optic), f"{optic.called}." if placed else ""
+    # a fixed element stays the same where it turns about its axis, and a plane one where it is moved across
+    decentre = 0.0 if placed and front.is_plane and lens.rear.is_plane else SEAT
+    turned = AXES if optic.free or not placed else "xy"
+    rows = _placed(optic.called, decentre, SEAT, TILT, turned, "lens", errors)
+    if not isinstance(optic, MirrorElement):
+        rows.append(Tolerance(f"{own}thickness", "mm", THICKNESS, errors(thickness=1.0)))
+        rows.append(Tolerance(f"{own}index", "1", INDEX, errors(index=1.0)))
+        # against the rear: halves of a mould, or the seat between two cuts
+        decentre = 0.0 if front.is_plane else SEAT
+        turned = "xy" if front.sag is None else AXES
+        rows += _placed(f"{own}front", decentre, 0.0, TILT, turned, "front", errors)
+    for name in ("front", "rear"):
+        if not getattr(lens, name).conic.is_plane:
+            change = errors(**{f"{name}_power": 0.01})
+            rows.append(Tolerance(f"{own}{optic.face_name(name)}.power", "%", POWER, change))
+    material = indexing_material(system.problem, optic)
+    if material is not None and (material.dn_dt or material.expansion):
+        rows.append(Tolerance(f"{own}temperature", "K", TEMPERATURE, errors(temperature=1.0)))
+    return rows
+
+
+def _placed(
+    part: str,
+    decentre: float,
+    defocus: float,
+    tilt: float,
+    turned: str,
+    field: str,
+    errors: Callable[..., Perturbation] = Perturbation,
+) -> list[Tolerance]:
+    """Return the tolerances of where a part stands; those of amount 0 do not exist.
+
+    field : begins the names of what changes.  errors : called with it, returns the Perturbation.
+    """
     rows = []
     for axis in range(3):
         along = tuple(float(axis == k) for k in range(3))
         name = "defocus" if axis == 2 else f"decentre_{AXES[axis]}"
         amount = defocus if axis == 2 else decentre
         if amount:
-            rows.append(Tolerance(f"{part}.{name}", "mm", amount, _changed(f"{part}_shift", along)))
+            rows.append(Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along})))
     for axis in range(3):
         if AXES[axis] in turned:
             about = tuple(radians(1.0) * (axis == k) for k in range(3))
             name = f"{part}.tilt_{AXES[axis]}"
-            rows.append(Tolerance(name, "degrees", tilt, _changed(f"{part}_tilt", about)))
+            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about})))
     return rows
-
-
-def _changed(field: str, value: Any) -> Perturbation:
-    """Return the Perturbation of one field."""
-    return Perturbation(**{field: value})

@@ -14,7 +14,7 @@ import numpy as np
 from optics.base.runtime import Backend, UserError, speaking_of
 from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
@@ -64,9 +64,8 @@ def tolerance_budget(
 
     Raises
     ------
-    UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture; an element off the axis.
+    UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture.
     """
-    require_lens_on_axis(system, "tolerances")
     asked = limits if limits is None else limits_of(limits, {})
     chosen = tolerances_of(system, amounts)
     if not chosen:

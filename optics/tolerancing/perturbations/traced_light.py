@@ -16,11 +16,11 @@ from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
-from optics.scene.sources import RayGrid, Rays, SourceCells, single_rays
+from optics.scene.sources import RayGrid, Rays, SourceCells
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
-from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_index
+from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_media
 from thbcad.lens import Lens
 from thbcad.poses import Pose
 
@@ -39,8 +39,8 @@ SHIFT_RAYS = (65, 65)  # which tell how far light moves
 class PerturbedLight:
     """The map from a Perturbation to the light on the target; what never changes is built once.
 
-    Light goes by front and rear alone.  Every call traces the same cells or rays, so that differences of
-    light are those of the perturbations; where a parallel beam moves, as many, where it meets the lens.
+    Light goes by the faces of the path alone.  Every call traces the same cells or rays, so that differences
+    of light are those of the perturbations; where a parallel beam moves, as many, where it meets the first.
 
     backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
     floats : the target follows the light, see `aimed`.
@@ -58,13 +58,14 @@ class PerturbedLight:
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
-        self._glasses = [(weight, path.media[1]) for weight, path in coloured(system, system.path(lens))]
-        pixels = self.screen.pixels
+        path = system.path(lens)
+        self._media = [(weight, one.media) for weight, one in coloured(system, path)]
+        self._first, self._before = path.surfaces[0], path.before
+        pixels, self._shaded = self.screen.pixels, not system.axial
         if self.by_cells:
             counts = [max(LEAST_CELLS, (per_pixel or CELLS_PER_PIXEL) * n) for n in pixels]
             self._counts = counts
-            at_rest = PerturbedParts.of(system, lens, NOMINAL)
-            self.cells: SourceCells = system.source.cells(counts, *self._lit(at_rest, WIDER))
+            self.cells: SourceCells = system.source.cells(counts, *self._lit(self.parts(NOMINAL), WIDER))
         else:
             self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
             fresh = np.random.default_rng(system.problem.run.seed)
@@ -73,6 +74,7 @@ class PerturbedLight:
                 [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
                 for rays in self._rays
             ]
+        self._shaded = self._shaded and self()[1].blocked > 0
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
@@ -80,6 +82,10 @@ class PerturbedLight:
         lights = [(weight, *self._light(parts)) for weight, parts, _ in colours]
         image = sum(weight * light for weight, light, _ in lights)
         return image / self._shown, reduce(add, (fates * weight for weight, _, fates in lights))
+
+    def parts(self, perturbation: Perturbation) -> PerturbedParts:
+        """Return the perturbed parts.  Bodies that take none of the design's light are left out."""
+        return PerturbedParts.of(self.system, self.lens, perturbation, self._shaded)
 
     def moved_by(self, perturbation: Perturbation) -> float:
         """Return how far light moves on the target, flux-weighted mean, mm (degrees in the far field)."""
@@ -115,20 +121,20 @@ class PerturbedLight:
 
     def _landed(self, perturbation: Perturbation) -> Floats:
         """Return x, y and flux of single rays on the target, (3, n)."""
-        parts = PerturbedParts.of(self.system, self.lens, perturbation)
+        parts = self.parts(perturbation)
         _, landing = self.trace_through(parts)(parts.rays(self._single_rays))
         return np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)])
 
     @cached_property
     def _single_rays(self) -> Rays:
-        return single_rays(self.system.source.rays(SHIFT_RAYS), self.lens)
+        return self._single(self.system.source.rays(SHIFT_RAYS))
 
     def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
         """Yield weight, parts, and what traces rays through them, of every wavelength."""
-        parts = PerturbedParts.of(self.system, self.lens, perturbation)
-        for weight, glass in self._glasses:
-            index = perturbed_index(self.system, glass.index, perturbation)
-            coloured = replace(parts, path=parts.path.in_glass(replace(glass, index=index)))
+        parts = self.parts(perturbation)
+        for weight, media in self._media:
+            path = parts.path.in_media(perturbed_media(self.system, media, perturbation))
+            coloured = replace(parts, path=path)
             yield weight, coloured, self.trace_through(coloured)
 
     def error(self, irradiance: Floats) -> Floats | None:
@@ -145,20 +151,20 @@ class PerturbedLight:
         return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
 
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
-        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the rear, or a
-        front that alone is free; NaN where they miss it."""
+        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the last free
+        surface; NaN where they miss it."""
         _, parts, trace = next(self.colours(perturbation))
         every_s, every_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
         rays = parts.rays(self.cells.at(every_s, every_t, np.ones(every_s.size)))
         tracer, _ = trace(rays)
         with self.backend.dr.suspend_grad():
-            hits, _, flux = tracer.at(0 if self.lens.rear.sag is None and self.lens.front.sag else 1)
+            hits, _, flux = tracer.at(parts.path.shaped)
         at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
         return np.reshape(at, (2, len(s), len(t)))
 
-    def trace_through(self, parts: PerturbedParts, errors: SlopeErrors = (None, None)) -> Trace:
+    def trace_through(self, parts: PerturbedParts, errors: SlopeErrors | None = None) -> Trace:
         """Return what traces rays through perturbed parts, whose slopes may err."""
-        backend, path = self.backend, parts.path.with_slope_errors(errors)
+        backend, path = self.backend, parts.path.with_slope_errors(errors) if errors else parts.path
 
         def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
             tracer = Tracer(backend, path, rays)
@@ -180,7 +186,7 @@ class PerturbedLight:
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
         for part, errors in zip(self._rays_of(parts), self._errors):
-            rays = single_rays(part, self.lens)
+            rays = self._single(part)
             tracer, landing = self.trace_through(parts, errors)(parts.rays(rays))
             with self.backend.dr.suspend_grad():
                 light = splat(landing.x, landing.y, landing.flux).numpy()
@@ -191,34 +197,41 @@ class PerturbedLight:
         return image, reduce(add, fates)
 
     def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
-        """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
+        """Return rays of the source, before it moves; of a parallel beam those that meet the first face."""
         source = self.system.source
         if not source.collimated:
             return self._rays
         return source.parts(self._counts, None, RAYS_AT_ONCE, *self._lit(parts, 1.0))
 
     def _cells_of(self, parts: PerturbedParts) -> SourceCells:
-        """Return cells of the source, before it moves; of a parallel beam those that meet the moved front."""
-        source = self.system.source
-        if not source.collimated or (parts.source.is_identity and parts.size == 1.0):
+        """Return cells of the source, before it moves; of a parallel beam those that meet the first face."""
+        source, first = self.system.source, parts.path.surfaces[0]
+        rests = parts.source.is_identity and parts.size == 1.0 and first.pose == self._first.pose
+        if rests or not source.collimated:
             return self.cells
         return source.cells(self._counts, *self._lit(parts, WIDER))
 
     def _lit(self, parts: PerturbedParts, wider: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (half-widths, middle) of a rectangle in a parallel beam, mm.
 
-        wider : times the rectangle in which the front lies there.
+        wider : times the rectangle in which the surface that light meets first lies there.
         """
         hx, hy = parts.half_width
         box = np.meshgrid((-hx, hx), (-hy, hy), self._heights)
-        x, y, _ = parts.source.inverse().points((box[0], box[1], box[2]))
+        to_source = parts.source.inverse() @ parts.path.surfaces[0].pose
+        x, y, _ = to_source.points((box[0], box[1], box[2]))
         (a, b), (c, d) = ((v.min() / parts.size, v.max() / parts.size) for v in (x, y))
         return (wider * (b - a) / 2, wider * (d - c) / 2), ((a + b) / 2, (c + d) / 2)
 
+    def _single(self, rays: RayGrid | Rays) -> Rays:
+        """Return rays one by one; those of a grid start well before the first surface."""
+        return rays if isinstance(rays, Rays) else rays.rays(self._before)
+
     @cached_property
     def _heights(self) -> tuple[float, float]:
-        """Least and greatest z of the front, mm."""
-        hx, hy = self.lens.front.half_width
+        """Least and greatest z of the surface that light meets first, mm."""
+        shape = self._first.shape
+        hx, hy = shape.half_width
         x, y = np.meshgrid(np.linspace(-hx, hx, HEIGHTS), np.linspace(-hy, hy, HEIGHTS))
-        z = self.lens.front(x.ravel(), y.ravel())
+        z = shape(x.ravel(), y.ravel())
         return float(z.min()), float(z.max())

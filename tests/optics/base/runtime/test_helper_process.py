@@ -217,6 +217,15 @@ def written(path):
         half.unlink(missing_ok=True)
 
 
+def test_a_request_holds_what_its_arguments_are_when_it_is_asked(process):
+    """It is sent when those before it are answered."""
+    numbers = [1, 2]
+    process.ask("time", "sleep", 0.1)
+    asked = process.ask("builtins", "sum", numbers)
+    numbers.append(4)
+    assert asked.result() == 3
+
+
 def test_a_process_that_dies_is_an_error_not_a_wait(process):
     with (
         pytest.raises(RuntimeError, match=r"ended with code -9 in os\.kill"),

@@ -85,8 +85,8 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     monkeypatch.setattr(loop, "background", known)
     monkeypatch.setattr(loop, "stage_objective", watched)
     shape_lens(system, backend, ExactEngine(backend), listener=Listener(seen=lambda *each: seen.append(each)))
-    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, target in seen)
+    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, _, target in seen)
     assert last == pytest.approx(first, rel=1e-12)
-    passed = transmitted_flux(system, backend, seen[1][1])
+    passed = transmitted_flux(system, backend, seen[1][2])
     assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)
     assert [around is None for around in objectives] == [True] * 4 + [False] * 2

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import limit_keeper, loop, stage_search
-from optics.designing.optimisation.loop import Listener, nearest_lens, shape_lens
+from optics.designing.optimisation.loop import Listener, nearest_shapes, shape_lens
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.interface.commands import main
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import small_lens, write_problem
+from tests.optics.cases import write_problem
 from thbcad.surfaces import THBSurface
 
 
@@ -24,28 +24,28 @@ def constant(lens, height):
     return [THBSurface(sag.space, np.full(sag.space.dim, height)) for sag in lens.sags]
 
 
-def test_a_lens_that_can_exist_is_kept_bit_for_bit():
-    lens = small_lens()
-    wanted = constant(lens, -5.9)
-    found, wrong = nearest_lens(lens, wanted)
+def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    wanted = constant(system.lens, -5.9)
+    _, found, wrong = nearest_shapes(system, system.lens, wanted)
     assert wrong == ""
     assert found.sags[0] is wanted[0]
 
 
 @pytest.mark.parametrize(("height", "share"), [(-7.0, 0.5), (-13.0, 0.25), (-6.0, 0.5), (-1000.0, 1 / 256)])
-def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(height, share):
+def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(tmp_path, height, share):
     """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
-    lens = small_lens()
-    found, wrong = nearest_lens(lens, constant(lens, height))
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, height))
     np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
     assert "cross" in wrong or "touch" in wrong
     assert f"of the level's changes {share:.2g} are kept" in wrong
 
 
-def test_a_change_far_beyond_reason_is_dropped():
-    lens = small_lens()
-    found, wrong = nearest_lens(lens, constant(lens, -1e9))
-    assert found is lens
+def test_a_change_far_beyond_reason_is_dropped(tmp_path):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, -1e9))
+    assert found is system.lens
     assert wrong.endswith("none of the level's changes are kept")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation.objective import Objective
-from optics.designing.penalties import shape_penalty
+from optics.designing.penalties import Part, shape_penalty
 from optics.light.engines import TracedModel
 from optics.light.measuring import MappedCells
 from optics.scene.problem import Limits
@@ -57,7 +57,7 @@ def made_objective(backend, case, charges):
     tracer = tracer_to(backend, lens, rays, target_z, 0.02, proven=False)
     target = asked_for(screen)
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
-    shape = shape_penalty(lens, Limits(radius=20.0, thickness=1.0), roughness=0.1) if shaped else None
+    shape = shape_penalty([Part(lens, Limits(radius=20.0, thickness=1.0))], roughness=0.1) if shaped else None
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
     return Objective(TracedModel(backend, tracer, screen, mapped), target, lost, dark, shape), tracer
 

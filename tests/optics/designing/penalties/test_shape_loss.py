@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from optics.designing.penalties import ROOM, shape_penalty
+from optics.designing.penalties import ROOM, Part, shape_penalty
 from optics.scene.problem import Limits
 from tests.cases import slow_unless
 from tests.optics.cases import coefficients, rough, small_space
@@ -61,13 +61,13 @@ LIMITS = pytest.mark.parametrize("key", TIGHT)
 
 
 def penalty_of(lens, fine=False, roughness=0.0, **limits):
-    return shape_penalty(lens, Limits(**limits), DENSITY, roughness, fine)
+    return shape_penalty([Part(lens, Limits(**limits), DENSITY)], roughness, fine)
 
 
 def test_every_limit_is_charged_but_that_of_the_mesh():
     assert set(TIGHT) | {"feature"} == {field.name for field in fields(Limits)}
-    assert shape_penalty(BOTH, Limits(feature=500.0)) is None
-    assert shape_penalty(BOTH, Limits()) is None
+    assert shape_penalty([Part(BOTH, Limits(feature=500.0))]) is None
+    assert shape_penalty([Part(BOTH, Limits())]) is None
 
 
 # Values

@@ -83,8 +83,8 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
 
 def test_rays_are_counted_as_the_flux_is(backend, result):
     """Without Fresnel's losses flux and number agree: every ray carries the same."""
-    problem, lens, _ = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
-    _, budget, counts = sequential(OpticalSystem(problem), lens, backend, 64)
+    system, lens, _ = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
+    _, budget, counts = sequential(system, lens, backend, 64)
     for name, count in counts.items():
         assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
 

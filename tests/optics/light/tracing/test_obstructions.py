@@ -158,6 +158,18 @@ def test_a_body_behind_the_source_takes_nothing(backend):
     assert taken == [0.0, pytest.approx(4 * 5 * 4 / 40**2, abs=2 * (5 + 4) / 40 / 40)]  # half a row of rays
 
 
+def test_all_of_a_wide_beam_lights_a_mirror_beside_the_axis(backend):
+    """Before a screen behind the source, beside the axis in x, and short in y by its tilt of 5 degrees."""
+    mirror = element("M1", (6, 0, 0), (5, 0, 0), (10, 10), free=True)
+    system = scene([mirror], (0, 17.6, -100), (180, 0, 0), beam=(14, 14), distance=40)
+    cells = system.source.cells((24, 24))
+    _, fates = cell_irradiance(system.shaded_path(system.lens), system.target.screen(), cells, backend)
+    lit = 18 * 20 * np.cos(np.radians(5)) / 28**2
+    # chords of the finest cells leave a part of theirs of the rim
+    assert fates.by_name["M1.face missed"] == pytest.approx(1 - lit, abs=2 * 40 / 2000 / 28)
+    assert fates.blocked == 0
+
+
 def test_bodies_that_no_light_meets_change_no_bit(backend):
     system = scene(
         [element("M1", (0, 0, 0), (45, 0, 0), (30, 40), free=True)], (0, 60, 0), (-90, 0, 0), (30, 30)

@@ -100,8 +100,3 @@ def test_what_is_wrong_with_an_element_is_one_sentence(mirror, changes, words):
     with pytest.raises(UserError, match=re.escape(words)) as caught:
         require_limits(mirror.with_(**changes))
     assert one_sentence(str(caught.value))
-
-
-def test_a_second_free_element_is_refused_by_its_name(tmp_path):
-    with pytest.raises(UserError, match=r"element\.L1\.rear is free, and so is a surface of another element"):
-        load_text(tmp_path, MIRROR + LENS)

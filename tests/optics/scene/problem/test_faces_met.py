@@ -91,11 +91,6 @@ def test_a_reflection_inside_turns_the_light_until_it_leaves():
             'the free surface "L1.front" twice; make the other surface of the lens the free one',
         ),
         (
-            [FREE, FREE | {"name": "M2"}],
-            None,
-            "element.M2.face is free, and so is a surface of another element",
-        ),
-        (
             [FREE, FIXED | {"front": {"half_width": SIZE, "radius": "auto"}}],
             None,
             "element.L1.front.radius and element.L1.front.conic must be numbers",

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import FormTolerance
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
-from thbcad.outlines import Outline
+from tests.optics.cases import write_problem
 
 
 @given(st.integers(0, 40), st.integers(1, 6), st.integers(0, 2**32))
@@ -39,13 +41,15 @@ def test_other_numbers_of_samples_are_refused(samples):
     ("surface", "rms", "words"),
     [("side", 1e-5, "front"), ("rear", -1.0, "rms"), ("rear", np.nan, "rms"), ("rear", "much", "rms")],
 )
-def test_bad_forms_are_refused(surface, rms, words):
+def test_bad_forms_are_refused(tmp_path, surface, rms, words):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
     with pytest.raises(UserError, match=words):
-        FormTolerance(surface, rms, (1.0, 5.0))
+        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.lens, 0)
 
 
-def test_a_form_lies_on_its_surface_alone():
-    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(Outline((6.0, 4.0)), 3)
+def test_a_form_lies_on_its_surface_alone(tmp_path):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.front.half_width": [6.0, 4.0]})))
+    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.lens, 3)
     assert drawn.rear_error is None
     x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))
     assert drawn.front_error.jet(x.ravel(), y.ravel())[0].std() == pytest.approx(1e-5, rel=0.05)

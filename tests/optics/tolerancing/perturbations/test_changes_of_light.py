@@ -10,6 +10,7 @@ from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import (
     LinearLight,
     Perturbation,
+    PerturbedLight,
     shop_sentences,
     tolerance_budget,
     tolerances_of,
@@ -94,8 +95,6 @@ def budget(tmp_path_factory, backend):
 
 
 def test_a_budget_holds_what_exact_traces_say(budget, backend):
-    from optics.tolerancing.perturbations import PerturbedLight
-
     system, lens, target, found = budget
     assert [e.tolerance.name for e in found.effects] == ["lens.decentre_x", "index"]
     effect = found.effects[1]
@@ -110,8 +109,6 @@ def test_a_budget_holds_what_exact_traces_say(budget, backend):
 
 
 def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend):
-    from optics.tolerancing.perturbations import PerturbedLight
-
     system, lens, target, found = budget
     for effect in found.effects:
         amount, there = effect.allowed.amount, effect.allowed.light.rel_l2
@@ -163,6 +160,14 @@ def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
     # the target turns by a degree, and so do the angles near its middle
     assert light.moved_by(Perturbation(target_tilt=(np.radians(1.0), 0, 0))) == pytest.approx(1.0, rel=0.05)
     assert light.moved_by(Perturbation(lens_shift=(0.1, 0, 0))) > 0.01
+
+
+def test_a_target_that_follows_the_light_goes_back_where_it_alone_was_moved(tmp_path, backend):
+    """Along its own axes, which are those of a tilted target."""
+    system, lens = small_system(tmp_path, {"target.tilt": [30.0, -20.0, 40.0]})
+    light = PerturbedLight(system, lens, backend, floats=True)
+    moved = Perturbation(target_shift=(0.3, -0.2, 0.0))
+    assert light.aimed(moved).target_shift == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(
