@@ -99,9 +99,7 @@ class Opened:
 def rows() -> list[Row]:
     """Return the measured rows.
 
-    Raises
-    ------
-    UserError : neither program is installed.
+    Raises UserError : neither program is installed.
     """
     programs = _programs()
     if not programs:

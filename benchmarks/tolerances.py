@@ -39,9 +39,12 @@ SUMS = 8  # of all tolerances, with random signs
 
 def rows() -> list[Row]:
     """Return the measured rows."""
+    backend = load_backend("double", 1)
     with tempfile.TemporaryDirectory() as folder:
-        run_design(EXAMPLES / "pearl.toml", Path(folder) / "pearl")
-        return _pearl_rows(Design.load(Path(folder) / "pearl"), load_backend("double", 1))
+        for name in ("pearl", "folded"):
+            run_design(EXAMPLES / f"{name}.toml", Path(folder) / name)
+        pearl, folded = (Design.load(Path(folder) / name) for name in ("pearl", "folded"))
+        return [*_pearl_rows(pearl, backend), *_folded_rows(folded, backend)]
 
 
 def _pearl_rows(design: Design, backend: Backend) -> list[Row]:
@@ -69,12 +72,22 @@ def _pearl_rows(design: Design, backend: Backend) -> list[Row]:
     return [*out, *_sums(light, linear, chosen, target), *_times(light, chosen), *_fine_rows(light, sliding)]
 
 
-def _prediction_row(tolerance: Tolerance, light: PerturbedLight, linear: LinearLight) -> Row:
+def _folded_rows(design: Design, backend: Backend) -> Iterator[Row]:
+    """Yield the rows of a lens before a plane mirror, each element by itself."""
+    light = PerturbedLight(design.system, design.lens, backend)
+    linear = LinearLight(light)
+    for tolerance in tolerances_of(design.system):
+        yield _prediction_row(tolerance, light, linear, "folded")
+
+
+def _prediction_row(
+    tolerance: Tolerance, light: PerturbedLight, linear: LinearLight, name: str = "pearl"
+) -> Row:
     """Return the error of the predicted change of the image, relative to the traced change."""
     p = _moving(light, tolerance, TENTH)
     traced = _change(linear.traced(p), linear)
     return Row(
-        f"pearl: change by {tolerance.name} at a tenth of a pixel",
+        f"{name}: change by {tolerance.name} at a tenth of a pixel",
         _off(_change(_ahead(linear, p), linear), traced),
         "",
         f"exact trace of the same cells; J p {_off(linear.derivative(p), traced):.3f}",

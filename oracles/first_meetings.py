@@ -88,9 +88,7 @@ class Graph:
 def tensor_net(surface: FreeformSurface) -> tuple[tuple[KnotVector, KnotVector], Floats]:
     """Return the knots, mm, and the coefficients of a sag's tensor-product form.
 
-    Raises
-    ------
-    ValueError : no sag, or a conic that is neither a plane nor a paraboloid.
+    Raises ValueError : no sag, or a conic that is neither a plane nor a paraboloid.
     """
     if surface.sag is None or not (surface.conic.is_plane or surface.conic.constant == -1):
         raise ValueError("the referee knows splines on planes and paraboloids")

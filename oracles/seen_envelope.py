@@ -6,6 +6,8 @@ In the far field the points throw a polygon of the area A along (a, b, 1) on a p
 light from it has the etendue A da db / (1 + a^2 + b^2)^2.  Gauss's rule takes the mean over the pixel.  No
 silhouette of a body in space is looked for, and nothing is enclosed.
 
+A mirror anywhere before a target anywhere is sampled by its face alone, in the frame of the target.
+
 Source: J. H. Lambert, Photometria (1760).
 """
 
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 SAMPLES = 256  # of a surface, each way: 64^3 points on the four ends of two surfaces
 NODES = 6  # of Gauss's rule over a pixel, each way
@@ -30,6 +33,22 @@ def sampled_lenses(system, samples=SAMPLES):
             points.append(np.stack([x, y, vertex + surface.conic(x, y) + shift], axis=-1).reshape(-1, 3))
     points = np.concatenate(points)
     return points[ConvexHull(points).vertices]
+
+
+def sampled_faces(system, samples=SAMPLES):
+    """Return the corners of the hull of 2 samples^2 points of all faces of the last mirror, (n, 3) mm."""
+    problem, at = system.problem, np.linspace(-1, 1, samples)
+    mirror, target = problem.element[-1], problem.target
+    x, y = np.meshgrid(*(h * at for h in mirror.face.half_width))
+    radius, constant = mirror.face.radius, mirror.face.conic
+    r2 = x * x + y * y
+    z = r2 / radius / (1 + np.sqrt(1 - (1 + constant) * r2 / radius**2))
+    freedom = mirror.face.freeform.z_freedom if mirror.face.freeform else 0.0
+    own = np.concatenate([np.stack([x, y, z + s], axis=-1).reshape(-1, 3) for s in {-freedom, freedom}])
+    scene = Rotation.from_euler("XYZ", mirror.tilt, degrees=True).apply(own) + mirror.position
+    middle = np.zeros(3) if target.far_field else np.array(target.position)
+    points = Rotation.from_euler("XYZ", target.tilt, degrees=True).inv().apply(scene - middle)
+    return points[ConvexHull(points).vertices] if freedom else points
 
 
 def seen(points, x, y, z):
@@ -63,7 +82,8 @@ def sampled_etendue(system, pixels, points=None):
 def _at(system, points, x, y):
     """Return the etendue by area at a point of the target, sr; in the far field mm^2 sr / degree^2."""
     if not system.target.far_field:
-        return seen(points, x, y, system.problem.lens.thickness + system.problem.throw)
+        spec = system.problem.lens
+        return seen(points, x, y, spec.thickness + system.problem.throw if spec else 0.0)
     a, b = np.tan(np.radians([x, y]))
     thrown = ConvexHull(points[:, :2] - np.outer(points[:, 2], [a, b])).volume
     return thrown * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2 * np.radians(1.0) ** 2

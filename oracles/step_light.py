@@ -92,10 +92,8 @@ class Face:
 def read_rear(path: Path) -> Face:
     """Return the face named "rear" of a STEP file whose "front" is a plane across z.
 
-    Raises
-    ------
-    ValueError : another front, a rear that is no spline, or poles that are not at equal steps of their knots'
-        means.
+    Raises ValueError : another front, a rear that is no spline, or poles that are not at equal steps of their
+        knots' means.
     """
     text = path.read_text("ascii").replace("\n", "")
     data = dict(re.findall(r"#(\d+)=(.*?);", text))
@@ -145,9 +143,7 @@ def _face(entity: str, data: dict[str, str]) -> Face:
 def cell_image(rear: Face, beam: Beam, pixels: Pixels, count: int) -> Floats:
     """Return the irradiance (rows, columns), W/mm^2, of count^2 cells of the beam.
 
-    Raises
-    ------
-    ValueError : a beam beside the rear, total reflection.
+    Raises ValueError : a beam beside the rear, total reflection.
     """
     if any(h > min(abs(ends)) for h, ends in zip(beam.half_width, rear.ranges)):
         raise ValueError("wanted a beam that meets the rear everywhere")

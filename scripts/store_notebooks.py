@@ -24,9 +24,7 @@ WIDGET = "application/vnd.jupyter.widget-view+json"
 def executed(path: Path) -> NotebookNode:
     """Return a notebook after a fresh run, in its own folder.
 
-    Raises
-    ------
-    CellExecutionError : a cell fails.
+    Raises CellExecutionError : a cell fails.
     """
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(notebook, timeout=TIMEOUT, resources={"metadata": {"path": str(path.parent)}})

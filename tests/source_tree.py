@@ -98,8 +98,7 @@ def door_table(path):
     )
     start = len(module_of(path)) + 1
     return {
-        node.module[0 if node.level else start :]: [alias.asname for alias in node.names]
-        for node in block.body
+        node.module[0 if node.level else start :]: [alias.name for alias in node.names] for node in block.body
     }
 
 

@@ -95,13 +95,9 @@ def test_docstrings_keep_their_signs_formulas_and_sections():
 a : rows, (n,).  b_2, c : columns,
     which go on here.
 
-Raises
-------
-ValueError : a_i of another shape,
+Raises ValueError : a_i of another shape,
     or not finite.
 
-Examples
---------
 >>> f(a_i)  # [*]
 1
 """

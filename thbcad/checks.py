@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
@@ -26,9 +27,7 @@ GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
 def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
     """Return a contiguous read-only copy of `array`.
 
-    Raises
-    ------
-    ValueError : as `require_real`; integers that the type cannot hold.
+    Raises ValueError : as `require_real`; integers that the type cannot hold.
     """
     require_real(array)
     try:
@@ -80,9 +79,7 @@ def require_real(array: ArrayLike) -> None:
 def floats(array: ArrayLike) -> Floats:
     """Return numbers as float64, without a copy where they are.
 
-    Raises
-    ------
-    ValueError : as `require_real`; integers that float64 cannot hold.
+    Raises ValueError : as `require_real`; integers that float64 cannot hold.
     """
     if isinstance(array, float) or (type(array) is np.ndarray and array.dtype == np.float64):
         return np.asarray(array)  # neither masked nor complex
@@ -186,9 +183,7 @@ def half_widths(half_width: Any) -> tuple[float, float]:
 def inside(name: str, x: ArrayLike, domain: tuple[float, float]) -> Floats:
     """Return a coordinate as float64, of any shape.
 
-    Raises
-    ------
-    ValueError : as `floats`; a number that is NaN or outside the domain [start, stop].
+    Raises ValueError : as `floats`; a number that is NaN or outside the domain [start, stop].
     """
     (start, stop), x = domain, floats(x)
     least, most = (x.min(), x.max()) if x.ndim and x.size else (x, x)
@@ -202,9 +197,7 @@ def coordinates(**given: tuple[ArrayLike, tuple[float, float]]) -> tuple[Floats,
     """Return coordinates, given by name with their domains, as arrays of the one shape to which they
     broadcast.
 
-    Raises
-    ------
-    ValueError : as `inside`; shapes that do not broadcast.
+    Raises ValueError : as `inside`; shapes that do not broadcast.
     """
     found = tuple(inside(name, x, domain) for name, (x, domain) in given.items())
     if len({x.shape for x in found}) == 1:
@@ -244,9 +237,7 @@ def require_subset(knots: Floats, finer: Floats) -> None:
 def uniform_breaks(spans: SupportsIndex, start: float, stop: float) -> Floats:
     """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
 
-    Raises
-    ------
-    ValueError : spans that is no integer from 1 to 10,000,000; start that is not less than stop.
+    Raises ValueError : spans that is no integer from 1 to 10,000,000; start that is not less than stop.
     """
     require_integer("spans", spans, 1, MOST_SPANS)
     for name, end in (("start", start), ("stop", stop)):

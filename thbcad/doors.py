@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any
 
 IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)$", re.MULTILINE)
-OFFERED = re.compile(r"\bas (\w+)")
+WORD = re.compile(r"\w+")
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
@@ -42,8 +42,9 @@ def lazy_door(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
-    What the package offers, and where that lives, is read from the imports `X as X` of its own text.  They
-    stand under `if TYPE_CHECKING:`, so that each name is listed once.
+    What the package offers, and where that lives, is read from the imports of its own text under
+    `if TYPE_CHECKING:`, so that each name is listed once; as `X as X` where users meet it, since
+    type checkers see no other from outside.
 
     package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
         whose file needs a package of an extra is a MissingPackage where that is missing.
@@ -71,7 +72,8 @@ def _homes(door: Path, package: str) -> dict[str, str]:
     return {
         name: package + home if home.startswith(".") else home
         for home, names in IMPORT.findall(door.read_text("utf-8"))
-        for name in OFFERED.findall(names)
+        for name in WORD.findall(names)
+        if name != "as"
     }
 
 
@@ -126,9 +128,7 @@ def stand_in(module: str, name: str) -> Any:
 def loaded(module: str) -> ModuleType:
     """Import a module and return it.
 
-    Raises
-    ------
-    MissingPackage : a package of an extra is not installed.
+    Raises MissingPackage : a package of an extra is not installed.
     """
     try:
         return import_module(module)

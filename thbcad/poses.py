@@ -33,12 +33,8 @@ class Pose(Value):
     other libraries: then the result is a triple.  A pose that moves nothing returns what it is given, and one
     that only shifts multiplies nothing.
 
-    Raises
-    ------
-    ValueError : R is no rotation; numbers that are not finite.
+    Raises ValueError : R is no rotation; numbers that are not finite.
 
-    Examples
-    --------
     >>> quarter = Pose.at((0, 0, 5), rotation_vector=(0, 0, np.pi / 2))
     >>> quarter.points(np.array([1.0, 0.0, 0.0])).round(15).tolist()
     [0.0, 1.0, 5.0]
@@ -74,10 +70,7 @@ class Pose(Value):
 
     @classmethod
     def at(
-        cls,
-        position: ArrayLike = ORIGIN,
-        rotation_vector: ArrayLike = ORIGIN,
-        about: ArrayLike = ORIGIN,
+        cls, position: ArrayLike = ORIGIN, rotation_vector: ArrayLike = ORIGIN, about: ArrayLike = ORIGIN
     ) -> Pose:
         """Return a rotation about a point, and then a shift.
 

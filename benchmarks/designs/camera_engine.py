@@ -58,9 +58,7 @@ def camera_engine(threads: int = 0) -> CameraEngine:
 
     threads : of all Dr.Jit kernels, 0 for all cores.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`.
+    Raises UserError : as `load_mitsuba`.
     """
     return CameraEngine(mitsuba_backend(load_mitsuba(threads=threads)))
 
@@ -80,9 +78,7 @@ class CameraEngine:
         It measures in a Gaussian window of `optimizer.sigma` pixels, by `optimizer.rays_per_pixel` squared
         light paths per pixel.
 
-        Raises
-        ------
-        UserError : as `scene_dictionary`; a problem without Fresnel's losses.
+        Raises UserError : as `scene_dictionary`; a problem without Fresnel's losses.
         """
         settings = system.problem.optimizer
         if not settings.fresnel:

@@ -51,9 +51,7 @@ def run_design(problem: Path, folder: Path, must_pass: bool = True, module: str 
     must_pass : the lens must do its job too, or else it may miss the light asked for.
     module : another program than the command, with the problem and the folder as its arguments.
 
-    Raises
-    ------
-    CalledProcessError : the command refuses the problem, or a check fails.
+    Raises CalledProcessError : the command refuses the problem, or a check fails.
     """
     start = perf_counter()
     words = [module, problem, folder] if module else ["optics", "design", problem, "--out", folder, "--force"]

@@ -53,9 +53,7 @@ def run_engine(problem: Path, lens: Path, engine: str, whole: bool) -> EngineRun
 
     lens : a file of the lens for the gradient.  whole : design the lens too.
 
-    Raises
-    ------
-    CalledProcessError : the process fails.
+    Raises CalledProcessError : the process fails.
     """
     gradient = lens.with_name(f"{engine}.npy")
     arguments = [str(problem), str(lens), engine, str(gradient), str(int(whole)), str(time())]

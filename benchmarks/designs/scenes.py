@@ -93,7 +93,7 @@ SCENES = {
 }
 ROWS = {
     "fixed lens that spreads the beam, mirror": Scene(
-        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [60]}
+        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [40]}
     ),
     "lens, fixed hollow mirror of radius 800 mm": Scene(
         "folded",

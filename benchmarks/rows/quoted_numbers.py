@@ -46,9 +46,7 @@ class Quoted:
 def marked_numbers(page: str, stored: Mapping[str, StoredRows]) -> list[Quoted]:
     """Return all marked numbers of a page.
 
-    Raises
-    ------
-    UserError : a mark without a number, of an unknown benchmark or row, or of another unit.
+    Raises UserError : a mark without a number, of an unknown benchmark or row, or of another unit.
     """
     return [_quoted(match, stored) for match in MARK.finditer(page)]
 

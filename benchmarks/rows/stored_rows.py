@@ -70,9 +70,7 @@ def store_rows(stored: StoredRows, folder: Path) -> Path:
 def read_rows(folder: Path) -> dict[str, StoredRows]:
     """Return what is stored in a folder, by the names of the benchmarks.
 
-    Raises
-    ------
-    UserError : a file that `store_rows` did not write.
+    Raises UserError : a file that `store_rows` did not write.
     """
     return {path.stem: _read(path) for path in sorted(folder.glob("*.json"))}
 

@@ -100,25 +100,34 @@ def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> 
 
 
 def _surfaces(backend: Backend) -> list[Row]:
-    """Return the times of tracing over few and many surfaces, side by side."""
-    system = OpticalSystem(load_problem(ROOT / "examples" / "point.toml"))
-    rays, times = system.source.rays((MIDDLE, MIDDLE)), dict[int, list[float]]()
+    """Return the times of tracing over few and many surfaces, and of derivatives by all of them, side by
+    side."""
+    system, dr = OpticalSystem(load_problem(ROOT / "examples" / "point.toml")), backend.dr
+    rays, times = system.source.rays((MIDDLE, MIDDLE)), dict[tuple[str, int], list[float]]()
     tracers = {n: Tracer(backend, _sheets(system, n), rays) for n in SURFACES}
 
     def traced(n: int) -> None:
-        landing = tracers[n].trace()[1]
-        backend.dr.eval(landing.x, landing.y, landing.flux)
-        backend.dr.sync_thread()
+        with dr.suspend_grad():
+            landing = tracers[n].trace()[1]
+            dr.eval(landing.x, landing.y, landing.flux)
+            dr.sync_thread()
 
-    with backend.dr.suspend_grad():
-        for _ in range(REPEATS):  # in turn
+    def derived(n: int) -> None:
+        hits, landing = tracers[n].trace()
+        dr.backward(dr.sum(landing.flux * (landing.x * landing.x + landing.y * landing.y)))
+        tracers[n].pull_back(hits)
+
+    for _ in range(REPEATS):  # in turn
+        for name, work in (("surfaces", traced), ("surfaces, derivatives too", derived)):
             for n in SURFACES:
-                times.setdefault(n, []).append(median_seconds(partial(traced, n), 1))
-    ratios = [many * SURFACES[0] / (few * SURFACES[1]) for few, many, *_ in zip(*times.values())]
-    return [
-        *_series("surfaces", SURFACES, [median(times[n]) for n in SURFACES]),
-        Row("surfaces: seconds per surface, of four to two", median(ratios), limit=PER_SURFACE),
-    ]
+                times.setdefault((name, n), []).append(median_seconds(partial(work, n), 1))
+    out = []
+    for name in dict.fromkeys(name for name, _ in times):
+        few, many = (times[name, n] for n in SURFACES[:2])
+        ratio = median(b * SURFACES[0] / (a * SURFACES[1]) for a, b in zip(few, many))
+        out += _series(name, SURFACES, [median(times[name, n]) for n in SURFACES])
+        out.append(Row(f"{name}: seconds per surface, of four to two", ratio, limit=PER_SURFACE))
+    return out
 
 
 def _sheets(system: OpticalSystem, count: int) -> LightPath:

@@ -75,11 +75,7 @@ def _home(room: Path, file: str, name: str) -> tuple[str, str]:
 def _definition(path: Path, name: str) -> str:
     """Return the whole dotted name of what a file defines, or has from another file."""
     for node in ast.parse(path.read_text("utf-8")).body:
-        if (
-            isinstance(node, ast.ImportFrom)
-            and node.module
-            and name in [a.asname or a.name for a in node.names]
-        ):
+        if isinstance(node, ast.ImportFrom) and node.module and name in [a.name for a in node.names]:
             return f"{node.module}.{name}"
     return f"{'.'.join(path.relative_to(ROOT).with_suffix('').parts)}.{name}"
 

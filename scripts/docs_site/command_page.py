@@ -8,9 +8,7 @@ from optics.interface.commands import parsers
 def with_help(page: str) -> str:
     """Return the page of commands with the help that the program prints at the end of each section.
 
-    Raises
-    ------
-    ValueError : a command has no section.
+    Raises ValueError : a command has no section.
     """
     introduction, *sections = page.split("\n## ")
     known = parsers()[1]

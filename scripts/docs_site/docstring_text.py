@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import re
 
-SECTION = re.compile(r"^(\w+)\n-{3,}\n", re.MULTILINE)
 CODE = re.compile(r"(`+)(.+?)\1", re.DOTALL)
 ARGUMENT = re.compile(r"([*\w\\]+(?:, [*\w\\]+)*) : ")
+RAISES = re.compile(r"^Raises (?=\w+(?:, \w+)* : )", re.MULTILINE)
 NEXT_LINE = re.compile(r"\n(?=\S)")
 NEXT_ARGUMENT = re.compile(r"(?:\n|  )(?=[*\w]+(?:, [*\w]+)* : )")
 SPECIAL = re.compile(r"([*_\[\]$\\])")
 
 
 def as_markdown(text: str) -> str:
-    """Return a docstring as Markdown: arguments and sections as lists, formulas and examples as code."""
-    body, *parts = SECTION.split(text)
-    sections = [
-        f"**{title}**\n\n{_session(part) if title == 'Examples' else _list(NEXT_LINE.split(part.strip()))}"
-        for title, part in zip(parts[::2], parts[1::2], strict=True)
-    ]
-    return "\n\n".join([*map(_paragraph, body.strip().split("\n\n")), *sections])
-
-
-def _session(text: str) -> str:
-    """Return what was typed and printed as a block of code."""
-    return f"```pycon\n{text.strip()}\n```"
+    """Return a docstring as Markdown: arguments and errors as lists, formulas and the examples at its end as
+    code."""
+    body, examples, session = text.partition("\n\n>>> ")
+    parts = [_paragraph(part) for part in body.strip().split("\n\n")]
+    if examples:
+        parts.append(f"**Examples**\n\n```pycon\n>>> {session.strip()}\n```")
+    return "\n\n".join(parts)
 
 
 def _paragraph(text: str) -> str:
-    """Return a paragraph; one that begins "NAME : meaning" is a list of arguments."""
+    """Return a paragraph; "NAME : meaning" begins a list of arguments, after "Raises" one of errors."""
+    if RAISES.match(text):
+        return f"**Raises**\n\n{_list(NEXT_LINE.split(RAISES.sub('', text)))}"
     return _list(NEXT_ARGUMENT.split(text)) if ARGUMENT.match(text) else _escaped(text)
 
 

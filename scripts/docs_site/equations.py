@@ -19,9 +19,7 @@ def with_equations(html: str) -> str:
 def math(tex: str, block: bool = False) -> str:
     """Return TeX as MathML; block : on a line of its own.
 
-    Raises
-    ------
-    ValueError : a command that the converter does not know.
+    Raises ValueError : a command that the converter does not know.
     """
     known = tex.strip().replace("{aligned}", "{split}")  # the converter has the other name alone
     mathml = convert(known, display="block" if block else "inline")

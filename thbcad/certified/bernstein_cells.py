@@ -34,9 +34,7 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
     """Yield the partial derivatives of a scalar graph on all its cells, elevated to one degree, strip by
     strip.
 
-    Raises
-    ------
-    ValueError : no patch, patches of different degrees, a graph that is not scalar, a negative
+    Raises ValueError : no patch, patches of different degrees, a graph that is not scalar, a negative
         order, derivatives above 1e40.
     """
     patches, error = _patches(graph)
@@ -80,9 +78,7 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
 def cell_bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...]) -> Floats:
     """Return bounds of |derivatives| of a scalar spline on every cell, (len(derivatives), spans u, spans v).
 
-    Raises
-    ------
-    ValueError : as `bernstein`.
+    Raises ValueError : as `bernstein`.
     """
     strips = [
         np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)

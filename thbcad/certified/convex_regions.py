@@ -10,12 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.outlines import Outline
-
-Booleans = NDArray[np.bool_]
 
 _ANGLES = np.arange(64) * (2 * np.pi / 64)
 DIRECTIONS: Floats = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1).round(15)
@@ -48,14 +45,14 @@ class ConvexRegion:
         """Return the points that lie deeper in it than a depth, mm."""
         return ConvexRegion(self.normals, self.offsets - depth)
 
-    def misses(self, nets: Floats) -> Booleans:
+    def misses(self, nets: Floats) -> Bools:
         """Return for each of n sets of points, (n, k, 3), whether one half-space shuts all of them out, (n,).
 
         Their convex hull then lies outside.
         """
         return np.asarray(((nets @ self.normals.T).min(axis=1) >= self.offsets).any(axis=1))
 
-    def holds(self, points: Floats) -> Booleans:
+    def holds(self, points: Floats) -> Bools:
         """Return which of the points (n, 3) lie inside."""
         return np.asarray((points @ self.normals.T < self.offsets).all(axis=1))
 

@@ -39,8 +39,6 @@ class Enclosure:
     On the rim of an outline with corners that are cut off, points are taken just inside.
     Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
 
-    Examples
-    --------
     >>> sag = FreeformSurface((5.0, 5.0), Conic(50.0, -1.0)).graph()
     >>> least, most = value_range(sag)
     >>> (most.lower <= 0.5 <= most.upper, most.upper - most.lower < 1e-9, abs(most.u), abs(most.v))
@@ -83,9 +81,7 @@ def minimum(
     is no rectangle by 1e-7 times at least.  Where the least value is taken along a whole curve it can end
     earlier, with wider bounds that hold too.
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
     cells = within(bernstein(graph, (derivative,)), outline)
     return _least(cells, tolerance)
@@ -97,9 +93,7 @@ def minimum_on_rim(graph: BSplineSurface, outline: Outline, tolerance: float = 1
 
     The search ends as in `minimum`.
 
-    Raises
-    ------
-    ValueError : as `minimum`.
+    Raises ValueError : as `minimum`.
     """
     region = Region(outline, rim=True)
     steepest = cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2))
@@ -114,9 +108,7 @@ def value_range(
 
     The search ends as in `minimum`.  A derivative that jumps at a knot counts with both its values.
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
     graph = whole_graph(graph)
     cells = within(bernstein(graph, (derivative,)), outline)

@@ -22,14 +22,11 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import EPS, Floats, Integers
+from thbcad.checks import EPS, Bools, Floats, Integers
 from thbcad.outlines import Outline
 
 ROUNDINGS = 64  # more than a length s and its square take
-
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -48,21 +45,21 @@ class Region:
         (hx, hy), (cx, cy) = self.outline.half_width, self.outline.corners
         return ROUNDINGS * EPS * (1 + max(hx / cx, hy / cy))
 
-    def may_hold(self, box: Floats) -> Booleans:
+    def may_hold(self, box: Floats) -> Bools:
         """Return which cells are not proven to lie outside, or off the rim, (n,).
 
         box : (2, 2, n) float, box[0] = (x, y) of the lower left corners, box[1] of the upper right ones.
         """
         x, y = np.maximum(self._lengths(_nearest(box)), 0.0)
-        held: Booleans = x**2 + y**2 <= 1 + self.slack
+        held: Bools = x**2 + y**2 <= 1 + self.slack
         return held & self.may_cross(box) if self.rim else held
 
-    def may_cross(self, box: Floats) -> Booleans:
+    def may_cross(self, box: Floats) -> Bools:
         """Return which cells are not proven to lie off the rim and inside it, (n,)."""
         x, y = self._lengths(np.maximum(-box[0], box[1]))
         return np.asarray((x > 0) & (y > 0) & (x**2 + y**2 > 1 - 4 * self.slack))
 
-    def points(self, box: Floats, crossed: Integers) -> tuple[Floats, Booleans, Booleans]:
+    def points(self, box: Floats, crossed: Integers) -> tuple[Floats, Bools, Bools]:
         """Return (at, moved, inside) of a point of every cell for each corner.
 
         crossed : the cells that `may_cross`.

@@ -12,10 +12,9 @@ from math import comb
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.certified.parts_inside import Booleans, Region
-from thbcad.checks import EPS, Floats, Integers
+from thbcad.certified.parts_inside import Region
+from thbcad.checks import EPS, Bools, Floats, Integers
 from thbcad.outlines import Outline
 from thbcad.splines import halves
 
@@ -45,7 +44,7 @@ class Cells:
         """Return the negative polynomials."""
         return replace(self, coefficients=-self.coefficients)
 
-    def take(self, chosen: NDArray[np.bool_]) -> Cells:
+    def take(self, chosen: Bools) -> Cells:
         """Return the chosen cells; chosen : (n,) bool."""
         return replace(self, coefficients=self.coefficients[..., chosen], box=self.box[..., chosen])
 
@@ -53,7 +52,7 @@ class Cells:
         """Return the cells that are not proven to lie outside the region."""
         return self if self.region is None else self.take(self.region.may_hold(self.box))
 
-    def met(self) -> tuple[Floats, Booleans]:
+    def met(self) -> tuple[Floats, Bools]:
         """Return the vectors at the four corners, (d, 4, n), and which count, (4, n).
 
         Corners (0, 0), (0, 1), (1, 0), (1, 1).  For those beside a region stand points just inside its rim.
@@ -68,7 +67,7 @@ class Cells:
         vectors[:, moved] = np.einsum("im,dijm,jm->dm", by_s, net, by_t)
         return vectors, counts
 
-    def corners_inside(self) -> Booleans:
+    def corners_inside(self) -> Bools:
         """Return which of the four corners themselves are proven to lie inside the region, (4, n)."""
         if self.region is None:
             return np.ones((4, self.box.shape[-1]), bool)

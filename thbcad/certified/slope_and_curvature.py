@@ -54,9 +54,7 @@ def greatest_slope(graph: Graph, tolerance: float = 1e-9, outline: Outline | Non
 
     outline : Outline or None, only points inside count
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
     steepest = greatest(within(bernstein(graph, ((1, 0), (0, 1))), outline), _slope, tolerance)
     return replace(steepest, lower=max(steepest.lower, 0.0))
@@ -75,9 +73,7 @@ def least_radii(graph: Graph, tolerance: float = 1e-6, outline: Outline | None =
     that is no paraboloid, heights agree within 1e-11 mm (`conic_graph`) but radii do not: that of a sphere of
     12 mm over |x|, |y| <= 8 mm is found in [11.998802, 11.999994].  CAD files hold the spline.
 
-    Raises
-    ------
-    ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
+    Raises ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
     """
     graph = whole_graph(graph)
     bent, turned = (within(bernstein(graph, DERIVATIVES), outline) for _ in range(2))

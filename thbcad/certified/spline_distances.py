@@ -30,10 +30,8 @@ def distance_bounds(
     The cells cover the rectangle of `surface`, on which `other` must lie too.  Bounds are improved where they
     exceed `enough` and no value nearby does.
 
-    Raises
-    ------
-    ValueError : a rectangle of `other` that is smaller, splines of different dimensions, coefficients above
-        1e40.
+    Raises ValueError : a rectangle of `other` that is smaller, splines of different dimensions, coefficients
+        above 1e40.
     """
     points, bounds = [], []
     greatest = 0.0

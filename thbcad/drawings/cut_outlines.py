@@ -56,17 +56,12 @@ class CutLens:
 
 
 def cut_lens(
-    lens: Lens,
-    aperture: tuple[float, float] | None,
-    flange: Flange | None,
-    corners: object,
+    lens: Lens, aperture: tuple[float, float] | None, flange: Flange | None, corners: object
 ) -> CutLens | None:
     """Return the CutLens of an elliptic aperture, a flange or a polygon, None where there is none.
 
-    Raises
-    ------
-    ValueError : as `require_aperture`, `require_clear` and `require_polygon`; a polygon beside an aperture or
-        a flange; a flange round a rectangular lens whose front and rear differ in size.
+    Raises ValueError : as `require_aperture`, `require_clear` and `require_polygon`; a polygon beside an
+        aperture or a flange; a flange round a rectangular lens whose front and rear differ in size.
     """
     if corners is not None:
         if aperture is not None or flange is not None:

@@ -19,10 +19,8 @@ DRAWINGS = ("svg", "dxf")
 def drawing_bytes(sheet: Sheet, name: str) -> bytes:
     """Return a sheet as a file, name "svg" or "dxf"; the same sheet gives the same bytes.
 
-    Raises
-    ------
-    ValueError : another format.
-    ImportError : "dxf" where ezdxf is not installed.
+    Raises ValueError : another format.
+    Raises ImportError : "dxf" where ezdxf is not installed.
     """
     if name not in DRAWINGS:
         raise ValueError(f"a drawing is an svg or a dxf file, got {name!r}")
@@ -45,11 +43,9 @@ def write_drawing(
 
     In SVG the sheet is at its scale; in DXF the lens has its true size in mm.
 
-    Raises
-    ------
-    OSError : the file cannot be written.
-    ValueError : another suffix; as `lens_sheet`.
-    ImportError : a DXF file where ezdxf is not installed.
+    Raises OSError : the file cannot be written.
+    Raises ValueError : another suffix; as `lens_sheet`.
+    Raises ImportError : a DXF file where ezdxf is not installed.
     """
     suffix = require_suffix(path, *(f".{name}" for name in DRAWINGS))
     write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord, aperture, flange, polygon), suffix[1:]))

@@ -55,10 +55,8 @@ def lens_sheet(
     polygon : corners (x, y), mm, to which it is cut.  Sections of an outline beside the axis pass through its
         middle.
 
-    Raises
-    ------
-    ValueError : as `require_sound`, `section_view`, `side_view`, `require_aperture`, `require_clear` and
-        `require_polygon`; a lens that no scale puts on the sheet.
+    Raises ValueError : as `require_sound`, `section_view`, `side_view`, `require_aperture`, `require_clear`
+        and `require_polygon`; a lens that no scale puts on the sheet.
     """
     require_type("lens", lens, Lens)
     product = Product() if product is None else product

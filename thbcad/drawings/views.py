@@ -40,9 +40,7 @@ def plan_view(lens: Lens, seen_from: str, chord: float = 1e-3) -> View:
         faces away.
     chord : mm, the error that its curves may have.
 
-    Raises
-    ------
-    ValueError : another direction; a chord below 1e-8 mm; as `require_sound`.
+    Raises ValueError : another direction; a chord below 1e-8 mm; as `require_sound`.
     """
     if seen_from not in NAMES:
         raise ValueError(f"seen_from must be 'front' or 'rear', got {seen_from!r}")
@@ -72,9 +70,7 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
 
     axis : "x" or "y".  chord : mm, the error that its curves may have, in z.
 
-    Raises
-    ------
-    ValueError : another axis; a plane that does not cut both surfaces; a chord below 1e-8 mm; as
+    Raises ValueError : another axis; a plane that does not cut both surfaces; a chord below 1e-8 mm; as
         `require_sound`; more than 200,000 chords.
     """
     across = _axis_number(axis)
@@ -114,9 +110,7 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
 
     axis : "x" or "y".  chord : mm, the error that its curves may have, in z.
 
-    Raises
-    ------
-    ValueError : another axis; a chord below 1e-8 mm; as `require_sound`; more than 200,000 chords.
+    Raises ValueError : another axis; a chord below 1e-8 mm; as `require_sound`; more than 200,000 chords.
     """
     along = _axis_number(axis)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)

@@ -5,24 +5,13 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .adaptive_fit import Fit as Fit, fit as fit
-    from .continuation import Continuation as Continuation, cell_shares as cell_shares
-    from .height_fields import height_field_samples as height_field_samples
-    from .least_squares_fit import (
-        Samples as Samples,
-        least_squares as least_squares,
-        robust_weights as robust_weights,
-    )
-    from .noisy_fit import NoisyFit as NoisyFit, fit_noisy as fit_noisy
-    from .normal_equations import Underdetermined as Underdetermined
-    from .quasi_interpolant import (
-        quasi_interpolate as quasi_interpolate,
-        quasi_interpolation as quasi_interpolation,
-    )
-    from .slope_fit import (
-        fit_slopes as fit_slopes,
-        level_misfits as level_misfits,
-        seen_functions as seen_functions,
-    )
+    from .adaptive_fit import Fit, fit
+    from .continuation import Continuation, cell_shares
+    from .height_fields import height_field_samples
+    from .least_squares_fit import Samples, least_squares, robust_weights as robust_weights
+    from .noisy_fit import NoisyFit, fit_noisy as fit_noisy
+    from .normal_equations import Underdetermined
+    from .quasi_interpolant import quasi_interpolate, quasi_interpolation as quasi_interpolation
+    from .slope_fit import fit_slopes, level_misfits, seen_functions
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

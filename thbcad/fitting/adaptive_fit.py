@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Integers, read_only, require_integer, require_number, require_type
+from thbcad.checks import Bools, Integers, read_only, require_integer, require_number, require_type
 from thbcad.fitting.fit_targets import HELD_OUT, OfFunction, OfSamples
 from thbcad.fitting.least_squares_fit import Samples, require_smoothing
 from thbcad.fitting.normal_equations import Underdetermined
@@ -65,8 +64,6 @@ class Fit(Value):
     outliers : numbers of the samples that a robust fit takes for outliers, (n,) int; error and rms are those
         of the others.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> found = fit(THBSpace(kv, kv), lambda u, v: np.exp(-50 * (u**2 + v**2)), tolerance=1e-3)
     >>> found.outcome, found.error <= 1e-3, found.surface.space.levels > 1
@@ -116,19 +113,15 @@ def fit(
     If the tolerance is not reached, the best fit is that of least error for a function, and for samples that
     of least rms.
 
-    Parameters
-    ----------
     target : a function of u and v, (n,) float each, that returns (n,) or (n, d); a spline surface; samples
     tolerance : greatest distance |s - target|, in the unit of the target
     max_level : cells of this level are not refined, 0 to 24
     smoothing, robust : as in `least_squares`; chosen smoothing and robust weights need samples
     progress : called with the Step of every fit
 
-    Raises
-    ------
-    ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of positive
-        weight, function values that are not finite.
-    Underdetermined : the samples do not determine a spline of the given space.
+    Raises ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of
+        positive weight, function values that are not finite.
+    Raises Underdetermined : the samples do not determine a spline of the given space.
     """
     require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)
@@ -184,7 +177,7 @@ def _refined(
         return Fit(surface, error, rms, finer, tuple(history), outliers, target.certified)
 
 
-def _finer(space: THBSpace, above: NDArray[np.bool_], samples: float) -> THBSpace | Outcome:
+def _finer(space: THBSpace, above: Bools, samples: float) -> THBSpace | Outcome:
     """Return the space with the surroundings of the given cells refined, or why there is none."""
     try:
         finer = space.refine(surroundings(space, space.cells[above]))

@@ -46,8 +46,6 @@ class Continuation:
     outline : it is stretched over the rectangle of the space.
     free : (dim,) bool, the functions whose coefficients stay.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=8, start=-1.0, stop=1.0)
     >>> beside = Continuation(THBSpace(kv, kv), Outline((1.0, 1.0), (1.0, 1.0)))
     >>> beside.free.size, int(beside.free.sum())
@@ -87,7 +85,7 @@ class Continuation:
         """E_dd, factorised, and E_df."""
         follows = ~self.free
         where = self._followed[follows].sum(axis=0) > 0  # cells on which a function acts that is not free
-        energy = csr_array(thin_plate(self._space, where))[follows]
+        energy = thin_plate(self._space, where, follows)
         return (
             splu(
                 csc_array(energy[:, follows]),

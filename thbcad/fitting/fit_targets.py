@@ -8,10 +8,9 @@ from functools import cached_property, partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import distance_bounds, tensor_form
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.fitting.least_squares_fit import Samples, least_squares, robust_weights
 from thbcad.fitting.residual_statistics import BESIDE, are_noise, neighbours
 from thbcad.fitting.smoothing_choice import Smoothing
@@ -23,7 +22,7 @@ from thbcad.surfaces import THBSurface
 HELD_OUT = 3  # one sample in three
 
 
-def held_out(count: int) -> NDArray[np.bool_]:
+def held_out(count: int) -> Bools:
     """Return which of so many samples a fit does not see, (count,) bool: a random third, always the same."""
     chosen = np.zeros(count, dtype=bool)
     chosen[np.random.default_rng(0).permutation(count)[: count // HELD_OUT]] = True
@@ -85,7 +84,7 @@ class OfFunction:
         errors = self.bounds(surface) if self.bounds else distance.max(axis=1)
         return Check(errors, _rms(distance.ravel(), areas), False, np.zeros(0, dtype=np.int64))
 
-    def loss(self, check: Check, refinable: NDArray[np.bool_]) -> float:
+    def loss(self, check: Check, refinable: Bools) -> float:
         """Return the greatest error of the cells that may be refined."""
         return float(check.errors[refinable].max(initial=0))
 
@@ -116,7 +115,7 @@ class OfSamples:
     certified: ClassVar[bool] = False
 
     @cached_property
-    def hidden(self) -> NDArray[np.bool_]:
+    def hidden(self) -> Bools:
         return held_out(len(self.samples))
 
     @cached_property
@@ -153,7 +152,7 @@ class OfSamples:
             np.flatnonzero(~counts),
         )
 
-    def loss(self, check: Check, refinable: NDArray[np.bool_]) -> float:
+    def loss(self, check: Check, refinable: Bools) -> float:
         """Return the rms of the samples held out: the greatest error among much noise hardly falls."""
         return check.rms
 

@@ -25,10 +25,8 @@ def height_field_samples(
     heights : (rows, columns) float.  x : (columns,) and y : (rows,) float, strictly rising or falling.
     missing : (rows, columns) bool.
 
-    Raises
-    ------
-    ValueError : shapes that do not agree, x or y that turn or repeat, heights that are infinite, no height
-        that is left.
+    Raises ValueError : shapes that do not agree, x or y that turn or repeat, heights that are infinite, no
+        height that is left.
     """
     x, y = (_axis(name, values) for name, values in (("x", x), ("y", y)))
     masked: np.ma.MaskedArray = np.ma.asarray(heights)

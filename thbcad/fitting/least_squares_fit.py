@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, floats, read_only, require_number, require_type
+from thbcad.checks import Bools, Floats, Integers, floats, read_only, require_number, require_type
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, biweights, kept_share, neighbours, places
 from thbcad.fitting.smoothing_choice import RULES, Progress, Smoothing, chosen_smoothing
@@ -27,13 +27,9 @@ class Samples(Value):
 
     u, v : (n,) float.  values : (n,) or (n, d) float.  weights : (n,) float, all 1 if left out.
 
-    Raises
-    ------
-    ValueError : shapes that do not agree, numbers not finite or masked, negative
+    Raises ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 9)
     >>> samples = Samples.grid(x, x, np.add.outer(x, x**2))
     >>> kv = KnotVector.uniform(degree=2, spans=1)
@@ -87,7 +83,7 @@ class Samples(Value):
             np.repeat(u, len(v)), np.tile(v, len(u)), values.reshape(u.size * v.size, *values.shape[2:])
         )
 
-    def __getitem__(self, chosen: slice | Integers | NDArray[np.bool_]) -> Samples:
+    def __getitem__(self, chosen: slice | Integers | Bools) -> Samples:
         """Return some of the samples."""
         return Samples(self.u[chosen], self.v[chosen], self.values[chosen], self.weights[chosen])
 
@@ -115,10 +111,8 @@ def least_squares(
     progress : called, while a smoothing is chosen, with the number of fits that are done, and the most there
         may be, 15.  Seven are usual; a robust fit chooses twice.
 
-    Raises
-    ------
-    Underdetermined : the samples do not determine every coefficient (names a function).
-    ValueError : samples outside the domain, a smoothing that is negative or not finite.
+    Raises Underdetermined : the samples do not determine every coefficient (names a function).
+    Raises ValueError : samples outside the domain, a smoothing that is negative or not finite.
     """
     require_type("space", space, THBSpace)
     require_type("samples", samples, Samples)
@@ -154,7 +148,7 @@ def robust_weights(surface: THBSurface, samples: Samples) -> Floats:
 class _Judge:
     """Gives samples their weights by residuals: whatever depends on the samples alone is found once."""
 
-    used: NDArray[np.bool_]  # those of positive weight
+    used: Bools  # those of positive weight
     roots: Floats  # of their weights over the greatest
     values: Floats  # (used, d), over the height
     height: float

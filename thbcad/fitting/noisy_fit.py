@@ -98,11 +98,9 @@ def fit_noisy(space: THBSpace, samples: Samples, smoothing: float | None = None)
 
     smoothing : a positive number instead, as in `least_squares`.
 
-    Raises
-    ------
-    ValueError : fewer than 16 samples, values that are not scalar, weights that differ, samples outside the
-        domain.
-    Underdetermined : the samples do not determine a plane, as those on one line.
+    Raises ValueError : fewer than 16 samples, values that are not scalar, weights that differ, samples
+        outside the domain.
+    Raises Underdetermined : the samples do not determine a plane, as those on one line.
     """
     require_type("space", space, THBSpace)
     require_type("samples", samples, Samples)

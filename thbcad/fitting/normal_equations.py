@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Bools, Floats
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector, gauss_rule
 
@@ -31,8 +30,6 @@ LEAST_EXPONENT = -511  # of four, among float64 numbers with all their digits
 class Underdetermined(ValueError):
     """The samples do not determine every coefficient.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=1, spans=1)
     >>> least_squares(THBSpace(kv, kv), Samples([0.5], [0.5], [1.0]))
     Traceback (most recent call last):
@@ -93,9 +90,7 @@ class NormalEquations:
     def factors(self, smoothing: float) -> Factors:
         """Return the factors of N / unit.
 
-        Raises
-        ------
-        Underdetermined : N is singular to working precision.
+        Raises Underdetermined : N is singular to working precision.
         """
         normal = self.gram + smoothing / self.unit * self.energy
         return _factorised(normal, self.space, smoothing)
@@ -132,24 +127,28 @@ def _power_of_four(numbers: Floats) -> float:
     return 4.0 ** max((math.frexp(greatest)[1] - 1) // 2, LEAST_EXPONENT) if greatest else 1.0
 
 
-def thin_plate(space: THBSpace, cells: NDArray[np.bool_] | None = None) -> csr_array:
-    """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 +
-    s_vv^2) du dv.
+def thin_plate(
+    space: THBSpace,
+    cells: Bools | None = None,
+    rows: Bools | None = None,
+) -> csr_array:
+    """Return rows of the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2
+    + s_vv^2) du dv.
 
-    cells : a mask of the leaf cells over which it is taken; None is all of them.
+    cells : a mask of the leaf cells over which it is taken; None is all of them.  rows : of E; None is all.
     Gauss quadrature with p + 1 and q + 1 points on every leaf cell, which is exact.  Of cells of one level
     the integrals are products of those in u and in v.
     """
-    if cells is None and len(np.unique(space.cells[:, 0])) == 1:
+    if cells is None and rows is None and len(np.unique(space.cells[:, 0])) == 1:
         by_u, by_v = (_integrals(kv) for kv in (space.embedding.kv_u, space.embedding.kv_v))
         return csr_array(sum(factor * kron(by_u[a], by_v[b]) for (a, b), factor in THIN_PLATE))
     u, v, weights, cell = space.quadrature()
     if cells is not None:
         u, v, weights = (row[cells[cell]] for row in (u, v, weights))
-    total = csr_array((space.dim, space.dim))
+    total = csr_array((space.dim if rows is None else rows.sum(), space.dim))
     for derivative, factor in THIN_PLATE:
         d = space.collocation(u, v, derivative)
-        total = total + d.T @ (diags_array(factor * weights) @ d)
+        total = total + (d if rows is None else d[:, rows]).T @ (diags_array(factor * weights) @ d)
     return csr_array(total)
 
 

@@ -37,13 +37,9 @@ def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
     only one leaf cell of its own level, 3e3 for degree 3 and 5e8 for degree 5 (uniform knots).  From degree 7
     on, `least_squares` is the more accurate.
 
-    Parameters
-    ----------
     function : called with u and v, (n,) float each; returns (n,) or (n, d)
 
-    Raises
-    ------
-    ValueError : values of another shape, or not finite.
+    Raises ValueError : values of another shape, or not finite.
     """
     require_type("space", space, THBSpace)
     u, v, operator = quasi_interpolation(space)

@@ -21,13 +21,12 @@ All other suspects are detail that the surface lacks.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 
 AROUND = 12  # neighbours that an outlier differs from: on a grid those within two steps
 BESIDE = 4  # neighbours that missing detail moves together: on a grid those one step away
@@ -129,7 +128,7 @@ def biweights(residuals: Floats, values: Floats, points: Floats, near: Integers,
     return weights
 
 
-def _few_together(chosen: Integers, points: Floats) -> NDArray[np.bool_]:
+def _few_together(chosen: Integers, points: Floats) -> Bools:
     """Return which of the chosen points hang together with few others, by their four nearest, (chosen,)."""
     number = np.full(len(points), -1)
     number[chosen] = np.arange(len(chosen))
@@ -137,11 +136,11 @@ def _few_together(chosen: Integers, points: Floats) -> NDArray[np.bool_]:
     row, column = np.nonzero(near >= 0)
     links = csr_array((np.ones(len(row)), (row, near[row, column])), shape=(len(chosen), len(chosen)))
     _, clump = connected_components(links, directed=False)
-    result: NDArray[np.bool_] = np.bincount(clump)[clump] <= TOGETHER
+    result: Bools = np.bincount(clump)[clump] <= TOGETHER
     return result
 
 
-def _beyond(values: Floats, points: Floats, chosen: Integers, around: Integers) -> NDArray[np.bool_]:
+def _beyond(values: Floats, points: Floats, chosen: Integers, around: Integers) -> Bools:
     """Return which of the chosen samples lie much farther from the plane through those around them than any
     of these, (chosen,)."""
     apart = points[around] - points[chosen][:, None]
@@ -150,5 +149,5 @@ def _beyond(values: Floats, points: Floats, chosen: Integers, around: Integers) 
     heights = values[around] - values[chosen][:, None]
     planes = np.linalg.pinv(columns) @ heights
     left = np.linalg.norm(heights - columns @ planes, axis=2).max(axis=1)
-    result: NDArray[np.bool_] = np.linalg.norm(planes[:, 0], axis=1) > BEYOND * left
+    result: Bools = np.linalg.norm(planes[:, 0], axis=1) > BEYOND * left
     return result

@@ -22,12 +22,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.hierarchy import MultilevelBasis, THBSpace
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -104,7 +103,7 @@ def level_misfits(
     return np.array(out)
 
 
-def seen_functions(space: THBSpace, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def seen_functions(space: THBSpace, x: Floats, y: Floats) -> Bools:
     """Return which functions of a space the samples on a grid determine, (dim,).
 
     None are on levels with nearly as many functions as samples in a direction, or more.
@@ -166,7 +165,7 @@ def _modes(kv: KnotVector, samples: Floats) -> tuple[csr_array, csr_array, Float
     return values, slopes, *eigh(stiffness, mass)
 
 
-def _seen(values: csr_array) -> NDArray[np.bool_]:
+def _seen(values: csr_array) -> Bools:
     squares = np.asarray(values.power(2).sum(axis=0), dtype=np.float64)
     enough = squares > SEEN * squares.max()
     return enough if enough.sum() <= DENSEST * values.shape[0] else np.zeros_like(enough)

@@ -56,9 +56,7 @@ MOST_FITS = 15
 def chosen_smoothing(equations: NormalEquations, rule: Rule, progress: Progress) -> float:
     """Return the smoothing that the samples ask for.
 
-    Raises
-    ------
-    Underdetermined : the samples do not determine every coefficient with any smoothing.
+    Raises Underdetermined : the samples do not determine every coefficient with any smoothing.
     """
     if not equations.weights.any():
         return 0.0

@@ -36,9 +36,7 @@ NONE = np.zeros(0, dtype=np.int64)
 class Domains:
     """Per level, the sorted keys of the refined cells.  Domains never change.
 
-    Raises
-    ------
-    ValueError : more than 10,000,000 cells on level 0.
+    Raises ValueError : more than 10,000,000 cells on level 0.
     """
 
     def __init__(self, axes: tuple[DyadicAxis, DyadicAxis], refined: tuple[Integers, ...] = ()) -> None:
@@ -205,9 +203,7 @@ def _by_level(rows: ArrayLike) -> dict[int, Integers]:
 def closure(domains: Domains, cells: Mapping[int, Integers], m: int) -> dict[int, Integers]:
     """Return the cells to refine together with `cells` so that class m is kept, {level: (n, 2) int}.
 
-    Raises
-    ------
-    ValueError : m that is not an integer of at least 2.
+    Raises ValueError : m that is not an integer of at least 2.
     """
     require_integer("the class of admissibility", m, 2)
     marked = dict(cells)

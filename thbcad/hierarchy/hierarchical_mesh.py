@@ -1,7 +1,5 @@
 """Meshes of nested cells: how they are refined, and points on them.
 
-Vocabulary
-----------
 A *cell* (level, i, j) is a product of non-empty knot spans.  Omega_l is the union of the
 level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined cells of
 level l.  *Leaf cells* are the cells that are not refined; they tile the domain.
@@ -15,9 +13,10 @@ from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thbcad.checks import (
+    Bools,
     Floats,
     Integers,
     coordinates,
@@ -43,9 +42,7 @@ class HierarchicalMesh(Value):
 
     Meshes never change: `refine` returns finer ones, of the same class.
 
-    Raises
-    ------
-    ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+    Raises ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
     """
 
     kv_u: KnotVector
@@ -84,7 +81,7 @@ class HierarchicalMesh(Value):
         )
 
     @cached_property
-    def level_cells(self) -> tuple[tuple[Integers, NDArray[np.bool_]], ...]:
+    def level_cells(self) -> tuple[tuple[Integers, Bools], ...]:
         """All cells of every level, (n, 2) int in order of i, then j, and which are refined, (n,) bool."""
         d = self._domains
         levels = []
@@ -123,10 +120,8 @@ class HierarchicalMesh(Value):
         admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells.  A tensor-product
             space that is always refined so stays admissible of class m (see `THBSpace.admissibility`).
 
-        Raises
-        ------
-        ValueError : a cell that does not exist or is refined already, a level out of range, a mask of another
-            length, cells too short for float64.
+        Raises ValueError : a cell that does not exist or is refined already, a level out of range, a mask of
+            another length, cells too short for float64.
         """
         marked = checked_cells(self._rows_of_mask(cells))
         domains = self._domains.refine(marked)
@@ -135,11 +130,7 @@ class HierarchicalMesh(Value):
         return replace(self, _given=domains)
 
     def refine_box(
-        self,
-        level: int,
-        u: tuple[float, float],
-        v: tuple[float, float],
-        admissible: int | None = None,
+        self, level: int, u: tuple[float, float], v: tuple[float, float], admissible: int | None = None
     ) -> Self:
         """Return the mesh or space in which all cells that meet a box are of a level or finer.
 
@@ -151,10 +142,8 @@ class HierarchicalMesh(Value):
         u, v : the sides; they may reach beyond the domain, to infinity too.
         admissible : as in `refine`.
 
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, sides that do not increase, a box
-            outside the domain, cells too short for float64.
+        Raises ValueError : a level that is no whole number from 0 to MAX_LEVEL, sides that do not increase, a
+            box outside the domain, cells too short for float64.
         """
         require_integer("level", level, 0, MAX_LEVEL)
         (u0, u1), (v0, v1) = _side("u", u, self.kv_u), _side("v", v, self.kv_v)
@@ -168,9 +157,7 @@ class HierarchicalMesh(Value):
     def uniform(self, level: int) -> Self:
         """Return the mesh or space in which all cells that are coarser than a level are cut down to it.
 
-        Raises
-        ------
-        ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
+        Raises ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
         """
         return self.refine_box(level, EVERYWHERE, EVERYWHERE)
 
@@ -179,18 +166,14 @@ class HierarchicalMesh(Value):
 
         cells : rows [level, i, j] or {level: [(i, j), ...]}, the cells that were passed to `refine`.
 
-        Raises
-        ------
-        ValueError : a cell that is not refined, or whose children are.
+        Raises ValueError : a cell that is not refined, or whose children are.
         """
         return replace(self, _given=self._domains.coarsen(checked_cells(cells)))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
 
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows that do not broadcast.
+        Raises ValueError : points outside the domain or NaN, rows that do not broadcast.
         """
         return self._quadtree.locate(*self._rows(u, v))
 
@@ -203,9 +186,7 @@ class HierarchicalMesh(Value):
         n : an integer, or one for u and one for v; by default degree + 1, which is exact for products of two
             splines of the space, and for products of their derivatives.
 
-        Raises
-        ------
-        ValueError : n that is no integer from 1 to 100, nor two of them.
+        Raises ValueError : n that is no integer from 1 to 100, nor two of them.
         """
         counts = (self.kv_u.degree + 1, self.kv_v.degree + 1) if n is None else n
         pair = counts if isinstance(counts, Sequence) and len(counts) == 2 else (counts, counts)
@@ -274,9 +255,7 @@ Mesh = TypeVar("Mesh", bound=HierarchicalMesh)
 def common_refinement(a: Mesh, b: Mesh) -> Mesh:
     """Return the coarsest space that is a refinement of both: a cell is refined where it is in a or in b.
 
-    Raises
-    ------
-    ValueError : a that is no THBSpace, b that is none over the same two knot vectors.
+    Raises ValueError : a that is no THBSpace, b that is none over the same two knot vectors.
     """
     require_type("a", a, HierarchicalMesh)
     a._require_same_knots("b", b)

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import EPS, Floats, Integers, locked, read_only
+from thbcad.checks import EPS, Bools, Floats, Integers, locked, read_only
 from thbcad.splines import KnotVector, blossom, greville_abscissae
 
 
@@ -181,11 +180,11 @@ class Level:
     number: int
     axes: tuple[DyadicAxis, DyadicAxis]
     cells: Integers
-    refined: NDArray[np.bool_]
+    refined: Bools
     distinct: tuple[Integers, Integers]
     keys: Integers
-    supported: NDArray[np.bool_]
-    active: NDArray[np.bool_]
+    supported: Bools
+    active: Bools
 
     @property
     def leaves(self) -> Integers:
@@ -218,9 +217,7 @@ class Level:
         return heads[:, :, None] + np.arange(self.axes[1].degree + 1)
 
 
-def make_level(
-    number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers, refined: NDArray[np.bool_]
-) -> Level:
+def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers, refined: Bools) -> Level:
     """Return the level with these cells.
 
     With incidences B between spans and functions, B_u^T M B_v counts the cells in the support
@@ -270,7 +267,7 @@ def numbered(pairs: list[Integers]) -> Integers:
     return read_only(np.column_stack([levels, np.concatenate(pairs)]), np.int64)
 
 
-def _position(row: Integers, wanted: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+def _position(row: Integers, wanted: Integers) -> tuple[Integers, Bools]:
     """Return (index, held) of `wanted` in a sorted row."""
     index = np.minimum(np.searchsorted(row, wanted), max(len(row) - 1, 0))
     return index, row[index] == wanted if len(row) else np.zeros(np.shape(wanted), dtype=bool)

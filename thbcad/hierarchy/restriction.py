@@ -21,17 +21,16 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level
 
 GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
 
 
-def least_norm(leaves: NDArray[np.bool_], norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
+def least_norm(leaves: Bools, norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
     """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2,
     n), and the norms, (n,).
 
@@ -54,7 +53,7 @@ def least_norm(leaves: NDArray[np.bool_], norms_u: Floats, norms_v: Floats) -> t
     return choice, best
 
 
-def whole_cells(level: Level, functions: Integers) -> NDArray[np.bool_]:
+def whole_cells(level: Level, functions: Integers) -> Bools:
     """Return which cells of the supports of functions of a level are its leaf cells, (n, 2) int -> (n, p + 1,
     q + 1)."""
     sides = []
@@ -105,7 +104,7 @@ def require_restored(operator: csr_array) -> None:
         )
 
 
-def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_array:
+def _dual_weights(coarse: Level, fine: Level, lost: Bools) -> csr_array:
     """Return the weights of the finer level's net, (n, size), that give the lost functions' coefficients."""
     functions = coarse.functions[coarse.active][lost]
     tables = []

@@ -33,9 +33,7 @@ class Embedding:
     supported, active : per level, the flat positions in W_l of the functions supported in
         Omega_l, and of those that are active
 
-    Raises
-    ------
-    ValueError : the last one has more than 10^8 functions.
+    Raises ValueError : the last one has more than 10^8 functions.
     """
 
     def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[Level]) -> None:
@@ -102,9 +100,7 @@ class Embedding:
 
         c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
 
-        Raises
-        ------
-        ValueError : coefficients of another shape.
+        Raises ValueError : coefficients of another shape.
         """
         c = floats(c)
         if c.shape[:1] != (self.dim,) or c.ndim > 2:

@@ -34,12 +34,8 @@ class THBSpace(HierarchicalMesh):
     ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
     Spaces never change.
 
-    Raises
-    ------
-    ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+    Raises ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> space = THBSpace(kv, kv).refine({0: [(i, j) for i in (0, 1) for j in (0, 1)]})
     >>> space.levels, len(space.cells), space.dim
@@ -86,9 +82,7 @@ class THBSpace(HierarchicalMesh):
     def embedding(self) -> Embedding:
         """The exact embedding into the smallest tensor-product spline space that holds this one.
 
-        Raises
-        ------
-        ValueError : that space has more than 10^8 functions.
+        Raises ValueError : that space has more than 10^8 functions.
         """
         return Embedding(self._domains.axes, self.hierarchy)
 
@@ -111,9 +105,7 @@ class THBSpace(HierarchicalMesh):
         The coefficient of an active function of the finer space is the coefficient that the
         spline has there in the level's own B-spline basis (preservation of coefficients).
 
-        Raises
-        ------
-        ValueError : `finer` is not a refinement of this space.
+        Raises ValueError : `finer` is not a refinement of this space.
 
         Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
         multilevel spline spaces, Adv. Comput. Math. 40 (2014).
@@ -131,11 +123,9 @@ class THBSpace(HierarchicalMesh):
 
         P is ``coarser.prolongation(self)``.
 
-        Raises
-        ------
-        ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few
-            whole cells of a function that float64 cannot restore its coefficient; or the norms of many levels
-            multiply beyond 1e12.
+        Raises ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around
+            the few whole cells of a function that float64 cannot restore its coefficient; or the norms of
+            many levels multiply beyond 1e12.
         """
         self._require_same_knots("the coarser space", coarser)
         coarser._require_within(self)
@@ -165,10 +155,8 @@ class THBSpace(HierarchicalMesh):
         Where knots are periodic, functions i and i + n_l of a level share a coefficient, n_l of them in a
         period: values and p - 1 derivatives go on across the seam, as of `KnotVector.wrapping`.
 
-        Raises
-        ------
-        ValueError : no periodic knots; a function that is active on one side of a seam only.  Of the p cells
-            of a level on either side, all must be refined or none.
+        Raises ValueError : no periodic knots; a function that is active on one side of a seam only.  Of the p
+            cells of a level on either side, all must be refined or none.
         """
         knots = self.kv_u, self.kv_v
         if not any(kv.is_periodic for kv in knots):
@@ -229,10 +217,8 @@ class THBSpace(HierarchicalMesh):
     ) -> csr_array[np.float64]:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
 
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
-            non-negative integer.
+        Raises ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not
+            a non-negative integer.
         """
         by_u, by_v, cell = self.local_values(u, v, derivative)
         values = by_u[:, :, None] * by_v[:, None, :]
@@ -244,10 +230,8 @@ class THBSpace(HierarchicalMesh):
         """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point,
         (n,) int.
 
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not a
-            non-negative integer.
+        Raises ValueError : points outside the domain or NaN, rows that do not broadcast, an order that is not
+            a non-negative integer.
         """
         u, v = self._rows(u, v)
         orders = require_orders(derivative)

@@ -15,9 +15,7 @@ from typing import Any
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write `data` to `path` atomically: a temporary file in the same folder is renamed over it.
 
-    Raises
-    ------
-    OSError : the folder is missing, not writable or full; the old file is untouched.
+    Raises OSError : the folder is missing, not writable or full; the old file is untouched.
     """
     write_files({Path(path): data})
 
@@ -25,10 +23,8 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 def write_files(files: Mapping[Path, bytes]) -> None:
     """Write several files: none is replaced before the bytes of all are on the disk.
 
-    Raises
-    ------
-    OSError : as `write_bytes`; the old files are untouched, unless the disk fails between two renamings;
-        a name that is a device or a pipe, which renaming would replace by a file.
+    Raises OSError : as `write_bytes`; the old files are untouched, unless the disk fails between two
+        renamings; a name that is a device or a pipe, which renaming would replace by a file.
     """
     staged: dict[Path, str] = {}
     try:

@@ -44,12 +44,10 @@ def volume(brep: Brep) -> float:
     """Return the volume of a solid in its unit of length, cubed; exact but for rounding and the distance of
     the edges from the faces.
 
-    Raises
-    ------
-    NotMeasured : a face that is neither a plane, a spline up to degree 10, a sphere, a cylinder, a cone nor
-        an extrusion; one that is no plane and whose edges have no closed images in its parameters; an edge
-        that is neither a line, a spline nor a conic.
-    ValueError : edges that do not border two faces, or a solid inside out.
+    Raises NotMeasured : a face that is neither a plane, a spline up to degree 10, a sphere, a cylinder, a
+        cone nor an extrusion; one that is no plane and whose edges have no closed images in its parameters;
+        an edge that is neither a line, a spline nor a conic.
+    Raises ValueError : edges that do not border two faces, or a solid inside out.
     """
     edges = _edges(brep)
     vertices = np.concatenate([edge.ends for edge in brep.edges])
@@ -67,9 +65,7 @@ def areas(brep: Brep) -> tuple[float, ...]:
     """Return the areas of the faces, in their order, in the unit of length squared; relative errors are below
     1e-10.
 
-    Raises
-    ------
-    ValueError : as `volume`, or a face whose area needs more than 48 Gauss nodes per span.
+    Raises ValueError : as `volume`, or a face whose area needs more than 48 Gauss nodes per span.
     """
     edges = _edges(brep)
     return tuple(_area(face, edges) for face in brep.faces)

@@ -46,9 +46,8 @@ def lens_to_dict(lens: Lens) -> dict[str, Any]:
 def lens_from_dict(data: object) -> Lens:
     """Return the lens of `lens_to_dict`.
 
-    Raises
-    ------
-    ValueError : another schema, version or units, a missing or unknown key, or numbers that make no lens.
+    Raises ValueError : another schema, version or units, a missing or unknown key, or numbers that make no
+        lens.
     """
     table = require_schema(data, SCHEMA, VERSION, "lens")
     require_keys(table, KEYS, "lens")
@@ -64,9 +63,7 @@ def lens_from_dict(data: object) -> Lens:
 def write_lens(lens: Lens, path: str | Path) -> None:
     """Write the lens to a native JSON file, atomically.
 
-    Raises
-    ------
-    OSError : the file cannot be written.  ValueError : as `require_sound`.
+    Raises OSError : the file cannot be written.  ValueError : as `require_sound`.
     """
     write_json(lens_to_dict(require_sound(lens)), path)
 
@@ -74,9 +71,7 @@ def write_lens(lens: Lens, path: str | Path) -> None:
 def read_lens(path: str | Path) -> Lens:
     """Read a native JSON file.
 
-    Raises
-    ------
-    OSError : unreadable; ValueError : not such a file.
+    Raises OSError : unreadable; ValueError : not such a file.
     """
     return lens_from_dict(read_json(path, "lens"))
 

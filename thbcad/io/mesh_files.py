@@ -44,9 +44,7 @@ STAMP = (2000, 1, 1, 0, 0, 0)
 def stl_bytes(mesh: Tessellation) -> bytes:
     """Return a binary STL file, mm; the facets keep their order.
 
-    Raises
-    ------
-    ValueError : vertices that float32 does not hold.
+    Raises ValueError : vertices that float32 does not hold.
     """
     require_single(mesh, "STL")
     corners = mesh.vertices[mesh.triangles]
@@ -64,9 +62,7 @@ def stl_bytes(mesh: Tessellation) -> bytes:
 def threemf_bytes(mesh: Tessellation) -> bytes:
     """Return a 3MF package with one object, mm.
 
-    Raises
-    ------
-    ValueError : vertices that float32 does not hold.
+    Raises ValueError : vertices that float32 does not hold.
     """
     require_single(mesh, "3MF")
     model = io.BytesIO()

@@ -22,10 +22,8 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
     Every spline face of degree 2 or more in both directions is compared with the nearer surface, in every
     knot span at the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : not a STEP file with one solid in mm, or its faces do not cover front and rear.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : not a STEP file with one solid in mm, or its faces do not cover front and rear.
     """
     solid = parse_brep(path)
     if solid.unit != MILLIMETRE:

@@ -26,9 +26,7 @@ def table_size(surface: FreeformSurface) -> tuple[int, int]:
     Where all spans are multiples of the least one, bicubic interpolation of the table gives a cubic surface
     back.
 
-    Raises
-    ------
-    ValueError : more than 10 million points.
+    Raises ValueError : more than 10 million points.
     """
     require_type("surface", surface, FreeformSurface)
     graph = surface.graph()
@@ -49,9 +47,7 @@ def sag_text(surface: FreeformSurface, size: tuple[int, int]) -> bytes:
 
     size : (nx, ny), at least 5 each.
 
-    Raises
-    ------
-    ValueError : fewer points.
+    Raises ValueError : fewer points.
     """
     x, y = _lines(surface, size)
     columns = [surface.grid(x, y[::-1], order).T.ravel() for order in ORDERS]
@@ -68,9 +64,7 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
     vertex : z of the surface's vertex in the lens frame, mm.  upwards : the normal points to +z, else to -z.
     size : (nx, ny), at least 5 each.
 
-    Raises
-    ------
-    ValueError : fewer points.
+    Raises ValueError : fewer points.
     """
     x, y = _lines(surface, size)
     z, zx, zy = (surface.grid(x, y, order).ravel() for order in ORDERS[:3])

@@ -39,9 +39,7 @@ def write_surface(surface: Surface, path: str | Path) -> None:
 def read_surface(path: str | Path) -> Surface:
     """Read a native JSON file.
 
-    Raises
-    ------
-    OSError : unreadable; ValueError : not such a file.
+    Raises OSError : unreadable; ValueError : not such a file.
     """
     return surface_from_dict(read_json(path, "surface"))
 
@@ -55,9 +53,7 @@ def write_curve(curve: Curve, path: str | Path) -> None:
 def read_curve(path: str | Path) -> Curve:
     """Read a native JSON file of a curve.
 
-    Raises
-    ------
-    OSError : unreadable; ValueError : not such a file.
+    Raises OSError : unreadable; ValueError : not such a file.
     """
     return curve_from_dict(read_json(path, "curve"))
 
@@ -83,9 +79,8 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
 def surface_from_dict(data: object) -> Surface:
     """Return the surface of `surface_to_dict`.
 
-    Raises
-    ------
-    ValueError : another schema, version or kind, a missing or unknown key, or numbers that make no surface.
+    Raises ValueError : another schema, version or kind, a missing or unknown key, or numbers that make no
+        surface.
     """
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
@@ -154,9 +149,7 @@ def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
 def sag_from_dict(data: dict[str, Any]) -> THBSurface:
     """Return the THB surface of `sag_to_dict`, which has scalar coefficients.
 
-    Raises
-    ------
-    ValueError : an unknown key, values of the wrong type or number, more cells than MOST_CELLS.
+    Raises ValueError : an unknown key, values of the wrong type or number, more cells than MOST_CELLS.
     """
     require_keys(data, SAG_KEYS, "surface")
     return THBSurface(_space_from_dict(data), a_row(data["coefficients"], "coefficients"))

@@ -48,11 +48,9 @@ OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
 def parse_brep(path: str | Path) -> Brep:
     """Read the one solid of a STEP file from its text, without OCCT; numbers come bit for bit.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO
-        10303-42 wants it.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not
+        as ISO 10303-42 wants it.
     """
     before = gc.isenabled()
     gc.disable()  # Python would search the many values for reference cycles, of which there are none
@@ -100,9 +98,7 @@ def length_unit(entities: Entities) -> str:
     """Return the unit of length in which the solid is given: "MILLI METRE", "METRE", or the name of a
     converted unit.
 
-    Raises
-    ------
-    ValueError : the solid stands in no representation, or that has not one unit of length.
+    Raises ValueError : the solid stands in no representation, or that has not one unit of length.
     """
     (unit,) = _units(entities, "LENGTH_UNIT", "length")
     if "CONVERSION_BASED_UNIT" in unit.parts:

@@ -110,9 +110,7 @@ class Entity:
         """The parameters of every type that the entity has: one, or several of a complex entity
         `( A(...) B(...) )`.
 
-        Raises
-        ------
-        ValueError : text that does not follow the grammar.
+        Raises ValueError : text that does not follow the grammar.
         """
         return _Parser(self).parts()
 
@@ -133,10 +131,8 @@ class Entity:
 def read_part21(path: str | Path) -> dict[int, Entity]:
     """Return the entities of a STEP file by number, in their order.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to
         entities that it does not hold.
     """
     return read_file(path)[1]

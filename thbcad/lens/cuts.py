@@ -21,9 +21,7 @@ NODES = 16  # of the Gauss rule on every span; its error falls by a factor per n
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Outline:
     """Return the ellipse of an aperture within both surfaces: every outline holds those in its half-widths.
 
-    Raises
-    ------
-    ValueError : no Lens, semi-axes that are not two positive numbers or exceed a half-width.
+    Raises ValueError : no Lens, semi-axes that are not two positive numbers or exceed a half-width.
     """
     require_type("lens", lens, Lens)
     ellipse = Outline.ellipse(semi_axes)
@@ -39,9 +37,7 @@ def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Outline:
 def walls_of(lens: Lens, semi_axes: tuple[float, float] | None) -> Outline:
     """Return the outline of a lens that is cut by an aperture, or its own, that of its greater half-widths.
 
-    Raises
-    ------
-    ValueError : as `require_aperture`.
+    Raises ValueError : as `require_aperture`.
     """
     if semi_axes is not None:
         return require_aperture(lens, semi_axes)
@@ -55,9 +51,7 @@ def aperture_volume(lens: Lens, semi_axes: tuple[float, float]) -> float:
 
     It is exact for the splines but for rounding.
 
-    Raises
-    ------
-    ValueError : as `require_aperture`.
+    Raises ValueError : as `require_aperture`.
     """
     return walled_volume(lens.graphs(), lens.thickness, require_aperture(lens, semi_axes))
 
@@ -65,9 +59,7 @@ def aperture_volume(lens: Lens, semi_axes: tuple[float, float]) -> float:
 def require_polygon(lens: Lens, corners: object) -> Polygon:
     """Return the polygon of an outline within both surfaces.
 
-    Raises
-    ------
-    ValueError : no Lens, as `Polygon`, or a corner beside an outline.
+    Raises ValueError : no Lens, as `Polygon`, or a corner beside an outline.
     """
     require_type("lens", lens, Lens)
     polygon = Polygon(corners)  # type: ignore[arg-type]
@@ -88,9 +80,7 @@ def polygon_volume(lens: Lens, corners: object) -> float:
 
     It is exact for the splines but for rounding.
 
-    Raises
-    ------
-    ValueError : as `require_polygon`.
+    Raises ValueError : as `require_polygon`.
     """
     return walled_volume(lens.graphs(), lens.thickness, require_polygon(lens, corners))
 
@@ -104,9 +94,7 @@ class Flange:
 
     width, low, high : float, mm; z = 0 is the vertex of the front
 
-    Raises
-    ------
-    ValueError : numbers that are not finite; a width or a thickness high - low below 1e-6 mm.
+    Raises ValueError : numbers that are not finite; a width or a thickness high - low below 1e-6 mm.
     """
 
     width: float
@@ -136,9 +124,8 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     The heights of the rims are certified on the rectangle; round an aperture, those of the rim's splines are
     (`fitted_curve`).
 
-    Raises
-    ------
-    ValueError : no Flange; no Lens; as `require_aperture`; a rim less than 1e-6 mm away from the flange.
+    Raises ValueError : no Flange; no Lens; as `require_aperture`; a rim less than 1e-6 mm away from the
+        flange.
     """
     require_type("flange", flange, Flange)
     require_type("lens", lens, Lens)
@@ -175,9 +162,7 @@ def flanged_volume(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | 
 
     semi_axes : of an elliptic aperture, mm; None is the whole lens.
 
-    Raises
-    ------
-    ValueError : as `require_clear`.
+    Raises ValueError : as `require_clear`.
     """
     require_clear(lens, flange, semi_axes)
     depth = flange.high - flange.low

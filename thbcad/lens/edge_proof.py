@@ -37,10 +37,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import Interval, minimum, positive, range_over, rounding
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Bools, Floats
 from thbcad.lens.graph_pieces import oriented, segment, steepest
 from thbcad.outlines import Outline
 from thbcad.sags import gap_graph
@@ -59,9 +58,8 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     thickness : of the rear's z = 0 over the front's, mm
     least : mm, a positive lower bound of the distance in z between points of equal relative position
 
-    Raises
-    ------
-    ValueError : a crossing, with the position and the amount, or one that is neither proven nor excluded.
+    Raises ValueError : a crossing, with the position and the amount, or one that is neither proven nor
+        excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):
@@ -155,7 +153,7 @@ class _EdgeOverBase:
         value = (Interval.at(value) - change - Interval.at(error)).low
         return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
 
-    def _inside(self, t: Floats, w: Floats) -> NDArray[np.bool_]:
+    def _inside(self, t: Floats, w: Floats) -> Bools:
         b = self.base.kv_v.stop
         return abs(t) * (b + w * self.e) <= b * (1 + 4 * EPS)
 

@@ -34,13 +34,9 @@ class FreeformSurface:
     corners : (cx, cy) float, mm, semi-axes of the quarter ellipses in the corners: (0, 0) of a rectangle,
         half_width of an ellipse, see `Outline`
 
-    Raises
-    ------
-    ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic that ends
-        within the rectangle, corners that the rectangle cannot hold.
+    Raises ValueError : half-widths that are not positive, a sag that is not scalar or not clamped, a conic
+        that ends within the rectangle, corners that the rectangle cannot hold.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> sag = quasi_interpolate(THBSpace(kv, kv), lambda u, v: 0.1 * u)  # over [0, 1], whatever the size
     >>> round(float(FreeformSurface((6.0, 7.0), Conic(10.0), sag)(6.0, 0.0)), 12)
@@ -99,10 +95,8 @@ class FreeformSurface:
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative at points (x, y), of the shape to which x and y broadcast.
 
-        Raises
-        ------
-        ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that is not a
-            non-negative integer.
+        Raises ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that
+            is not a non-negative integer.
         """
         (x, y), (a, b) = self._onto_rim(x, y), self.half_width
         x, y = coordinates(x=(x, (-a, a)), y=(y, (-b, b)))
@@ -116,9 +110,8 @@ class FreeformSurface:
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative on the grid x x y, (len(x), len(y)).
 
-        Raises
-        ------
-        ValueError : positions outside the rectangle or NaN, an order that is not a non-negative integer.
+        Raises ValueError : positions outside the rectangle or NaN, an order that is not a non-negative
+            integer.
         """
         x, y = (
             np.atleast_1d(inside(name, a, (-h, h)))
@@ -143,9 +136,7 @@ class FreeformSurface:
     def to_parameters(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return the spline parameters (u, v) of positions (x, y).
 
-        Raises
-        ------
-        ValueError : a surface without sag.
+        Raises ValueError : a surface without sag.
         """
         u, v = (
             np.clip(kv.start + (a + h) * s, kv.start, kv.stop)

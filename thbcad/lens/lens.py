@@ -22,13 +22,9 @@ class Lens:
 
     It is a plain record: `require_sound` proves that neither surfaces nor edges cross.
 
-    Raises
-    ------
-    ValueError : index below 1, that of a body which no light enters, or not finite, thickness not positive,
-        outlines of front and rear that are not one, scaled with the half-widths.
+    Raises ValueError : index below 1, that of a body which no light enters, or not finite, thickness not
+        positive, outlines of front and rear that are not one, scaled with the half-widths.
 
-    Examples
-    --------
     >>> flat = FreeformSurface((5.0, 4.0))
     >>> round(Lens(flat, flat, thickness=2.0, index=1.5).volume(), 9)
     160.0
@@ -82,9 +78,8 @@ class Lens:
 
         Paraboloids, planes and sags are exact but for rounding, other conics are within a proven 1e-11 mm.
 
-        Raises
-        ------
-        ValueError : degree 1, or a conic that needs more than 2000 control points per direction of degree 5.
+        Raises ValueError : degree 1, or a conic that needs more than 2000 control points per direction of
+            degree 5.
         """
         return self._elevated
 
@@ -147,9 +142,7 @@ class Lens:
     def with_sags(self, sags: Sequence[THBSurface]) -> Lens:
         """Return the lens with other sags on the surfaces that have one, front first.
 
-        Raises
-        ------
-        ValueError : too few or too many sags.
+        Raises ValueError : too few or too many sags.
         """
         if len(sags) != len(self.sags):
             raise ValueError(f"sags must be {len(self.sags)} surfaces, got {len(sags)}")

@@ -80,9 +80,7 @@ class Feature:
     def wavelengths(self, wavelength: float) -> float:
         """Return the lesser size in wavelengths; wavelength : nm.
 
-        Raises
-        ------
-        ValueError : a wavelength that is not positive and finite.
+        Raises ValueError : a wavelength that is not positive and finite.
         """
         require_number("wavelength", wavelength, above=0, finite=True)
         return min(self.size) * NM_PER_MM / wavelength
@@ -119,8 +117,6 @@ class Manufacturability:
     greatest_thickness : the greatest anywhere
     volume : mm^3.  density : g/cm^3 or None
 
-    Examples
-    --------
     >>> flat = FreeformSurface((5.0, 4.0))
     >>> made = manufacturability(Lens(flat, flat, thickness=2.0, index=1.5), density=1.25)
     >>> round(made.mass, 12), round(made.front.area, 9), made.front.concave.value
@@ -160,9 +156,7 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
 
     density : g/cm^3, None is unknown
 
-    Raises
-    ------
-    ValueError : no Lens, a sag of degree 1, a density that is not positive and finite.
+    Raises ValueError : no Lens, a sag of degree 1, a density that is not positive and finite.
     """
     require_type("lens", lens, Lens)
     if density is not None:

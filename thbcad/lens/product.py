@@ -28,14 +28,10 @@ class Product:
     Density and index stand in a file only beside a material.
     sides : what front and rear are called.
 
-    Raises
-    ------
-    ValueError : a text that is no string of one line of at most 500 characters or has a blank at an end; an
-        empty name; a density below 0; an index that is not positive; a density or an index without a
+    Raises ValueError : a text that is no string of one line of at most 500 characters or has a blank at an
+        end; an empty name; a density below 0; an index that is not positive; a density or an index without a
         material.
 
-    Examples
-    --------
     >>> Product("window", material="PMMA", density=1.19, index=1.49).material
     'PMMA'
     >>> Product("window", density=1.19)

@@ -51,9 +51,7 @@ def require_simple_wall(graphs: Pair, thickness: float, least: float, outline: O
     graphs, thickness, least : as of `require_simple_edges`
     outline : of the rear, not a rectangle
 
-    Raises
-    ------
-    ValueError : a wall that is not proven, with a position and an amount.
+    Raises ValueError : a wall that is not proven, with a position and an amount.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):
@@ -154,11 +152,9 @@ def require_sound(lens: Lens) -> Lens:
     It is asked for where a lens comes from a problem or a file, and where it becomes a file, a solid or a
     mesh.
 
-    Raises
-    ------
-    ValueError : no Lens; surfaces that touch or cross, a lens below 1e-6 mm in thickness or width, or ruled
-        edges that cross a surface or each other (with the position and the amount); an edge that comes too
-        close for a proof; as `Lens.graphs`.
+    Raises ValueError : no Lens; surfaces that touch or cross, a lens below 1e-6 mm in thickness or width, or
+        ruled edges that cross a surface or each other (with the position and the amount); an edge that comes
+        too close for a proof; as `Lens.graphs`.
     """
     require_type("lens", lens, Lens)
     _prove(lens)

@@ -71,10 +71,8 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
 
     single : round the vertices to float32; the chord error includes what that adds.
 
-    Raises
-    ------
-    ValueError : as `require_sound`; a lens with an outline; a chord below 1e-8 mm, or too small for float32;
-        more than 20 million triangles; vertices that float32 does not tell apart.
+    Raises ValueError : as `require_sound`; a lens with an outline; a chord below 1e-8 mm, or too small for
+        float32; more than 20 million triangles; vertices that float32 does not tell apart.
     """
     require_type("lens", lens, Lens)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .bodies import body_mesh as body_mesh
-    from .glb_file import glb_bytes as glb_bytes
-    from .trimesh_objects import to_trimesh as to_trimesh
+    from .bodies import body_mesh
+    from .glb_file import glb_bytes
+    from .trimesh_objects import to_trimesh
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

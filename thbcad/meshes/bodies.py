@@ -54,9 +54,7 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
 
     lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
 
-    Raises
-    ------
-    ValueError : a chord error that needs more than 20 million triangles.
+    Raises ValueError : a chord error that needs more than 20 million triangles.
     """
     shapes = lens.front.outline, lens.rear.outline
     bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes), shapes)
@@ -131,10 +129,8 @@ def body_mesh(
     chord : mm, the error that it may have.  aperture : semi-axes (a, b), mm.  single : round the vertices to
     float32; the chord error includes what that adds.  polygon : corners (x, y), mm.
 
-    Raises
-    ------
-    ValueError : as `tessellated`, `require_aperture`, `require_clear` and `require_polygon`; a polygon beside
-        an aperture or a flange; a flange round a lens whose front and rear differ in size.
+    Raises ValueError : as `tessellated`, `require_aperture`, `require_clear` and `require_polygon`; a polygon
+        beside an aperture or a flange; a flange round a lens whose front and rear differ in size.
     """
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
     require_sound(lens)

@@ -26,9 +26,7 @@ JSON, BINARY = b"JSON", b"BIN\0"
 def glb_bytes(mesh: Tessellation, name: str = "lens") -> bytes:
     """Return a GLB file whose primitives are the faces of the mesh, with names and colours.
 
-    Raises
-    ------
-    ValueError : no Tessellation; vertices that float32 does not hold.
+    Raises ValueError : no Tessellation; vertices that float32 does not hold.
     """
     require_type("mesh", mesh, Tessellation)
     require_single(mesh, "GLB")
@@ -57,7 +55,10 @@ def glb_bytes(mesh: Tessellation, name: str = "lens") -> bytes:
         "materials": [_material(face) for face in names],
         "accessors": [
             _positions(positions),
-            *({**_indices(3 * int(n)), "bufferView": k + 1} for k, n in enumerate(counts)),
+            *(
+                {"componentType": UNSIGNED, "count": 3 * int(n), "type": "SCALAR", "bufferView": k + 1}
+                for k, n in enumerate(counts)
+            ),
         ],
         "bufferViews": [
             {"buffer": 0, "byteLength": positions.nbytes, "target": VERTICES},
@@ -82,10 +83,6 @@ def _positions(positions: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> 
         "min": positions.min(axis=0).tolist(),
         "max": positions.max(axis=0).tolist(),
     }
-
-
-def _indices(count: int) -> dict[str, object]:
-    return {"componentType": UNSIGNED, "count": count, "type": "SCALAR"}
 
 
 def _material(face: str) -> dict[str, object]:

@@ -11,17 +11,9 @@ Source: G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82 (1975) 648.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import EPS, Floats, Integers
-from thbcad.lens import (
-    MOST_TRIANGLES,
-    Lens,
-    Tessellation,
-    require_apart,
-    require_polygon,
-    walled_triangles,
-)
+from thbcad.checks import EPS, Bools, Floats, Integers
+from thbcad.lens import MOST_TRIANGLES, Lens, Tessellation, require_apart, require_polygon, walled_triangles
 from thbcad.meshes.plans import bounds_of, least_circles, on_surfaces, too_many
 from thbcad.outlines import Polygon
 
@@ -40,10 +32,8 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
 
     lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
 
-    Raises
-    ------
-    ValueError : as `require_polygon`; a chord error that rounding does not keep, or that needs more than 20
-        million triangles.
+    Raises ValueError : as `require_polygon`; a chord error that rounding does not keep, or that needs more
+        than 20 million triangles.
     """
     polygon = require_polygon(lens, corners)
     bounds = bounds_of(lens, float(np.abs(polygon.corners).max()), (lens.front.outline, lens.rear.outline))
@@ -75,9 +65,7 @@ def ears(polygon: Polygon) -> Integers:
     A corner that rounding does not tell from the border of an ear lies in it.  Corners on a straight side
     would otherwise be cut off from the rest, and leave a strip without area.
 
-    Raises
-    ------
-    ValueError : corners that rounding does not tell from a line.
+    Raises ValueError : corners that rounding does not tell from a line.
     """
     corners = np.array(polygon.corners)
     flat = ROUNDINGS * EPS * float(np.square(corners).max())
@@ -128,9 +116,7 @@ def _refined(positions: Floats, plan: Integers, longest: float, chord: float) ->
         positions, plan = _halved(positions, plan, lengths, long)
 
 
-def _halved(
-    positions: Floats, plan: Integers, lengths: Floats, long: NDArray[np.bool_]
-) -> tuple[Floats, Integers]:
+def _halved(positions: Floats, plan: Integers, lengths: Floats, long: Bools) -> tuple[Floats, Integers]:
     """Return positions and triangles after the long sides are halved; lengths, long : (t, 3), of side k from
     corner k."""
     codes = np.sort(np.stack([plan, np.roll(plan, -1, axis=1)]), axis=0)

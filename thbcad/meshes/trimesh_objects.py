@@ -22,10 +22,8 @@ def to_trimesh(lens: Lens | Part | Tessellation, chord: float = 1e-3) -> trimesh
 
     metadata has `chord` (what is kept, mm), `names` of the faces, and `faces`, the face of each triangle.
 
-    Raises
-    ------
-    ImportError : trimesh is not installed.
-    ValueError : as `body_mesh` and `part_mesh`; something else than these three.
+    Raises ImportError : trimesh is not installed.
+    Raises ValueError : as `body_mesh` and `part_mesh`; something else than these three.
     """
     require_type("lens", lens, Lens, Part, Tessellation)
     if isinstance(lens, Part):

@@ -29,9 +29,7 @@ class BodyOptions:
     land : z of that land, mm; None is the smaller surface's rim, 0.1 mm outside of it where it is not level
     edge_radius : mm, between the wall and the surfaces that it meets at the body's outline; 0 is sharp
 
-    Raises
-    ------
-    ValueError : numbers out of range; a land without an annulus.
+    Raises ValueError : numbers out of range; a land without an annulus.
     """
 
     draft: float = 0.0

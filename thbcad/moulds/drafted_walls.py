@@ -120,9 +120,7 @@ class DraftedWall:
     def at(self, z: float) -> Outline:
         """Return the outline at a height.
 
-        Raises
-        ------
-        ValueError : as `Outline.inset`.
+        Raises ValueError : as `Outline.inset`.
         """
         inset = self.inset(z)
         return self.outline.inset(inset) if inset else self.outline
@@ -162,9 +160,7 @@ class DraftedWall:
         The z of the surface at the wall's foot of height z, less z, falls where the surface's slope is below
         1 / tan(draft): it has one zero.
 
-        Raises
-        ------
-        ValueError : Newton's method does not end.
+        Raises ValueError : Newton's method does not end.
         """
         hx, hy = surface.half_width
 
@@ -207,9 +203,7 @@ class DraftedWall:
     def foot(self, lens: Lens, number: int) -> Foot:
         """Return where the wall meets the front (0) or the rear (1) of a lens.
 
-        Raises
-        ------
-        ValueError : as `heights` and `fitted_curve`.
+        Raises ValueError : as `heights` and `fitted_curve`.
         """
         level = self.level_rim(lens, number)
         if level is not None:

@@ -47,10 +47,8 @@ class Insert:
         back : z of the plane, mm; None is as far from the surface's farthest point as the lens is thick
         shape : the outline; None is that of the surface
 
-        Raises
-        ------
-        ValueError : as `require_sound`; another word; a back that is not proven to lie at least 1e-6 mm
-            outside of the surface.
+        Raises ValueError : as `require_sound`; another word; a back that is not proven to lie at least 1e-6
+            mm outside of the surface.
         """
         if word not in FACES:
             raise ValueError(f"an insert must be that of front or rear, got {word!r}")
@@ -93,9 +91,7 @@ class Insert:
 def shrinkage_factors(percent: Sequence[float]) -> Factors:
     """Return the factors 1 + s / 100 of x, y and z for a shrinkage s in per cent, one or three numbers.
 
-    Raises
-    ------
-    ValueError : another count, a number that is not finite or beyond 50 per cent in size.
+    Raises ValueError : another count, a number that is not finite or beyond 50 per cent in size.
     """
     if len(percent) not in (1, 3):
         raise ValueError(

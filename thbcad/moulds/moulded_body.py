@@ -55,10 +55,8 @@ class MouldedBody:
         line lies between the rims, that the land lies outside of the glass, and that the rims lie around the
         clear aperture.
 
-        Raises
-        ------
-        ValueError : an annulus of like surfaces, unlike ones without; an outline that cannot have draft; what
-            cannot be proven.
+        Raises ValueError : an annulus of like surfaces, unlike ones without; an outline that cannot have
+            draft; what cannot be proven.
         """
         outline, small = outline_and_smaller(lens, options)
         for word, graph, surface in zip(FACES, lens.graphs(), (lens.front, lens.rear)):

@@ -4,9 +4,8 @@ and surface, does not reach."""
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.lens import FreeformSurface
 from thbcad.moulds.drafted_walls import DraftedWall
 from thbcad.moulds.moulded_body import MouldedBody
@@ -16,7 +15,7 @@ STEPS = 12  # of Newton's method, from a point about a radius away: more than do
 ON_WALL = 1e-6  # mm
 
 
-def rounded_off(body: MouldedBody, points: Floats, faces: Integers) -> NDArray[np.bool_]:
+def rounded_off(body: MouldedBody, points: Floats, faces: Integers) -> Bools:
     """Return which points of the faces of a body lie where its rounded edges take them away.
 
     A point of the surface is taken where the ball that touches it there reaches through the wall, a point of

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .clearance import MountProof as MountProof, require_mount as require_mount
-    from .mount_file import mount_of as mount_of, read_mount as read_mount
-    from .records import LEAST as LEAST, Gate as Gate, Hole as Hole, Mount as Mount, Post as Post
+    from .clearance import MountProof, require_mount as require_mount
+    from .mount_file import mount_of as mount_of, read_mount
+    from .records import LEAST, Gate, Hole, Mount, Post
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

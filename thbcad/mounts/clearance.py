@@ -61,10 +61,8 @@ class MountProof:
 def require_mount(mount: Mount, lens: Lens) -> MountProof:
     """Return the MountProof of a mount on a lens.
 
-    Raises
-    ------
-    ValueError : no Mount, no Lens, as `require_sound`; a flange that meets the front or the rear or is not
-        wider than the lens; a hole, a pin or a boss that comes closer to the clear aperture than the
+    Raises ValueError : no Mount, no Lens, as `require_sound`; a flange that meets the front or the rear or is
+        not wider than the lens; a hole, a pin or a boss that comes closer to the clear aperture than the
         clearance, or leaves less than the least wall; a gate that the flange does not carry.
     """
     require_type("mount", mount, Mount)

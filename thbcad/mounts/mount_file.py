@@ -17,10 +17,8 @@ MOST_BYTES = 1 << 20  # a mount has some kB
 def read_mount(path: str | Path) -> Mount:
     """Read a mount.toml.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no TOML; as `mount_of`.  Messages begin with the path.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no TOML; as `mount_of`.  Messages begin with the path.
     """
     path = Path(path)
     with path.open("rb") as file:
@@ -39,9 +37,7 @@ def read_mount(path: str | Path) -> Mount:
 def mount_of(data: Mapping[str, Any]) -> Mount:
     """Return the Mount of tables: [flange], [[holes]], [[pins]], [[bosses]], [gate], wall and clearance.
 
-    Raises
-    ------
-    ValueError : an unknown or missing key; a value of another type or beyond its limits.
+    Raises ValueError : an unknown or missing key; a value of another type or beyond its limits.
     """
     plain = [f.name for f in fields(Mount) if f.metadata]
     _require_known("the file", data, ("flange", "holes", "pins", "bosses", "gate", *plain))

@@ -13,9 +13,8 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.outlines.pieces import RimPiece, inside, integral_within
 from thbcad.outlines.rounded_rectangle import Outline
 from thbcad.splines import BSplineSurface, Integrand, gauss_rule
@@ -40,7 +39,7 @@ def integral_inside(f: Integrand, outline: Outline, x: Floats, y: Floats, count:
 
 
 def area_rule(
-    outline: Outline, x: Floats, y: Floats, count: int, without: NDArray[np.bool_] | None = None
+    outline: Outline, x: Floats, y: Floats, count: int, without: Bools | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """Return points and weights, (n,) each, of Gauss rules of `count` nodes each way on all pieces inside.
 

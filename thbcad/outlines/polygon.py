@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats
+from thbcad.checks import Bools, Floats, floats
 from thbcad.outlines.pieces import LEAST_SIZE, Line
 
 MOST_CORNERS = 1000  # every pair of sides is looked at
@@ -20,10 +20,8 @@ class Polygon:
 
     corners : at least three (x, y) float, mm; they are stored counter-clockwise
 
-    Raises
-    ------
-    ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that cross or
-        come within 1e-6 mm of each other.
+    Raises ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that
+        cross or come within 1e-6 mm of each other.
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -40,7 +38,7 @@ class Polygon:
         """The area within, mm^2."""
         return _shoelace(np.array(self.corners))
 
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike, y: ArrayLike) -> Bools:
         """Return which points lie inside, of their shape: rays to +x cross an odd number of sides."""
         x, y = np.broadcast_arrays(floats(x), floats(y))
         inside = np.zeros(x.shape, dtype=bool)
@@ -105,12 +103,12 @@ def _require_simple(corners: Floats) -> None:
         )
 
 
-def _crossing(starts: Floats, steps: Floats) -> NDArray[np.bool_]:
+def _crossing(starts: Floats, steps: Floats) -> Bools:
     """Return which pairs of sides have their ends on both sides of each other, (n, n)."""
     to_start = starts[:, None] - starts
     before = _cross(steps, to_start)
     after = _cross(steps, to_start + steps[:, None])
-    apart: NDArray[np.bool_] = before * after < 0
+    apart: Bools = before * after < 0
     return apart & apart.T
 
 

@@ -36,9 +36,7 @@ def fitted_curve(
 
     Spans are bisected until the curve is met.
 
-    Raises
-    ------
-    ValueError : a curve that needs more than 100,000 spans.
+    Raises ValueError : a curve that needs more than 100,000 spans.
     """
     while len(breaks) <= MOST_SPANS:
         kv = KnotVector(DEGREE, np.repeat(breaks, np.r_[DEGREE + 1, counts[1:-1], DEGREE + 1]))
@@ -64,9 +62,7 @@ def rim_curve(graph: BSplineSurface, piece: RimPiece) -> tuple[KnotVector, Float
     but for rounding; of a degree above 10, which CAD files do not hold, and above an arc it is as
     `fitted_curve`.
 
-    Raises
-    ------
-    ValueError : as `fitted_curve`.
+    Raises ValueError : as `fitted_curve`.
     """
     return matched_rims((graph,), (piece,))
 

@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, half_widths
+from thbcad.checks import Bools, Floats, floats, half_widths
 from thbcad.outlines.pieces import LEAST_SIZE, Arc, Line, RimPiece
 
 RELATIVE = 1e-12  # of the half-width: corners that differ by less are alike
@@ -31,13 +31,9 @@ class Outline:
     half_width : (hx, hy) float, mm
     corners : (cx, cy) float, mm, their semi-axes: (0, 0) of a rectangle, half_width of an ellipse
 
-    Raises
-    ------
-    ValueError : half-widths that are not positive; corners that are negative or wider than these, or of which
-        one alone is zero.
+    Raises ValueError : half-widths that are not positive; corners that are negative or wider than these, or
+        of which one alone is zero.
 
-    Examples
-    --------
     >>> disk = Outline((20.0, 20.0), (20.0, 20.0))
     >>> disk.is_ellipse, float(disk.gauge(3.0, 4.0)), disk.contains([14.0, 15.0], 14.2).tolist()
     (True, 0.25, [True, False])
@@ -63,9 +59,7 @@ class Outline:
     def ellipse(cls, semi_axes: tuple[float, float]) -> Outline:
         """Return the outline x^2 / a^2 + y^2 / b^2 = 1, mm.
 
-        Raises
-        ------
-        ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
+        Raises ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
         """
         try:
             axes = half_widths(semi_axes)
@@ -117,9 +111,7 @@ class Outline:
         """The outline as lines and arcs, counter-clockwise: the sides from that at -y on, each with the
         corner that follows; an ellipse in two halves from its longer semi-axis on.
 
-        Raises
-        ------
-        ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
+        Raises ValueError : a side or a corner below 1e-6 mm, which CAD files do not hold.
         """
         (hx, hy), (cx, cy) = self.half_width, self.corners
         if self.is_ellipse:
@@ -160,7 +152,7 @@ class Outline:
         out: Floats = np.where(at_corner, squares / np.maximum(half + root, TINY), straight)
         return out
 
-    def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> Bools:
         """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""
         return np.asarray(self.gauge(x, y) <= 1 + slack)
 
@@ -202,10 +194,8 @@ class Outline:
     def inset(self, depth: float) -> Outline:
         """Return the outline at a distance inside, mm.
 
-        Raises
-        ------
-        ValueError : corners that are no quarter circles, which no outline follows; a depth that leaves less
-            than 1e-6 mm of a half-width or of the corners.
+        Raises ValueError : corners that are no quarter circles, which no outline follows; a depth that leaves
+            less than 1e-6 mm of a half-width or of the corners.
         """
         (hx, hy), (cx, cy) = self.half_width, self.corners
         if abs(cx - cy) > RELATIVE * min(hx, hy):

@@ -10,15 +10,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike
 
-from thbcad.checks import (
-    EPS,
-    Floats,
-    floats,
-    require_number,
-    require_order,
-    require_orders,
-    require_type,
-)
+from thbcad.checks import EPS, Floats, floats, require_number, require_order, require_orders, require_type
 from thbcad.splines import KnotVector, NURBSCurve
 
 GREATEST = 1e40  # of radius, 1 / radius and conic constant: their products and powers are finite
@@ -31,12 +23,9 @@ class Conic:
 
     radius : float, mm; inf is a plane.  constant : float, K = -1 is a paraboloid.
 
-    Raises
-    ------
-    ValueError : radius 0, NaN or beyond 1e-40 to 1e40 in size; a constant that is not finite or beyond 1e40.
+    Raises ValueError : radius 0, NaN or beyond 1e-40 to 1e40 in size; a constant that is not finite or beyond
+        1e40.
 
-    Examples
-    --------
     >>> sphere, parabola = Conic(10.0), Conic(10.0, -1.0)
     >>> round(float(sphere(6.0, 0.0)), 12), round(float(parabola(6.0, 0.0)), 12)  # 10 - 8 and 6^2 / 20
     (2.0, 1.8)
@@ -84,9 +73,8 @@ class Conic:
         """Return d^(a+b) z / dx^a dy^b for derivative (a, b) of any order, of the shape to which x and y
         broadcast, mm.
 
-        Raises
-        ------
-        ValueError : points beyond the end of the conic or NaN, an order that is not a non-negative integer.
+        Raises ValueError : points beyond the end of the conic or NaN, an order that is not a non-negative
+            integer.
         """
         x, y, orders = floats(x), floats(y), require_orders(derivative)
         r2 = x * x + y * y
@@ -129,9 +117,7 @@ class Conic:
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y)).
 
-        Raises
-        ------
-        ValueError : a grid that extends beyond the end of the conic.
+        Raises ValueError : a grid that extends beyond the end of the conic.
         """
         x, y = floats(x), floats(y)
         return self(x[:, None], y[None, :], derivative)
@@ -251,9 +237,7 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
 
     radius : float, mm.
 
-    Raises
-    ------
-    ValueError : radius not positive, or beyond the end of the conic.
+    Raises ValueError : radius not positive, or beyond the end of the conic.
     """
     require_type("conic", conic, Conic)
     require_number("radius", radius, above=0, finite=True)

@@ -41,10 +41,8 @@ def conic_graph(
 
     sag : (kv_x.dim, kv_y.dim) or None.
 
-    Raises
-    ------
-    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs more than 2000
-        control points per direction in degree 5, too.
+    Raises ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs more
+        than 2000 control points per direction in degree 5, too.
     """
     if min(kv_x.degree, kv_y.degree) < 2:
         raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")

@@ -44,12 +44,8 @@ class PolynomialSag(Value):
     half_width : (h_x, h_y) float, mm
     coefficients : (degree in x + 1, degree in y + 1) float, mm
 
-    Raises
-    ------
-    ValueError : half-widths that are not positive, coefficients that are not a finite table.
+    Raises ValueError : half-widths that are not positive, coefficients that are not a finite table.
 
-    Examples
-    --------
     >>> sag = PolynomialSag.zernike((5.0, 5.0), radius=5.0, terms={(2, 0): 0.1})  # defocus
     >>> round(float(sag(5.0, 0.0) / (0.1 * np.sqrt(3))), 14)  # 2 rho^2 - 1 at the rim
     1.0
@@ -117,10 +113,8 @@ class PolynomialSag(Value):
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative at points (x, y), of the shape to which x and y broadcast.
 
-        Raises
-        ------
-        ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that is not a
-            non-negative integer.
+        Raises ValueError : points outside the rectangle or NaN, shapes that do not broadcast, an order that
+            is not a non-negative integer.
         """
         orders = require_orders(derivative)
         derived = self.derivative(*orders) if any(orders) else self
@@ -190,9 +184,7 @@ def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> Floats:
 
     x and y broadcast and may lie outside the disk.
 
-    Raises
-    ------
-    ValueError : unless n - |m| is even and not negative.
+    Raises ValueError : unless n - |m| is even and not negative.
     """
     if n < abs(m) or (n - m) % 2:
         raise ValueError(f"a Zernike term needs |m| <= n with n - m even, got n = {n}, m = {m}")

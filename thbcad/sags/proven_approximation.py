@@ -21,9 +21,9 @@ from math import factorial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import EPS, Floats, require_number
+from thbcad.checks import EPS, Bools, Floats, require_number
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 
 MOST_CONTROL_POINTS = 2000  # per direction
@@ -53,8 +53,6 @@ class BoundedFunction(Protocol):
 class Approximation:
     """A spline and a proven bound of its greatest distance in z from the function, mm.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=2, start=-4.0, stop=4.0)
     >>> found = approximated(Conic(20.0), kv, kv, tolerance=1e-6)
     >>> off = found.surface(3.0, 1.0) - Conic(20.0)(3.0, 1.0)
@@ -157,10 +155,8 @@ def approximated(
 
     most : control points per direction.
 
-    Raises
-    ------
-    ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that needs
-        more control points than that; a function without finite bounds.
+    Raises ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that
+        needs more control points than that; a function without finite bounds.
     """
     require_number("tolerance", tolerance, above=0)
     while True:
@@ -236,7 +232,7 @@ def _bisected_where_failing(
     )
 
 
-def _bisected(kv: KnotVector, spans: NDArray[np.bool_]) -> KnotVector:
+def _bisected(kv: KnotVector, spans: Bools) -> KnotVector:
     b = kv.breaks
     return kv.insert((b[:-1] + np.diff(b) / 2)[spans])
 

@@ -19,12 +19,8 @@ from thbcad.splines.spline_verbs import Curve, Polynomial, Surface, checked_net
 class BSplineCurve(Polynomial, Curve):
     """C(u) = sum_i N_i(u) c_i with coefficients (dim,) or (dim, d).
 
-    Raises
-    ------
-    ValueError : kv that is no KnotVector; coefficients of another shape, or not finite.
+    Raises ValueError : kv that is no KnotVector; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=2, spans=1)
     >>> parabola = BSplineCurve(kv, [[0, 0], [1, 0], [2, 4]])  # y = x^2
     >>> parabola(0.5).tolist(), parabola.derivative(1)(0.5).tolist()
@@ -48,9 +44,7 @@ class BSplineCurve(Polynomial, Curve):
     def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
         """Return values, or their derivatives of any order, at parameters of any shape: (...) or (..., d).
 
-        Raises
-        ------
-        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        Raises ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
         require_order(derivative)
         u = inside("u", u, self.kv.domain)
@@ -67,12 +61,8 @@ class BSplineCurve(Polynomial, Curve):
 class BSplineSurface(Polynomial, Surface):
     """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
 
-    Raises
-    ------
-    ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
+    Raises ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=2, spans=2)
     >>> plane = BSplineSurface(kv, kv, kv.greville()[:, None] + kv.greville())  # z = u + v
     >>> float(plane(0.25, 0.5)), plane([0.25, 0.5], 0.5).tolist(), round(float(plane.integral()), 12)
@@ -97,10 +87,8 @@ class BSplineSurface(Polynomial, Surface):
         """Return the values at points (u, v), in the shape to which u and v broadcast, and (..., d) of
         coefficients (n_u, n_v, d).
 
-        Raises
-        ------
-        ValueError : points outside the domain or NaN, shapes that do not broadcast, an order that is not a
-            non-negative integer.
+        Raises ValueError : points outside the domain or NaN, shapes that do not broadcast, an order that is
+            not a non-negative integer.
         """
         orders = require_orders(derivative)
         u, v = coordinates(u=(u, self.kv_u.domain), v=(v, self.kv_v.domain))
@@ -123,9 +111,7 @@ class BSplineSurface(Polynomial, Surface):
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
 
-        Raises
-        ------
-        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        Raises ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
         order_u, order_v = require_orders(derivative)
         a = self.kv_u.collocation(inside("u", u, self.kv_u.domain), order_u)

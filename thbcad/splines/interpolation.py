@@ -21,9 +21,7 @@ Function = Callable[[Floats, Floats], Floats]
 def evaluate(function: Function, u: Floats, v: Floats) -> Floats:
     """Return function(u, v) as float64, (n,) or (n, d), at points of shape (n,).
 
-    Raises
-    ------
-    ValueError : what is no function; values of another shape, complex or not finite.
+    Raises ValueError : what is no function; values of another shape, complex or not finite.
     """
     if not callable(function):
         raise ValueError(f"a function of u and v is needed, got {type(function).__name__}")
@@ -46,14 +44,10 @@ def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike
     Solves A_u C A_v^T = Z with the collocation matrices at the Greville abscissae.  Other knots are
     clamped first.
 
-    Parameters
-    ----------
     target : a function of u and v, (n,) float each, that returns (n,) or (n, d), or the values Z,
         (kv_u.dim, kv_v.dim) or (kv_u.dim, kv_v.dim, d)
 
-    Raises
-    ------
-    ValueError : values of another shape, or not finite.
+    Raises ValueError : values of another shape, or not finite.
     """
     for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
         require_type(name, kv, KnotVector)

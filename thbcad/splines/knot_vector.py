@@ -29,13 +29,9 @@ class KnotVector(Knots):
     Clamped knots begin and end with p + 1 equal ones; others go on outside the domain.  A knot between the
     first and the last occurs at most p times.
 
-    Raises
-    ------
-    ValueError : degree outside 1..10; knots that are not finite, not sorted or repeated too often; a function
-        that vanishes on the domain.
+    Raises ValueError : degree outside 1..10; knots that are not finite, not sorted or repeated too often; a
+        function that vanishes on the domain.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> c = kv.greville() ** 2
     >>> finer = kv.insert([0.3, 0.7])  # the same spline with more knots
@@ -49,9 +45,8 @@ class KnotVector(Knots):
 
         u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
 
-        Raises
-        ------
-        ValueError : u that is no row, NaN or outside the domain; an order that is not a non-negative integer.
+        Raises ValueError : u that is no row, NaN or outside the domain; an order that is not a non-negative
+            integer.
         """
         require_order(derivative)
         u = np.atleast_1d(floats(u))
@@ -64,9 +59,7 @@ class KnotVector(Knots):
     def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array[np.float64]:
         """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim).
 
-        Raises
-        ------
-        ValueError : as `basis`.
+        Raises ValueError : as `basis`.
         """
         first, values = self.basis(u, derivative)
         return band_matrix(first, values, self.dim)
@@ -86,9 +79,7 @@ class KnotVector(Knots):
         Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector
         (thesis 3.30-3.35, where R = P.T).  Knots outside the domain may be any.
 
-        Raises
-        ------
-        ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree or
+        Raises ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree or
             domain.
         """
         require_type("finer", finer, KnotVector)
@@ -107,9 +98,7 @@ class KnotVector(Knots):
         Q @ c are the coefficients on the coarser knots that come closest to c in least squares.  Q is full:
         it takes coarser.dim * dim numbers.
 
-        Raises
-        ------
-        ValueError : `coarser` is no KnotVector, has a knot that this vector lacks or another degree.
+        Raises ValueError : `coarser` is no KnotVector, has a knot that this vector lacks or another degree.
         """
         require_type("coarser", coarser, KnotVector)
         return csr_array(banded_least_squares(coarser.prolongation(self), self.degree, np.eye(self.dim)))
@@ -120,9 +109,7 @@ class KnotVector(Knots):
 
         Splitting at u is the two segments [start, u] and [u, stop].
 
-        Raises
-        ------
-        ValueError : unless self.start <= start < stop <= self.stop.
+        Raises ValueError : unless self.start <= start < stop <= self.stop.
         """
         for name, end in (("start", start), ("stop", stop)):
             require_number(name, end)
@@ -145,9 +132,7 @@ class KnotVector(Knots):
         They go on across the seam with p - 1 derivatives, or p - m where its multiplicity is m, as after
         `elevate`.
 
-        Raises
-        ------
-        ValueError : knots that are not periodic.
+        Raises ValueError : knots that are not periodic.
         """
         if not self.is_periodic:
             raise ValueError(f"periodic knots have t_(i+n) = t_i + T, see KnotVector.periodic; got {self}")
@@ -175,9 +160,7 @@ class KnotVector(Knots):
         """Return the knot vector of degree p - 1 of derivatives and the operator to them, csr_array (dim - 1,
         dim): c'_i = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)).
 
-        Raises
-        ------
-        ValueError : degree 1, or a knot of multiplicity p: derivatives jump.
+        Raises ValueError : degree 1, or a knot of multiplicity p: derivatives jump.
         """
         p, t = self.degree, self.knots
         if p == 1:
@@ -192,9 +175,7 @@ class KnotVector(Knots):
         The polar form of degree p + 1 is the mean of those of degree p over the arguments with
         one left out:  F[a_1, ..., a_(p+1)] = 1/(p + 1) sum_k f[..., a_(k-1), a_(k+1), ...].
 
-        Raises
-        ------
-        ValueError : degree 10 already.
+        Raises ValueError : degree 10 already.
         """
         p = self.degree
         finer = self.elevate()

@@ -38,9 +38,7 @@ class Knots(Value):
     Clamped knots begin and end with p + 1 equal ones; others go on outside the domain.  A knot between the
     first and the last occurs at most p times.
 
-    Raises
-    ------
-    ValueError : as `KnotVector`.
+    Raises ValueError : as `KnotVector`.
     """
 
     degree: int
@@ -77,9 +75,7 @@ class Knots(Value):
         """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written
         twice.
 
-        Raises
-        ------
-        ValueError : as the class.
+        Raises ValueError : as the class.
         """
         require_degree(degree)
         p = int(degree)
@@ -92,9 +88,7 @@ class Knots(Value):
         breaks : (n + 1,), from the seam to the seam, T later; inner ones may be repeated.  The functions run
         across the seam, and `clamp` leads to those that end there.
 
-        Raises
-        ------
-        ValueError : fewer than two breaks, a seam that is repeated; as the class.
+        Raises ValueError : fewer than two breaks, a seam that is repeated; as the class.
         """
         require_degree(degree)
         b = floats(breaks)
@@ -176,9 +170,7 @@ class Knots(Value):
     def span_of(self, u: ArrayLike) -> Integers:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
 
-        Raises
-        ------
-        ValueError : u that is NaN or outside [start, stop].
+        Raises ValueError : u that is NaN or outside [start, stop].
         """
         right = np.searchsorted(self.knots, inside("u", u, self.domain), side="right")
         return np.minimum(right - 1, self.dim - 1)
@@ -186,9 +178,7 @@ class Knots(Value):
     def insert(self, knots: ArrayLike) -> Self:
         """Return the knot vector with the given knots added (repeats raise the multiplicity).
 
-        Raises
-        ------
-        ValueError : a knot outside the open domain, or more than p times in all.
+        Raises ValueError : a knot outside the open domain, or more than p times in all.
         """
         new = np.atleast_1d(floats(knots))
         bad = ~((new > self.start) & (new < self.stop))
@@ -209,9 +199,7 @@ class Knots(Value):
     def merge(self, other: Self) -> Self:
         """Return the knot vector with the knots of both, each as often as in the one that has it more often.
 
-        Raises
-        ------
-        ValueError : `other` is no knot vector or has another degree, start or stop.
+        Raises ValueError : `other` is no knot vector or has another degree, start or stop.
         """
         require_type("other", other, type(self))
         if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
@@ -226,9 +214,7 @@ class Knots(Value):
     def rescale(self, start: float, stop: float) -> Self:
         """Return the knot vector mapped linearly onto [start, stop].
 
-        Raises
-        ------
-        ValueError : start that is not less than stop, or so near that knots coincide.
+        Raises ValueError : start that is not less than stop, or so near that knots coincide.
         """
         for name, end in (("start", start), ("stop", stop)):
             require_number(name, end, finite=True)
@@ -247,9 +233,7 @@ class Knots(Value):
     def elevate(self) -> Self:
         """Return the knot vector of degree p + 1 whose splines contain those of this one.
 
-        Raises
-        ------
-        ValueError : degree 10 already.
+        Raises ValueError : degree 10 already.
         """
         return self._ending_here(self.degree + 1, np.r_[self.knots, np.unique(self.knots)])
 

@@ -99,9 +99,7 @@ class Rational(Spline, Generic[Twin]):
     def to_bspline(self) -> Twin:
         """Return the same spline as a polynomial one.
 
-        Raises
-        ------
-        ValueError : weights that differ.
+        Raises ValueError : weights that differ.
         """
         if np.ptp(self.weights) != 0:
             raise ValueError(
@@ -117,9 +115,7 @@ class Rational(Spline, Generic[Twin]):
         With points within 1 of the origin and weights of at least w, a net that errs by e moves points by at
         most e sqrt(2) / (w - e), certified but for rounding.
 
-        Raises
-        ------
-        ValueError : tolerance that is negative or NaN.
+        Raises ValueError : tolerance that is negative or NaN.
         """
         require_number("tolerance", tolerance, least=0)
         centre = self.coefficients.reshape(-1, self.coefficients.shape[-1]).mean(axis=0)
@@ -139,12 +135,9 @@ class NURBSCurve(Rational[BSplineCurve], Curve):
     """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with coefficients P_i (dim, d) and weights (dim,), or
     one weight for all.
 
-    Raises
-    ------
-    ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 .. 1e150.
+    Raises ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 ..
+        1e150.
 
-    Examples
-    --------
     >>> quarter = NURBSCurve(
     ...     KnotVector.uniform(degree=2, spans=1), [[2, 0], [2, 2], [0, 2]], [1, np.sqrt(0.5), 1]
     ... )
@@ -170,9 +163,7 @@ class NURBSCurve(Rational[BSplineCurve], Curve):
     def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
         """Return the points, or their derivatives of any order, at parameters u of any shape, (..., d).
 
-        Raises
-        ------
-        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        Raises ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
         require_order(derivative)
         u = inside("u", u, self.kv.domain)
@@ -186,12 +177,9 @@ class NURBSSurface(Rational[BSplineSurface], Surface):
     """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), coefficients P_ij (n_u, n_v,
     d), weights (n_u, n_v) or one for all.
 
-    Raises
-    ------
-    ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 .. 1e150.
+    Raises ValueError : wrong types or shapes; coefficients that are not finite; weights outside 1e-150 ..
+        1e150.
 
-    Examples
-    --------
     >>> cone = revolved(line([1.0, 0.0], [0.0, 3.0]))  # of (r, z)
     >>> x, y, z = cone(0.25, 0.4)
     >>> round(float(np.hypot(x, y)), 15), float(z)
@@ -223,9 +211,7 @@ class NURBSSurface(Rational[BSplineSurface], Surface):
         """Return the points, or their derivatives of any order, at parameters u and v that broadcast,
         (..., d).
 
-        Raises
-        ------
-        ValueError : as `BSplineSurface`.
+        Raises ValueError : as `BSplineSurface`.
         """
         return _evaluated(self.homogeneous, u, v, derivative)
 

@@ -31,9 +31,7 @@ def circular_arc(
 
     radius : float, mm.  angle, start : float, rad; a negative angle runs clockwise.  centre : (2,) float, mm.
 
-    Raises
-    ------
-    ValueError : radius not positive; angle 0 or of more than one turn.
+    Raises ValueError : radius not positive; angle 0 or of more than one turn.
 
     Source: The NURBS Book, 7.5.
     """
@@ -68,9 +66,7 @@ def conic_arc(start: ArrayLike, middle: ArrayLike, stop: ArrayLike, weight: floa
 
     start, middle, stop : (d,) float.
 
-    Raises
-    ------
-    ValueError : weight not positive.
+    Raises ValueError : weight not positive.
 
     Source: The NURBS Book, 7.3.
     """
@@ -85,9 +81,7 @@ def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
 
     curve : with points (r, z) in the half-plane y = 0 or (x, y, z) in space.  angle : float, rad.
 
-    Raises
-    ------
-    ValueError : points of another dimension; angle 0 or of more than one turn.
+    Raises ValueError : points of another dimension; angle 0 or of more than one turn.
 
     Source: The NURBS Book, 8.5.
     """
@@ -110,9 +104,7 @@ def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
 
     It is linear in v in homogeneous coordinates.  Degrees are elevated and knots inserted until both agree.
 
-    Raises
-    ------
-    ValueError : the parameters run over different intervals; points of different dimensions.
+    Raises ValueError : the parameters run over different intervals; points of different dimensions.
 
     Source: The NURBS Book, 8.4.
     """

@@ -24,16 +24,12 @@ from thbcad.checks import Floats, Integers
 def blossom(near: Floats, arguments: Floats, derivative: int = 0) -> Floats:
     """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
 
-    Parameters
-    ----------
     near : (2 degree, n) float, the knots t_(mu+1-p) ... t_(mu+p) around each span
     arguments : (n, degree) float, arguments of the polar form
     derivative : int, the last `derivative` factors are replaced by k R_k', so that equal
         arguments u give the derivative of that order at u
 
-    Returns
-    -------
-    (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
+    Returns (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
     """
     count, degree = arguments.shape
     if derivative > degree:
@@ -58,17 +54,11 @@ def blossom(near: Floats, arguments: Floats, derivative: int = 0) -> Floats:
 
 
 def blossom_rows(
-    knots: Floats,
-    degree: int,
-    span: Integers,
-    arguments: Floats,
-    derivative: int = 0,
+    knots: Floats, degree: int, span: Integers, arguments: Floats, derivative: int = 0
 ) -> Floats:
     """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots.
 
-    Raises
-    ------
-    ValueError : a derivative that is not finite.
+    Raises ValueError : a derivative that is not finite.
     """
     near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
     if not derivative:

@@ -57,9 +57,7 @@ class AnySpline(Value, ABC):
         matrix : (e, d) float, so that (3, 2) puts a plane curve into space; a `Pose` has rotation and shift.
         offset : (e,) float or one number.
 
-        Raises
-        ------
-        ValueError : scalar coefficients, a matrix or an offset of another shape.
+        Raises ValueError : scalar coefficients, a matrix or an offset of another shape.
         """
         matrix, offset = (floats(x) for x in (matrix, offset))
         if self.is_scalar:
@@ -82,10 +80,8 @@ class AnySpline(Value, ABC):
 
         tolerance : of the distances, in units of the coefficients; None is 1e-9 of their greatest extent
 
-        Raises
-        ------
-        ValueError : scalar coefficients; points of another dimension or not finite; a tolerance that is
-            negative or NaN.
+        Raises ValueError : scalar coefficients; points of another dimension or not finite; a tolerance that
+            is negative or NaN.
         """
         if self.is_scalar:
             raise ValueError("a closest point needs a spline of points, got scalar coefficients")
@@ -109,9 +105,7 @@ class AnySurface(AnySpline):
     def normal(self, u: ArrayLike, v: ArrayLike) -> Floats:
         """Return the unit normals along S_u x S_v at parameters that broadcast, (..., 3); NaN where it is 0.
 
-        Raises
-        ------
-        ValueError : points that do not have three components; parameters as a call refuses them.
+        Raises ValueError : points that do not have three components; parameters as a call refuses them.
         """
         s_u, s_v = self(u, v, (1, 0)), self(u, v, (0, 1))
         if self.is_scalar:
@@ -211,9 +205,7 @@ class Spline(AnySpline):
         The distance is bounded by that of coefficients on equal knots, certified but for rounding.  Of a
         curve, no single knot more can go; of a surface, removal in u uses up to half of the tolerance.
 
-        Raises
-        ------
-        ValueError : tolerance that is negative or NaN.
+        Raises ValueError : tolerance that is negative or NaN.
         """
         require_number("tolerance", tolerance, least=0)
         return self._with(*thinned(self.knot_vectors, self.net, tolerance))
@@ -235,9 +227,8 @@ class Polynomial(Spline):
     def derivative(self, *orders: int) -> Self:
         """Return the spline that is a derivative, of less degree; one order for each direction.
 
-        Raises
-        ------
-        ValueError : an order that is not a non-negative integer; derivatives that jump, or of degree 0.
+        Raises ValueError : an order that is not a non-negative integer; derivatives that jump, or of degree
+            0.
         """
         for _, order in self._each(orders):
             require_order(order)

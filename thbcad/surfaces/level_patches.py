@@ -21,11 +21,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.hierarchy import DyadicAxis, THBSpace
 from thbcad.splines import KnotVector, band_matrix, blossom, tensor_apply
 
@@ -92,7 +91,7 @@ def _chords(corners: Integers, edges: Integers, axis: int) -> Integers:
     return result
 
 
-def _disjoint(along_i: Integers, along_j: Integers) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _disjoint(along_i: Integers, along_j: Integers) -> tuple[Bools, Bools]:
     """Return which chords of both directions form a largest set that neither crosses nor touches."""
     meet = _meetings(along_i, along_j)
     left, right = np.ones(len(along_i), dtype=bool), np.zeros(len(along_j), dtype=bool)

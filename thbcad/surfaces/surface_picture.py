@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.hierarchy import THBSpace, mesh_lines, space_rows
 from thbcad.pictures import card, frame_size, interval_text, map_element, svg
 
-Booleans = NDArray[np.bool_]
 PIXELS = 112  # of the map, in u and in v: as a PNG at most 12.7 kB, and 16.9 kB of text
 
 
@@ -37,7 +36,7 @@ def surface_card(surface: Surface) -> str:
 
 
 def value_map(
-    surface: Surface, size: tuple[float, float], inside: Callable[[Floats, Floats], Booleans] | None = None
+    surface: Surface, size: tuple[float, float], inside: Callable[[Floats, Floats], Bools] | None = None
 ) -> tuple[str, Floats, int]:
     """Return (SVG elements, the values on them (columns, rows), levels of the mesh on them).
 

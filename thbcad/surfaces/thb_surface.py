@@ -23,12 +23,8 @@ class THBSurface(AnySurface):
     """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients
     (dim,) or (dim, d).  Over a tensor-product space, nets (n_u, n_v) or (n_u, n_v, d) are taken, too.
 
-    Raises
-    ------
-    ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
+    Raises ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
 
-    Examples
-    --------
     >>> kv = KnotVector.uniform(degree=3, spans=4)
     >>> surface = quasi_interpolate(THBSpace(kv, kv), lambda u, v: u**3 * v)
     >>> finer = surface.refine({0: [(1, 1)]})  # the same surface
@@ -74,9 +70,7 @@ class THBSurface(AnySurface):
     def to_bspline(self) -> BSplineSurface:
         """Return the same surface as one tensor-product B-spline with only the knots needed.
 
-        Raises
-        ------
-        ValueError : it needs more than 10^8 control points.
+        Raises ValueError : it needs more than 10^8 control points.
         """
         return self._tensor
 
@@ -84,9 +78,7 @@ class THBSurface(AnySurface):
         """Return the values at points (u, v), in the shape to which u and v broadcast, and (..., d) of
         coefficients (dim, d).
 
-        Raises
-        ------
-        ValueError : as `BSplineSurface`.
+        Raises ValueError : as `BSplineSurface`.
         """
         if self.space.is_compact:
             return self._tensor(u, v, derivative)
@@ -98,9 +90,7 @@ class THBSurface(AnySurface):
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
 
-        Raises
-        ------
-        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        Raises ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
         if self.space.is_compact:
             return self._tensor.grid(u, v, derivative)
@@ -140,9 +130,8 @@ class THBSurface(AnySurface):
         price : how many control points a face is worth; 0 gives the fewest control points that
             bisection finds, inf one face.
 
-        Raises
-        ------
-        ValueError : a price that is negative or NaN; a tensor-product form of more than 10^8 control points.
+        Raises ValueError : a price that is negative or NaN; a tensor-product form of more than 10^8 control
+            points.
         """
         return list(faces(self.space, self._tensor, price))
 

@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .bounded_tables import MOST_PARTS as MOST_PARTS, toml_tables as toml_tables
+    from .bounded_tables import MOST_PARTS, toml_tables
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -26,9 +26,7 @@ _BRACKET = re.compile(r"[\[\]{}]")
 def toml_tables(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text.
 
-    Raises
-    ------
-    ValueError : no TOML; a key of more than 16 parts, values nested more than 16 deep.
+    Raises ValueError : no TOML; a key of more than 16 parts, values nested more than 16 deep.
     """
     bare = _QUOTED.sub(lambda quoted: "_" + "\n" * quoted[0].count("\n"), text)
     long = _LONG_KEY.search(bare)

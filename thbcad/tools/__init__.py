@@ -5,28 +5,28 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .cusps import Cusps as Cusps, ball_cusps as ball_cusps, nose_cusps as nose_cusps
-    from .draft_angles import Draft as Draft, draft as draft
+    from .cusps import Cusps, ball_cusps as ball_cusps, nose_cusps
+    from .draft_angles import Draft, draft as draft
     from .spiral_bounds import (
         greatest_acceleration as greatest_acceleration,
-        greatest_section_curvature as greatest_section_curvature,
-        greatest_slope_along_cut as greatest_slope_along_cut,
+        greatest_section_curvature,
+        greatest_slope_along_cut,
     )
     from .spiral_motion import (
-        Gaps as Gaps,
+        Gaps,
         SpiralCut as SpiralCut,
         acceleration_at as acceleration_at,
         highest_rpm as highest_rpm,
         rim_gaps as rim_gaps,
-        round_axis as round_axis,
-        tool_acceleration as tool_acceleration,
+        round_axis,
+        tool_acceleration,
     )
     from .tool_fit import (
-        SURFACES as SURFACES,
-        Fit as Fit,
+        SURFACES,
+        Fit,
         air_side as air_side,
         ball_fit as ball_fit,
-        concavity as concavity,
+        concavity,
         nose_fit as nose_fit,
     )
 

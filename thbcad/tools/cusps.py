@@ -45,9 +45,7 @@ def ball_cusps(graph: BSplineSurface, x: Floats, y: Floats, ball: float, step: f
 
     graph : scalar, with air above it.  ball, step : mm
 
-    Raises
-    ------
-    ValueError : other rows, numbers that are not positive, positions outside the graph.
+    Raises ValueError : other rows, numbers that are not positive, positions outside the graph.
     """
     if rows not in ("x", "y"):
         raise ValueError(f'rows must run along "x" or "y", got {rows!r}')
@@ -69,9 +67,7 @@ def nose_cusps(graph: BSplineSurface, x: Floats, y: Floats, nose: float, feed: f
 
     graph : scalar, with air above it.  nose : mm.  feed : of the tool, mm for each revolution
 
-    Raises
-    ------
-    ValueError : numbers that are not positive, positions outside the graph.
+    Raises ValueError : numbers that are not positive, positions outside the graph.
     """
     for name, number in (("nose", nose), ("feed", feed)):
         require_number(name, number, above=0, finite=True)

@@ -72,9 +72,7 @@ def polar_cells(graph: BSplineSurface) -> Iterator[Cells]:
 
     The axis is x = y = 0.  The rows are those of `PolarJet`.
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
     reach = [max(abs(kv.start), abs(kv.stop)) for kv in (graph.kv_u, graph.kv_v)]
     for cells in bernstein(graph, DERIVATIVES):

@@ -45,9 +45,7 @@ def greatest_section_curvature(
 
     outline : Outline or None, only points inside count
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, degree 1, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, degree 1, derivatives above 1e40.
     """
     degrees = graph.kv_u.degree, graph.kv_v.degree
     if min(degrees) < 2:
@@ -62,9 +60,7 @@ def greatest_slope_along_cut(
 
     outline : Outline or None, only points inside count
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, derivatives above 1e40.
+    Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
     return _not_below_zero(greatest(within(polar_cells(graph), outline), _slope_along_cut, tolerance))
 
@@ -81,9 +77,8 @@ def greatest_acceleration(
     nose : radius of the tool's nose, mm.  advance : q, the way along rho for each radian, mm: the feed for
     each revolution over 2 pi.  Both senses of feed and of rotation count.  outline : as above
 
-    Raises
-    ------
-    ValueError : a graph that is not scalar, degree 1, a nose that is not proven to fit, numbers below 0.
+    Raises ValueError : a graph that is not scalar, degree 1, a nose that is not proven to fit, numbers below
+        0.
     """
     require_number("nose", nose, least=0, finite=True)
     require_number("advance", advance, least=0, finite=True)

@@ -93,9 +93,7 @@ class RoundAxis:
 def round_axis(graph: BSplineSurface, x: Floats, y: Floats) -> RoundAxis:
     """Return the derivatives of a scalar graph z(x, y) round the axis x = y = 0 at positions, (n,) each.
 
-    Raises
-    ------
-    ValueError : a position outside the graph.
+    Raises ValueError : a position outside the graph.
     """
     return RoundAxis.of(x, y, np.stack([graph(x, y, orders) for orders in DERIVATIVES]))
 
@@ -117,9 +115,7 @@ class SpiralCut:
 
     feed : mm for each revolution.  radius : mm, where the spiral begins.
 
-    Raises
-    ------
-    ValueError : numbers that are not positive.
+    Raises ValueError : numbers that are not positive.
     """
 
     feed: float

@@ -51,9 +51,7 @@ class Fit:
 def air_side(lens: Lens, name: str) -> BSplineSurface:
     """Return the "front" or the "rear" as a graph whose air lies above it: of a front, -z over x and y.
 
-    Raises
-    ------
-    ValueError : another name, graphs that a lens has not (see `Lens.graphs`).
+    Raises ValueError : another name, graphs that a lens has not (see `Lens.graphs`).
     """
     if name not in SURFACES:
         raise ValueError(f"a lens has the surfaces front and rear, got {name!r}")
@@ -66,9 +64,7 @@ def ball_fit(graph: BSplineSurface, radius: float, outline: Outline | None = Non
 
     outline : Outline or None, only points inside count
 
-    Raises
-    ------
-    ValueError : a radius that is not positive, degree 1, a graph that is not scalar.
+    Raises ValueError : a radius that is not positive, degree 1, a graph that is not scalar.
     """
     require_number("the radius of a ball", radius, above=0, finite=True)
     return Fit(float(radius), least_radii(graph, RADII, outline).concave)
@@ -79,9 +75,7 @@ def nose_fit(graph: BSplineSurface, radius: float, outline: Outline | None = Non
 
     outline : Outline or None, only points inside count
 
-    Raises
-    ------
-    ValueError : as `ball_fit`.
+    Raises ValueError : as `ball_fit`.
     """
     require_number("the radius of a nose", radius, above=0, finite=True)
     return Fit(float(radius), reciprocal(greatest_section_curvature(graph, outline=outline)))

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optics.designing.etendue import Array, Kernel
-from thbcad.checks import require_integer, require_number
+from optics.designing.etendue import Kernel
+from thbcad.checks import Floats, require_integer, require_number
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,7 @@ class RectangleResponse:
     sources : N >= 1
     splits : M >= 0, how often the argument of the sine is halved
 
-    Raises
-    ------
-    ValueError : a width that is not positive, no source, negative splits.
+    Raises ValueError : a width that is not positive, no source, negative splits.
     """
 
     width: float
@@ -56,28 +54,28 @@ class RectangleResponse:
         return self.width / (2**self.splits * self.sources)
 
     @property
-    def positions(self) -> Array:
+    def positions(self) -> Floats:
         """The positions of the sources, about 0, (N,)."""
         return self.spacing * (np.arange(self.sources, dtype=np.float64) - (self.sources - 1) / 2)
 
     @property
-    def centres(self) -> Array:
+    def centres(self) -> Floats:
         """The middles of the pieces, about 0, (2^M,)."""
         count = 2**self.splits
         return self.width / count * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
 
-    def __call__(self, x: ArrayLike) -> Array:
+    def __call__(self, x: ArrayLike) -> Floats:
         """Return E_p(x): N on the pieces, 0 elsewhere."""
         offset = np.abs(np.asarray(x, dtype=np.float64)[..., None] - self.centres)
         return np.where((offset <= self.spacing / 2).any(axis=-1), float(self.sources), 0.0)
 
-    def transform(self, frequency: ArrayLike) -> Array:
+    def transform(self, frequency: ArrayLike) -> Floats:
         """Return E_p^(k) in the convention of (7.4)."""
         k = np.asarray(frequency, dtype=np.float64)
         cosines = [2 * np.cos(np.pi * k * self.width / 2**m) for m in range(1, self.splits + 1)]
         return self.sources * self.spacing * np.sinc(k * self.spacing) * np.prod(cosines, axis=0)
 
-    def on_pixels(self, pixels: int) -> tuple[Kernel, Array]:
+    def on_pixels(self, pixels: int) -> tuple[Kernel, Floats]:
         """Return the kernel, (1, k), and the light, (1, n), exactly, with one piece `pixels` wide.
 
         The convolution of both is `width / spacing * pixels` ones.  An even distance between the outer
@@ -90,7 +88,7 @@ class RectangleResponse:
         return Kernel.image(taps[None]), light[None].astype(np.float64)
 
 
-def source_transform(frequency: ArrayLike, sources: int, spacing: float) -> Array:
+def source_transform(frequency: ArrayLike, sources: int, spacing: float) -> Floats:
     """Return G^(k) = sin(pi N k s) / (N sin(pi k s)) (7.14).
 
     It is the transform of N equal sources of flux 1 / N, s apart, about their middle.

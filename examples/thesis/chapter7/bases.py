@@ -17,7 +17,6 @@ from scipy.special import betainc
 
 from optics.designing.etendue import (
     Approximation,
-    Array,
     Kernel,
     Real,
     descend,
@@ -26,7 +25,7 @@ from optics.designing.etendue import (
     require_target,
     scaled_bound,
 )
-from thbcad.checks import read_only, require_integer, require_number
+from thbcad.checks import Floats, read_only, require_integer, require_number
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +36,8 @@ class BasisBlur:
     """
 
     kernel: Kernel
-    rows: Array
-    columns: Array
+    rows: Floats
+    columns: Floats
 
     @cached_property
     def scale(self) -> float:
@@ -57,7 +56,7 @@ class BasisBlur:
         """Return the transposed map of an image, (a, b)."""
         return self.rows.T @ self.kernel.adjoint(image) @ self.columns / self.scale
 
-    def column_sums(self, shape: tuple[int, ...]) -> Array:
+    def column_sums(self, shape: tuple[int, ...]) -> Floats:
         """Return A^T 1, what the coefficients bring onto an image of this shape, (a, b)."""
         return self.rows.T @ self.kernel.column_sums(shape) @ self.columns / self.scale
 
@@ -65,8 +64,8 @@ class BasisBlur:
 def approximate_in_basis(
     kernel: Kernel,
     target: ArrayLike,
-    rows: Array,
-    columns: Array,
+    rows: Floats,
+    columns: Floats,
     tolerance: float = 1e-5,
     most_iterations: int = 5000,
 ) -> Approximation:
@@ -78,9 +77,7 @@ def approximate_in_basis(
     Of its certificate the lower bound holds for light of this basis, the KKT residual is that of the
     coefficients.
 
-    Raises
-    ------
-    ValueError : as `etendue.approximation.approximate`; bases that are negative or do not fit the
+    Raises ValueError : as `etendue.approximation.approximate`; bases that are negative or do not fit the
         target.
     """
     goal = require_target(kernel, target)
@@ -105,12 +102,10 @@ def approximate_in_basis(
     )
 
 
-def _basis(name: str, values: ArrayLike, pixels: int) -> Array:
+def _basis(name: str, values: ArrayLike, pixels: int) -> Floats:
     """Return a basis as floats.
 
-    Raises
-    ------
-    ValueError : it is negative or has another number of pixels.
+    Raises ValueError : it is negative or has another number of pixels.
     """
     basis = np.asarray(values, dtype=np.float64)
     if basis.ndim != 2 or len(basis) != pixels or not (basis >= 0).all():
@@ -120,12 +115,12 @@ def _basis(name: str, values: ArrayLike, pixels: int) -> Array:
     return basis
 
 
-def deltas(pixels: int, spacing: int = 1) -> Array:
+def deltas(pixels: int, spacing: int = 1) -> Floats:
     """Return shifted Kronecker deltas, one every `spacing` pixels (7.43)."""
     return np.eye(pixels)[:, ::spacing]
 
 
-def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) -> Array:
+def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) -> Floats:
     """Return Beta distributions x^(a - 1) (1 - x)^(b - 1) / B(a, b) on the row of pixels (7.36).
 
     greatest : (A, B)
@@ -138,7 +133,7 @@ def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) ->
     return np.diff(betainc(a, b, np.linspace(0, 1, pixels + 1)[:, None]), axis=0)
 
 
-def irwin_hall(pixels: int, terms: int, spacing: float = 1.0) -> Array:
+def irwin_hall(pixels: int, terms: int, spacing: float = 1.0) -> Floats:
     """Return shifted densities of the sum of `terms` uniform variables of width `spacing` (7.37).
 
     They are cardinal B-splines of area 1, `spacing` pixels apart: all those that meet the row of pixels.
@@ -147,12 +142,12 @@ def irwin_hall(pixels: int, terms: int, spacing: float = 1.0) -> Array:
     return _shifted(pixels, terms, spacing, spacing)
 
 
-def bates(pixels: int, terms: int, width: float, spacing: float) -> Array:
+def bates(pixels: int, terms: int, width: float, spacing: float) -> Floats:
     """Return densities of the mean of `terms` uniform variables of this width, `spacing` pixels apart."""
     return _shifted(pixels, terms, width / terms, spacing)
 
 
-def _shifted(pixels: int, terms: int, knot: float, spacing: float) -> Array:
+def _shifted(pixels: int, terms: int, knot: float, spacing: float) -> Floats:
     require_integer("terms", terms, 1)
     require_number("spacing", spacing, above=0.0)
     require_number("width", knot, above=0.0)

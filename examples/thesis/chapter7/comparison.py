@@ -12,7 +12,8 @@ from examples.thesis.chapter7.regularisation import (
     maximum_entropy,
 )
 from examples.thesis.chapter7.two_source_landscape import disk, square, two_sources
-from optics.designing.etendue import Approximation, Array, Kernel, Real, norm
+from optics.designing.etendue import Approximation, Kernel, Real, norm
+from thbcad.checks import Floats
 
 # of the target for the entropy, which depends on the unit; the thesis names none, 8-bit images have this peak
 PEAK = 255.0
@@ -35,7 +36,7 @@ class Case:
     steps: int
 
     @property
-    def target(self) -> Array:
+    def target(self) -> Floats:
         return {"square": square, "disk": disk}[self.shape]()
 
     @property
@@ -79,7 +80,7 @@ def compare(case: Case) -> tuple[Approximation, dict[str, Response]]:
     return best, {name: _response(kernel, target, light) for name, light in lights.items()}
 
 
-def _response(kernel: Kernel, target: Array, light: Real) -> Response:
+def _response(kernel: Kernel, target: Floats, light: Real) -> Response:
     image = kernel.apply(np.pad(light, [(side // 2, side // 2) for side in kernel.weights.shape]))
     residual = norm(image - target) / norm(target)
     return Response(light, image, residual, float(light.min() / np.abs(light).max()))

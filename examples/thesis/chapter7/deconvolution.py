@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
-from optics.designing.etendue import Array
+from thbcad.checks import Floats
 
 EPSILON = 1e-14
 # [-5, 5]; 0.25, 0.2501, 0.5 and 0.51 are whole numbers of steps
@@ -30,9 +30,9 @@ class Case:
     sources : (s,), their positions
     """
 
-    x: Array
-    target: Array
-    response: Array
+    x: Floats
+    target: Floats
+    response: Floats
     half_width: float
     sources: tuple[float, ...]
 
@@ -48,7 +48,7 @@ class Case:
         return float(size[self.target == 0].sum() / size.sum())
 
 
-def deconvolve(target: ArrayLike, transform: NDArray[np.complexfloating], epsilon: float) -> Array:
+def deconvolve(target: ArrayLike, transform: NDArray[np.complexfloating], epsilon: float) -> Floats:
     """Return the inverse transform of conj(G^) E^ / (|G^|^2 + epsilon) (7.6), periodic.
 
     target : (n,), E.  transform : (n // 2 + 1,), G^ at the frequencies of ``scipy.fft.rfft``.  Returns (n,).

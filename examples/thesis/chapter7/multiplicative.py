@@ -15,14 +15,13 @@ from scipy.signal import fftconvolve
 
 from optics.designing.etendue import (
     Approximation,
-    Array,
     Kernel,
     Real,
     certified,
     per_column_sum,
     require_target,
 )
-from thbcad.checks import require_integer
+from thbcad.checks import Floats, require_integer
 
 
 def richardson_lucy(kernel: Kernel, target: ArrayLike, steps: int) -> Approximation:
@@ -61,13 +60,13 @@ def blind_deconvolution(
     return kernel, certified(kernel, light, goal, rounds * steps)
 
 
-def _factor(kernel: Kernel, light: Real, target: Array) -> Real:
+def _factor(kernel: Kernel, light: Real, target: Floats) -> Real:
     sums = kernel.column_sums(target.shape)
     back = np.maximum(kernel.adjoint(_ratio(kernel, light, target)), 0)
     return per_column_sum(back, sums)
 
 
-def _source_factor(kernel: Kernel, light: Real, target: Array) -> Array:
+def _source_factor(kernel: Kernel, light: Real, target: Floats) -> Floats:
     """Return the factors of the taps, (k, l): the correlation of the light with G / A F, over that with 1."""
     seen = [
         fftconvolve(light, image[::-1, ::-1], "valid")[::-1, ::-1]
@@ -76,6 +75,6 @@ def _source_factor(kernel: Kernel, light: Real, target: Array) -> Array:
     return np.maximum(seen[0], 0) / np.maximum(seen[1], np.finfo(np.float64).tiny)
 
 
-def _ratio(kernel: Kernel, light: Real, target: Array) -> Array:
+def _ratio(kernel: Kernel, light: Real, target: Floats) -> Floats:
     image = kernel.apply(light)
     return np.divide(target, image, out=np.zeros_like(target), where=image > 0)

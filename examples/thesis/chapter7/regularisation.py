@@ -17,8 +17,8 @@ from scipy import fft
 from scipy.optimize import minimize
 from scipy.sparse.linalg import LinearOperator, lsqr
 
-from optics.designing.etendue import Array, Kernel, Real, require_target
-from thbcad.checks import require_integer, require_number
+from optics.designing.etendue import Kernel, Real, require_target
+from thbcad.checks import Floats, require_integer, require_number
 
 MOST_STEPS = 200
 STOP = 1e-8  # of the dual's gradient, relative to the target: what the image misses
@@ -38,14 +38,14 @@ def maximum_entropy(kernel: Kernel, target: ArrayLike, mu: float) -> Real:
     require_number("mu", mu, above=0.0)
     blur, back = _maps(kernel, goal.shape)
 
-    def light(y: Array) -> Real:
+    def light(y: Floats) -> Real:
         return np.exp(back(y) / mu**2 - 1)
 
-    def dual(y: Array) -> tuple[float, Array]:
+    def dual(y: Floats) -> tuple[float, Floats]:
         f = light(y)
         return mu**2 * f.sum() + y @ y / 4 - y @ goal.ravel(), blur(f).ravel() - goal.ravel() + y / 2
 
-    def curvature(y: Array, p: Array) -> Real:
+    def curvature(y: Floats, p: Floats) -> Real:
         return blur(light(y) * back(p)).ravel() / mu**2 + p / 2
 
     options = {"gtol": STOP * float(np.linalg.norm(goal)), "maxiter": MOST_STEPS}
@@ -71,7 +71,7 @@ def laplacian_gradients(kernel: Kernel, target: ArrayLike, steps: int) -> Real:
     return _lsqr(kernel, goal, steps, lambda y: fft.idstn(fft.dstn(y) * inverse))
 
 
-def _lsqr(kernel: Kernel, goal: Array, steps: int, smoothed: Map) -> Real:
+def _lsqr(kernel: Kernel, goal: Floats, steps: int, smoothed: Map) -> Real:
     """Return S y after steps on min ||A S y - G||, S symmetric."""
     require_integer("steps", steps, 1)
     blur, back = _maps(kernel, goal.shape)

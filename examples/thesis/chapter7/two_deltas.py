@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solveh_banded
 
-from optics.designing.etendue import Approximation, Array, Kernel, certified, require_target
-from thbcad.checks import EPS
+from optics.designing.etendue import Approximation, Kernel, certified, require_target
+from thbcad.checks import EPS, Floats
 
 PATIENCE = 3  # steps of all infeasible pixels at once without fewer of them, before only the last one changes
 
@@ -49,10 +49,8 @@ def approximate_two_deltas(
 
     The result is that of ``approximate(Kernel.points([(0, 0), shift], weights), target)``.
 
-    Raises
-    ------
-    ValueError : a target that is negative, not finite, dark or lit near its border; weights that are negative
-        or zero.
+    Raises ValueError : a target that is negative, not finite, dark or lit near its border; weights that are
+        negative or zero.
     """
     kernel = Kernel.points([(0, 0), shift], weights)
     goal = require_target(kernel, target)
@@ -75,7 +73,7 @@ def approximate_two_deltas(
     return certified(kernel, light, goal, steps)
 
 
-def chains_of(shift: tuple[int, int], target: Array) -> Chains:
+def chains_of(shift: tuple[int, int], target: Floats) -> Chains:
     """Return the chains of a shift other than (0, 0) that meet the target's light."""
     at = np.indices(target.shape)
     left = [
@@ -96,7 +94,7 @@ def chains_of(shift: tuple[int, int], target: Array) -> Chains:
     return Chains(pixels[used], chain, ~last)
 
 
-def _pivot(chains: Chains, target: Array, weights: Array) -> tuple[Array, int]:
+def _pivot(chains: Chains, target: Floats, weights: Floats) -> tuple[Floats, int]:
     """Return the f >= 0 of min ||w0 f[k] + w1 f[k - 1] - g[k]|| and the number of steps.
 
     f is 0 where the chains are not lit.
@@ -136,7 +134,7 @@ def _pivot(chains: Chains, target: Array, weights: Array) -> tuple[Array, int]:
         free = free ^ change
 
 
-def _solve(free: NDArray[np.bool_], couple: Array, diagonal: float, right: Array) -> Array:
+def _solve(free: NDArray[np.bool_], couple: Floats, diagonal: float, right: Floats) -> Floats:
     """Return the solution of the tridiagonal system on the free pixels, 0 on the others."""
     banded = np.zeros((2, len(right)))
     banded[0, 1:] = couple * (free[:-1] & free[1:])

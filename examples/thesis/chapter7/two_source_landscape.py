@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from examples.thesis.chapter7.two_deltas import approximate_two_deltas
-from optics.base.workers import all_values
-from optics.designing.etendue import Approximation, Array
-from thbcad.checks import read_only
+from optics.base.runtime import NumericalError
+from optics.base.workers import run_tasks
+from optics.designing.etendue import Approximation
+from thbcad.checks import Floats, read_only
 
 if TYPE_CHECKING:
     from optics.base.workers import WorkerPool
@@ -30,37 +32,35 @@ class Landscape:
     residual, lower_bound, kkt : (STEPS + 1, STEPS + 1), at [n, m]
     """
 
-    residual: Array
-    lower_bound: Array
-    kkt: Array
+    residual: Floats
+    lower_bound: Floats
+    kkt: Floats
 
 
-def square(pixels: int = PIXELS, side: float = SIDE) -> Array:
+def square(pixels: int = PIXELS, side: float = SIDE) -> Floats:
     """Return the square |x|, |y| <= side / 2 on [-1, 1]^2: 1 in the pixels whose middles lie in it."""
     lit = np.abs(_middles(pixels)) <= side / 2
     return np.outer(lit, lit).astype(np.float64)
 
 
-def disk(pixels: int = PIXELS, radius: float = RADIUS) -> Array:
+def disk(pixels: int = PIXELS, radius: float = RADIUS) -> Floats:
     """Return the disk x^2 + y^2 <= radius^2 on [-1, 1]^2: 1 in the pixels whose middles lie in it."""
     x = _middles(pixels)
     return (np.hypot(x[:, None], x) <= radius).astype(np.float64)
 
 
-def two_sources(target: Array, m: int, n: int) -> Approximation:
+def two_sources(target: Floats, m: int, n: int) -> Approximation:
     """Return the best light for equal sources at the origin and m columns and n rows from it (7.42)."""
     return approximate_two_deltas((n, m), (1.0, 1.0), target)
 
 
-def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None) -> Landscape:
+def landscape(target: Floats, steps: int = STEPS, pool: WorkerPool | None = None) -> Landscape:
     """Return the landscape over m, n = 0 .. steps.
 
     target : dark in a border of `steps` pixels.  pool : computes the positions side by side, see
         `optics.base.workers.worker_pool`; None computes them here.
 
-    Raises
-    ------
-    NumericalError : a worker could not compute a position.
+    Raises NumericalError : a worker could not compute a position.
     """
     places = list(np.ndindex(steps + 1, steps + 1))
     best = np.array(all_values(_best, places, pool, target)).reshape(steps + 1, steps + 1, 3)
@@ -68,12 +68,33 @@ def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None)
     return Landscape(read_only(residual), read_only(lower_bound), read_only(kkt))
 
 
-def _best(target: Array, place: tuple[int, int]) -> tuple[float, float, float]:
+def all_values(
+    function: Callable[[Any, Any], Any],
+    items: Iterable[Any],
+    pool: WorkerPool | None = None,
+    common: Any = None,
+) -> list[Any]:
+    """Return the value of function(common, item) for every item, in their order.
+
+    pool : does the tasks, see `run_tasks`; None does them here, one after the other.
+
+    Raises NumericalError : a task failed on a worker, with its sentence.
+    """
+    if pool is None:
+        return [function(common, item) for item in items]
+    results = sorted(run_tasks(function, items, pool, common), key=lambda result: result.index)
+    for result in results:
+        if result.failure:
+            raise NumericalError(f"task {result.index + 1} of {len(results)} failed: {result.failure}")
+    return [result.value for result in results]
+
+
+def _best(target: Floats, place: tuple[int, int]) -> tuple[float, float, float]:
     """Return residual, lower bound and KKT error.  place : rows and columns to the second source."""
     n, m = place
     one = two_sources(target, m, n)
     return one.residual, one.lower_bound, one.kkt
 
 
-def _middles(pixels: int) -> Array:
+def _middles(pixels: int) -> Floats:
     return (np.arange(pixels) + 0.5) * 2 / pixels - 1

@@ -5,13 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .gradient_steps import (
-        Adam as Adam,
-        GradientDescent as GradientDescent,
-        Momentum as Momentum,
-        RMSProp as RMSProp,
-    )
-    from .iterations import Optimiser as Optimiser
-    from .line_search import LBFGS as LBFGS, LineSearch as LineSearch
+    from .gradient_steps import Adam, GradientDescent, Momentum, RMSProp
+    from .iterations import Optimiser
+    from .line_search import LBFGS, LineSearch
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

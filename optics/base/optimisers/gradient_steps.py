@@ -64,8 +64,6 @@ class _Steps(ABC):
 class GradientDescent(_Steps):
     """Steps along the negative gradient, step * decay^i long per unit of gradient.
 
-    Examples
-    --------
     >>> minimise(lambda c: (c @ c, 2 * c), np.array([8.0]), GradientDescent(0.25), iterations=3).coefficients
     array([1.])
     """
@@ -87,8 +85,6 @@ class Momentum(_Steps):
 
     mean : what is left of the mean after a step.
 
-    Examples
-    --------
     >>> minimise(lambda c: (c @ c, 2 * c), np.array([8.0]), Momentum(0.5, 0.5), iterations=1).coefficients
     array([4.])
     """
@@ -113,8 +109,6 @@ class RMSProp(_Steps):
 
     Source: T. Tieleman, G. Hinton, Neural networks for machine learning, lecture 6.5 (2012).
 
-    Examples
-    --------
     >>> minimise(lambda c: (9 * c @ c, 18 * c), np.array([8]), RMSProp(1.0, 0.75), iterations=1).coefficients
     array([6.])
     """
@@ -139,8 +133,6 @@ class Adam(_Steps):
 
     Source: D. P. Kingma, J. Ba, Adam: a method for stochastic optimization, ICLR 2015.
 
-    Examples
-    --------
     >>> minimise(lambda c: (c @ c, 2 * c), np.ones(1), Adam(0.25), iterations=1).coefficients
     array([0.75])
     """

@@ -17,8 +17,6 @@ Callback = Callable[[Floats], object]  # after every step; StopIteration ends th
 class Optimiser(Protocol):
     """A way to lower a function of many variables by its gradient.
 
-    Examples
-    --------
     >>> class Halving:
     ...     def run(self, function, start, iterations, callback):
     ...         for k in range(iterations + 1):

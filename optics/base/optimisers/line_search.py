@@ -22,8 +22,6 @@ class LineSearch:
     step : of the first trial, in the variable with the greatest entry of g.  Later searches start from the
         step before.
 
-    Examples
-    --------
     >>> minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]), LineSearch(), iterations=1).loss < 1e-9
     True
     """
@@ -78,8 +76,6 @@ class LBFGS:
 
     Source: R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, SIAM J. Sci. Comput. 16 (1995) 1190-1208.
 
-    Examples
-    --------
     >>> from scipy.optimize import rosen, rosen_der
     >>> minimise(lambda c: (rosen(c), rosen_der(c)), np.zeros(2), LBFGS(memory=5)).loss < 1e-9
     True

@@ -90,11 +90,9 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
 
     threads : number of threads, 0 for all cores, None for as many as before.
 
-    Raises
-    ------
-    ImportError : Dr.Jit is not installed.
-    UserError : no usable LLVM library.
-    MemoryError : too little for it.
+    Raises ImportError : Dr.Jit is not installed.
+    Raises UserError : no usable LLVM library.
+    Raises MemoryError : too little for it.
     """
     os.environ["DRJIT_LIBLLVM_PATH"] = library = llvm_library()
     if 0 <= getrlimit(RLIMIT_AS)[0] < LEAST_ROOM:  # infinity is -1

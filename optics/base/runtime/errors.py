@@ -16,8 +16,6 @@ class UserError(Exception):
     Whatever the input held, the message stays on one line, printable and short: of a longer one the middle
     is left out, since the file is named at the beginning and the remedy at the end.
 
-    Examples
-    --------
     >>> problem.with_(**{"target.distnce": 400})
     Traceback (most recent call last):
     ...
@@ -37,8 +35,6 @@ class UserError(Exception):
 class NumericalError(Exception):
     """A computation that failed on valid input.  Exit code 3.
 
-    Examples
-    --------
     >>> minimise(lambda c: (np.nan, c), np.ones(1))
     Traceback (most recent call last):
     ...

@@ -72,9 +72,7 @@ def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[
 
     It is DRJIT_LIBLLVM_PATH where that is set, otherwise the newest library in the folders.
 
-    Raises
-    ------
-    UserError : there is none, or it is too old.
+    Raises UserError : there is none, or it is too old.
     """
     named = environment.get("DRJIT_LIBLLVM_PATH")
     if named:
@@ -99,10 +97,8 @@ def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[
 def require_loadable(path: str) -> None:
     """Raise what keeps an LLVM library from being loaded.
 
-    Raises
-    ------
-    MemoryError : there is too little of it.
-    UserError : any other reason.
+    Raises MemoryError : there is too little of it.
+    Raises UserError : any other reason.
     """
     try:
         ctypes.CDLL(path)

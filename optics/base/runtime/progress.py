@@ -85,9 +85,7 @@ class Progress:
     def begin(self, name: str) -> None:
         """End the present phase and begin another one that is expected; those before it are left out.
 
-        Raises
-        ------
-        ValueError : it is not expected.
+        Raises ValueError : it is not expected.
         """
         with self._lock:
             at = [phase.name for phase in self._ahead].index(name)

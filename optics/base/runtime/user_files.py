@@ -15,9 +15,7 @@ def require_regular_file(path: str | Path, noun: str = "") -> None:
 
     noun : what the file should be, for the message.
 
-    Raises
-    ------
-    UserError : no such file, or none that holds data.
+    Raises UserError : no such file, or none that holds data.
     """
     name = f"{noun} {path}".lstrip()
     try:
@@ -38,9 +36,7 @@ def require_regular_file(path: str | Path, noun: str = "") -> None:
 def reading(path: str | Path) -> Iterator[None]:
     """Take what goes wrong in the block, which does nothing but read a file, for bad input.
 
-    Raises
-    ------
-    UserError : an OSError or a ValueError of the block.
+    Raises UserError : an OSError or a ValueError of the block.
     """
     try:
         yield
@@ -53,9 +49,7 @@ def reading(path: str | Path) -> Iterator[None]:
 def read_at_most(path: str | Path, most: int) -> bytes:
     """Return what a file holds.
 
-    Raises
-    ------
-    UserError : it cannot be read, or it is longer than `most` bytes.
+    Raises UserError : it cannot be read, or it is longer than `most` bytes.
     """
     require_regular_file(path)
     try:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .lack_of_memory import lacks_memory as lacks_memory
-    from .local_processes import Worker as Worker, WorkerPool as WorkerPool
-    from .pool_choice import require_workers as require_workers, worker_pool as worker_pool
-    from .task_loop import TaskResult as TaskResult, all_values as all_values, run_tasks as run_tasks
+    from .lack_of_memory import lacks_memory
+    from .local_processes import Worker, WorkerPool
+    from .pool_choice import require_workers, worker_pool
+    from .task_loop import TaskResult, run_tasks
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -24,10 +24,8 @@ PATIENCE = 10.0  # seconds in which a scheduler answers: a busy one needs less t
 class DaskCluster:
     """The workers of a scheduler.  Each is its own executor, so that it is known what a killed one did.
 
-    Raises
-    ------
-    ImportError : dask.distributed is not installed.
-    UserError : no scheduler answers.
+    Raises ImportError : dask.distributed is not installed.
+    Raises UserError : no scheduler answers.
     """
 
     def __init__(self, scheduler: str) -> None:

@@ -34,9 +34,7 @@ class WorkerPool(Protocol):
     def present(self) -> Mapping[str, Worker]:
         """Return the workers that there are now, by a name that no later worker bears.
 
-        Raises
-        ------
-        UserError : there is no way to them any more.
+        Raises UserError : there is no way to them any more.
         """
 
     def lost(self, name: str) -> None:
@@ -55,9 +53,7 @@ class OneProcess(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Return what a function of a module will return; it is sent by its name, the arguments as they are.
 
-        Raises
-        ------
-        TypeError : arguments by keyword.
+        Raises TypeError : arguments by keyword.
         """
         if kwargs:
             raise TypeError("a task takes arguments by position")

@@ -21,9 +21,7 @@ def worker_pool(
     scheduler : address of a dask scheduler, such as tcp://host:8786, whose workers are taken instead.
     tasks : no more processes start than there are tasks: each has its share of the memory.
 
-    Raises
-    ------
-    UserError : a number of workers that cannot be, both arguments, or no scheduler answers.
+    Raises UserError : a number of workers that cannot be, both arguments, or no scheduler answers.
     """
     require_workers(workers, scheduler)
     if scheduler is not None:

@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any
 from uuid import uuid4
 
-from optics.base.runtime import NumericalError, UserError
+from optics.base.runtime import UserError
 from optics.base.workers.local_processes import Worker, WorkerPool
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
@@ -78,38 +78,13 @@ def run_tasks(
     function : of a module, which workers import.  items : read as they are needed.
     common : sent to every worker once.
 
-    Raises
-    ------
-    UserError : there are no workers, or no more.
+    Raises UserError : there are no workers, or no more.
     """
     loop = _TaskLoop(function, items, pool, common)
     try:
         yield from loop.results()
     finally:
         loop.cancel()
-
-
-def all_values(
-    function: Callable[[Any, Any], Any],
-    items: Iterable[Any],
-    pool: WorkerPool | None = None,
-    common: Any = None,
-) -> list[Any]:
-    """Return the value of function(common, item) for every item, in their order.
-
-    pool : does the tasks, see `run_tasks`; None does them here, one after the other.
-
-    Raises
-    ------
-    NumericalError : a task failed on a worker, with its sentence.
-    """
-    if pool is None:
-        return [function(common, item) for item in items]
-    results = sorted(run_tasks(function, items, pool, common), key=lambda result: result.index)
-    for result in results:
-        if result.failure:
-            raise NumericalError(f"task {result.index + 1} of {len(results)} failed: {result.failure}")
-    return [result.value for result in results]
 
 
 class _TaskLoop:
@@ -253,9 +228,7 @@ class _TaskLoop:
 def _version(name: str, starting: Future[str]) -> str:
     """Return the version of thbcad that a worker has.
 
-    Raises
-    ------
-    UserError : none that can be loaded.
+    Raises UserError : none that can be loaded.
     """
     error = starting.exception()
     if error is None:

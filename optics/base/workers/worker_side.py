@@ -55,9 +55,7 @@ def prepare(run: str, common: Any, memory: int) -> str:
 def answer(run: str, module: str, function: str, item: Any) -> Answer:
     """Do a task: function(common, item).  What it raises becomes a sentence.
 
-    Raises
-    ------
-    UnpreparedError : see there.
+    Raises UnpreparedError : see there.
     """
     if run not in _kept:
         raise UnpreparedError(run)

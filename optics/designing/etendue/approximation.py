@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from optics.designing.etendue.certificate import gradient, kkt_residual, lower_bound, norm
-from optics.designing.etendue.kernel import Array, Blur, PixelBlur, Real, require_light
-from thbcad.checks import read_only, require_integer, require_number
+from optics.designing.etendue.kernel import Blur, PixelBlur, Real, require_light
+from thbcad.checks import Floats, read_only, require_integer, require_number
 
 SINGLE = 1e-5  # up to this KKT residual single precision is enough: its rounding errors are a hundredth of it
 
@@ -71,10 +71,8 @@ def approximate(
 
     Splitting (`split`), then gradient steps (`descend`) in single precision, then in double precision.
 
-    Raises
-    ------
-    ValueError : a target that is negative, not finite, dark or smaller than the kernel; a tolerance that is
-        not positive.
+    Raises ValueError : a target that is negative, not finite, dark or smaller than the kernel; a tolerance
+        that is not positive.
     """
     goal = require_target(blur, target)
     require_number("tolerance", tolerance, above=0.0)
@@ -95,7 +93,7 @@ def approximate(
     return certified(blur, top * light, goal, steps + single + double)
 
 
-def certified(blur: PixelBlur, light: Real, target: Array, iterations: int) -> Approximation:
+def certified(blur: PixelBlur, light: Real, target: Floats, iterations: int) -> Approximation:
     """Return light F >= 0 with its certificate.  light : (n + k - 1, m + l - 1).  target : (n, m)."""
     image = blur.apply(light)
     error = target - image
@@ -110,12 +108,10 @@ def certified(blur: PixelBlur, light: Real, target: Array, iterations: int) -> A
     )
 
 
-def require_target(blur: PixelBlur, target: ArrayLike) -> Array:
+def require_target(blur: PixelBlur, target: ArrayLike) -> Floats:
     """Return the target as floats.
 
-    Raises
-    ------
-    ValueError : it has no approximation: it is negative, not finite, dark or smaller than the kernel.
+    Raises ValueError : it has no approximation: it is negative, not finite, dark or smaller than the kernel.
     """
     goal = require_light("target", target)
     if any(side < taps for side, taps in zip(goal.shape, blur.weights.shape)):

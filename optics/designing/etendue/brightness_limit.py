@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from optics.designing.etendue.silhouette import Array, pixel_etendue
+from optics.designing.etendue.silhouette import pixel_etendue
 from optics.designing.etendue.throughput_bound import radiance
 from optics.scene.system import OpticalSystem
-from thbcad.checks import EPS
+from thbcad.checks import EPS, Floats
 
 CURVE = tuple(k / 10 for k in range(1, 11))  # efficiencies
 ROUNDING = 64 * EPS  # of sums over pixels by pairs, relative; numpy errs by a few EPS
@@ -33,9 +33,9 @@ class UniversalBound:
     flux : W, of the source
     """
 
-    most: Array
-    picture: Array
-    area: Array
+    most: Floats
+    picture: Floats
+    area: Floats
     flux: float
 
     def least_rel_l2(self, efficiency: float) -> float | None:
@@ -92,7 +92,7 @@ def universal_bound(system: OpticalSystem) -> UniversalBound:
     )
 
 
-def least_distance(goal: Array, most: Array) -> float | None:
+def least_distance(goal: Floats, most: Floats) -> float | None:
     """Return a lower bound of ||e - g|| / ||g|| over 0 <= e <= c with mean e = mean g, None if there is no e.
 
     The problem is convex: the projection of g on a capped simplex.  With a multiplier s of the mean the
@@ -128,7 +128,7 @@ def least_distance(goal: Array, most: Array) -> float | None:
     return float(np.sqrt(max(0.0, bound) / np.square(g).sum()) * (1 - ROUNDING))
 
 
-def _multiplier(g: Array, c: Array, total: float) -> float:
+def _multiplier(g: Floats, c: Floats, total: float) -> float:
     """Return the s <= 0 with sum min(c, g - s) = total, where c < g somewhere."""
     points = np.unique(np.minimum(g - c, 0.0))
     low, high = 0, len(points) - 1

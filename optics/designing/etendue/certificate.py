@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from optics.designing.etendue.kernel import Array, Blur, PixelBlur, Real
-from thbcad.checks import EPS
+from optics.designing.etendue.kernel import Blur, PixelBlur, Real
+from thbcad.checks import EPS, Floats
 
 
 def gradient(blur: Blur, light: Real, target: Real, sums: Real) -> Real:
@@ -23,7 +23,7 @@ def per_column_sum(light: Real, sums: Real) -> Real:
     return np.divide(light, sums, out=np.zeros_like(light), where=sums > 0)
 
 
-def kkt_residual(blur: Blur, light: Real, target: Array) -> float:
+def kkt_residual(blur: Blur, light: Real, target: Floats) -> float:
     """Return ||min(f, D A^T (A f - g))|| / ||D A^T g|| with D = 1 / s, in the norm ||f||^2 = sum s f^2.
 
     It is 1 for f = 0 and 0 at the optimum, and does not change with the unit of g.
@@ -34,7 +34,7 @@ def kkt_residual(blur: Blur, light: Real, target: Array) -> float:
     return float(np.sqrt((sums * error**2).sum() / (sums * scale**2).sum()))
 
 
-def lower_bound(blur: PixelBlur, target: Array, residual: Real) -> float:
+def lower_bound(blur: PixelBlur, target: Floats, residual: Real) -> float:
     """Return a number that d / ||g|| is not below, from the residual g - A f of any f, (n, m).
 
     For the optimal f, with e = g - A f, d = ||e||, and any y with A^T y <= delta s, delta >= 0:
@@ -57,7 +57,7 @@ def lower_bound(blur: PixelBlur, target: Array, residual: Real) -> float:
     return max(bound_by(blur, target, residual - c) for c in (near, excess.max()))
 
 
-def scaled_bound(blur: Blur, target: Array, residual: Real) -> float:
+def scaled_bound(blur: Blur, target: Floats, residual: Real) -> float:
     """Return the bound of `lower_bound` for any non-negative linear map, corrected by the greatest q only.
 
     It holds but for the rounding of A^T y, which is not known of every map.
@@ -67,12 +67,12 @@ def scaled_bound(blur: Blur, target: Array, residual: Real) -> float:
     return _bound(target, y, max(0.0, float(per_column_sum(blur.adjoint(y), sums).max())))
 
 
-def bound_by(blur: PixelBlur, target: Array, y: Array) -> float:
+def bound_by(blur: PixelBlur, target: Floats, y: Floats) -> float:
     """Return the bound of `lower_bound` for one y, rounding included."""
     return _bound(target, y, blur.greatest_mean(y))
 
 
-def _bound(target: Array, y: Real, delta: float) -> float:
+def _bound(target: Floats, y: Real, delta: float) -> float:
     """Return (<y, g> / ||g|| - delta sqrt(n m)) / ||y||, rounded towards 0 by all that its sums can err."""
     error = y.size * EPS  # of a sum of positive terms in any order
     along = float((y * target).sum() - error * np.abs(y * target).sum())

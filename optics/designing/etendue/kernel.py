@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
-from thbcad.checks import EPS, read_only
+from thbcad.checks import EPS, Floats, read_only
 
-Array = NDArray[np.float64]
 Real = NDArray[np.floating]
 
 Rows = NDArray[np.intp]
@@ -39,7 +38,7 @@ class Blur(Protocol):
     def adjoint(self, image: Real, /) -> Real:
         """Return A^T y."""
 
-    def column_sums(self, shape: tuple[int, ...], /) -> Array:
+    def column_sums(self, shape: tuple[int, ...], /) -> Floats:
         """Return A^T 1 for images of the given shape."""
 
 
@@ -47,13 +46,13 @@ class PixelBlur(Blur, Protocol):
     """A `Blur` of pixels of light, by one kernel or by several of one shape."""
 
     @property
-    def weights(self) -> Array:
+    def weights(self) -> Floats:
         """The kernel, or the mean of the kernels, (k, l)."""
 
     def light_shape(self, shape: tuple[int, ...], /) -> tuple[int, int]:
         """Return the shape of the light for images of the given shape."""
 
-    def greatest_mean(self, image: Array, /) -> float:
+    def greatest_mean(self, image: Floats, /) -> float:
         """Return a number that no A^T y / A^T 1 exceeds, see `Kernel.greatest_mean`."""
 
 
@@ -64,12 +63,10 @@ class Kernel:
     weights : (k, l) float, k and l odd, non-negative; divided by their sum; [k // 2, l // 2] is the tap
         without a shift
 
-    Raises
-    ------
-    ValueError : weights with an even side, negative or not finite, or without flux.
+    Raises ValueError : weights with an even side, negative or not finite, or without flux.
     """
 
-    weights: Array
+    weights: Floats
 
     def __post_init__(self) -> None:
         w = require_light("weights", self.weights)
@@ -145,9 +142,7 @@ class Kernel:
 
         light : (n + k - 1, m + l - 1).  Returns (n, m), in the precision of the light (float32 or float64).
 
-        Raises
-        ------
-        ValueError : light that is smaller than the kernel.
+        Raises ValueError : light that is smaller than the kernel.
         """
         k, l = self.weights.shape
         n, m = light.shape[0] - k + 1, light.shape[1] - l + 1
@@ -181,7 +176,7 @@ class Kernel:
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfer.conj(), size)[: shape[0], : shape[1]]
 
-    def greatest_mean(self, image: Array) -> float:
+    def greatest_mean(self, image: Floats) -> float:
         """Return a number that no A^T y / A^T 1 exceeds where A^T 1 > 0, rounding included, from 0 on.
 
         These quotients are weighted means of the pixels y.  A sum tap by tap errs by n_taps EPS max |y| of
@@ -208,14 +203,12 @@ class Kernel:
         # the sums of k l positive taps, and the last few operations
         return max(0.0, float(most)) * (1 + (sum(self.weights.shape) + 4) * EPS)
 
-    def column_sums(self, shape: tuple[int, ...]) -> Array:
+    def column_sums(self, shape: tuple[int, ...]) -> Floats:
         """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape.
 
         Its sums have no cancellation.
 
-        Raises
-        ------
-        ValueError : an image that is smaller than the kernel.
+        Raises ValueError : an image that is smaller than the kernel.
         """
         if any(side < taps for side, taps in zip(shape, self.weights.shape)):
             raise ValueError(
@@ -224,12 +217,10 @@ class Kernel:
         return _window_sums(_window_sums(self.weights, shape[0]).T, shape[1]).T
 
 
-def require_light(name: str, values: ArrayLike) -> Array:
+def require_light(name: str, values: ArrayLike) -> Floats:
     """Return a non-negative image as floats.
 
-    Raises
-    ------
-    ValueError : it has no two dimensions or no flux, or a pixel is negative or not finite.
+    Raises ValueError : it has no two dimensions or no flux, or a pixel is negative or not finite.
     """
     image = np.asarray(values, dtype=np.float64)
     if image.ndim != 2 or image.size == 0:
@@ -242,7 +233,7 @@ def require_light(name: str, values: ArrayLike) -> Array:
     return image
 
 
-def _transform_error(weights: Array, image: Array) -> float:
+def _transform_error(weights: Floats, image: Floats) -> float:
     """Return a bound of the rounding errors of a convolution or correlation by fast Fourier transforms.
 
     A transform of N numbers errs by at most r = BUTTERFLY log2(N) u of its norm, u = EPS / 2.  With the
@@ -258,7 +249,7 @@ def _transform_error(weights: Array, image: Array) -> float:
     return float((BUTTERFLY * np.log2(size) + 8) * EPS / 2 * 1.01 * most)
 
 
-def _window_sums(taps: Array, side: int) -> Array:
+def _window_sums(taps: Floats, side: int) -> Floats:
     """Return for light x the sum of the taps t of its column with 0 <= x + t - (k - 1) < side.
 
     taps : (k, l).  Returns (side + k - 1, l).
@@ -267,18 +258,18 @@ def _window_sums(taps: Array, side: int) -> Array:
     return np.concatenate([first[:-1], np.repeat(first[-1:], side - len(taps) + 1, axis=0), last[-2::-1]])
 
 
-def _edges(half: float) -> Array:
+def _edges(half: float) -> Floats:
     if not (np.isfinite(half) and half > 0):
         raise ValueError(f"a half width or radius must be a positive number of pixels, got {half}")
     middle = int(np.ceil(half - 0.5))
     return np.arange(-middle, middle + 2, dtype=np.float64) - 0.5
 
 
-def _covered(half: float) -> Array:
+def _covered(half: float) -> Floats:
     return np.diff(np.clip(_edges(half), -half, half))
 
 
-def _half_disk(u: Array) -> Array:
+def _half_disk(u: Floats) -> Floats:
     """Return the integral of sqrt(1 - t^2) from 0 to u."""
     return (u * np.sqrt(1 - u**2) + np.arcsin(u)) / 2
 

@@ -20,7 +20,8 @@ from scipy.ndimage import maximum_filter
 
 from optics.designing.etendue.approximation import Approximation, approximate
 from optics.designing.etendue.certificate import bound_by, per_column_sum
-from optics.designing.etendue.kernel import Array, Kernel, Real
+from optics.designing.etendue.kernel import Kernel, Real
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +30,7 @@ class KernelStack:
 
     The lights for an image of (n, m) lie on top of each other, (K (n + k - 1), m + l - 1).
 
-    Raises
-    ------
-    ValueError : no kernel, or kernels of different shapes.
+    Raises ValueError : no kernel, or kernels of different shapes.
     """
 
     kernels: tuple[Kernel, ...]
@@ -56,7 +55,7 @@ class KernelStack:
         )
 
     @property
-    def weights(self) -> Array:
+    def weights(self) -> Floats:
         """The mean of the kernels, (k, l)."""
         return np.mean([kernel.weights for kernel in self.kernels], axis=0)
 
@@ -83,18 +82,18 @@ class KernelStack:
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfers.conj(), size)[:, :rows, :columns].reshape(-1, columns)
 
-    def greatest_mean(self, image: Array) -> float:
+    def greatest_mean(self, image: Floats) -> float:
         """Return a number that no A^T y / A^T 1 exceeds, rounding included: the greatest of the kernels'."""
         return max(kernel.greatest_mean(image) for kernel in self.kernels)
 
-    def column_sums(self, shape: tuple[int, ...]) -> Array:
+    def column_sums(self, shape: tuple[int, ...]) -> Floats:
         """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape, over
         K."""
         return np.concatenate([kernel.column_sums(shape) for kernel in self.kernels]) / len(self.kernels)
 
 
 def stack_approximation(
-    stack: KernelStack, target: Array, tolerance: float, most_iterations: int
+    stack: KernelStack, target: Floats, tolerance: float, most_iterations: int
 ) -> tuple[Approximation, float]:
     """Return (Approximation, lower bound of ||E - G|| / ||G||) for the images of a stack.
 

@@ -14,14 +14,14 @@ from optics.designing.etendue.throughput_bound import (
     image_half_width,
     rear_area,
 )
-from optics.light.tracing import normal_incidence_transmittance
+from optics.light.analysis import passing_share
 from optics.scene.problem import freedom_of
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
-OBLIQUE = "etendue bounds the light on targets across the axis only; none is given of this one"
+CURVED = "etendue bounds the light on planes and in the far field; no bound is given of a curved target"
 FORMS = {  # of the source's image, by the kind of its profile
     "uniform": "uniform rectangle along x and y",
     "round": "uniform ellipse along x and y",
@@ -74,10 +74,11 @@ class OneBlur:
 def usual_efficiency(system: OpticalSystem, universal: UniversalBound | None = None) -> float:
     """Return the efficiency at which a problem is judged before there is a lens.
 
-    It is that of all light on the base lens's front, once through two uncoated faces at normal incidence, or
-    what can arrive where that is less.  It is no bound: coatings pass more.
+    It is that of all light on the first face, of which every face passes what it does at normal incidence, or
+    what can arrive where that is less.  It is no bound.
     """
-    usual = normal_incidence_transmittance(system.lens.index) * front_fraction(system)
+    (share,) = passing_share(system.path(system.lens)).values()
+    usual = (1.0 if share is None else share) * front_fraction(system)
     return usual if universal is None else min(usual, universal.most_on_target / universal.flux)
 
 
@@ -146,9 +147,10 @@ class EtendueNotes(NamedTuple):
 def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     """Return sentences on what etendue says about a problem; none for sources without extent.
 
-    The blur of a beam is known, and needs no bound.  z_freedom must be known.
+    The blur of a beam is known, and needs no bound.  That of a lens off the axis, or of a mirror, is no
+    model.  z_freedom must be known.
     """
-    notes = EtendueNotes([OBLIQUE] if system.source.etendue and not bounds_hold(system) else [], [])
+    notes = EtendueNotes([CURVED] if system.source.etendue and not bounds_hold(system) else [], [])
     if not bounds_hold(system):
         return notes
     universal = universal_bound(system)
@@ -156,7 +158,7 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     said = [universal_sentence(system, universal, efficiency), *universal_lines(system, universal)]
     free = universal.least_rel_l2(efficiency) == 0 and universal.exact_efficiency >= 1
     (notes.background if free else notes.limits).extend(said)
-    if system.source.diverging:
+    if system.source.diverging or not system.axial:
         return notes
     images = one_blur(system, system.lens, efficiency, SEARCH_QUICK, stretchable(system))
     _place(
@@ -188,8 +190,8 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     first = f"rel_l2 reached {rel_l2:.4f}; {universal_sentence(system, universal, efficiency)}"
     if least is None or rel_l2 < least:
         first += "; this lens does, so it is not within the envelope or was not measured well enough"
-    (notes.background if least == 0 else notes.limits).extend([first, curve_sentence(universal)])
-    if system.source.diverging:
+    (notes.background if least == 0 else notes.limits).extend([first, curve_sentence(system, universal)])
+    if system.source.diverging or not system.axial:
         return notes
     forms = [(False, FIXED_QUICK)]
     if stretchable(system):
@@ -208,22 +210,35 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
     """Return the universal bound in one sentence, with its class."""
-    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.optic.free.items()]
-    least = universal.least_rel_l2(efficiency)
+    problem, least = system.problem, universal.least_rel_l2(efficiency)
+    last = problem.faces_met[-1].optic
+    freedoms = [f"{last.face_name(side)} {f.freedom:g} mm" for side, f in last.free.items()]
+    faces = ["six faces" if system.lone_lens else f"the whole {problem.face_names[-1]}"]
+    if freedoms:
+        faces.append(f"z_freedom {' and '.join(freedoms)} included")
+    noun, which = _noun(system), "within" if len(problem.optics) == 1 else "whose last element lies within"
+    all_ways, any_way = (", with light by all its paths,", ", by any path") if system.lone_lens else ("", "")
+    envelope = f"{which} the envelope ({', '.join(faces)})"
     brought = f"{efficiency:.4g} of the source's light to the target"
-    envelope = f"within the envelope (six faces, z_freedom {' and '.join(freedoms)} included)"
     if least == 0:
-        return f"etendue forbids no rel_l2 to solids {envelope} that bring {brought}, by any path"
+        return f"etendue forbids no rel_l2 to {noun}s {envelope} that bring {brought}{any_way}"
     below = "" if least is None else f" with rel_l2 below {rounded_down(least)}"
-    return f"by etendue no solid {envelope}, with light by all its paths, brings {brought}{below}"
+    return f"by etendue no {noun} {envelope}{all_ways} brings {brought}{below}"
+
+
+def _noun(system: OpticalSystem) -> str:
+    """Return what the universal bound is one of all."""
+    if system.lone_lens:
+        return "solid"
+    return system.problem.optic.noun if len(system.problem.optics) == 1 else "row"
 
 
 def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[str]:
     """Return sentences on the most light of these lenses, and on the picture itself."""
     flux, density = system.units.flux, system.density
-    exact = universal.exact_efficiency
+    exact, noun = universal.exact_efficiency, _noun(system)
     return [
-        f"of any such solid at most {rounded_up(universal.most_on_target)} {flux} reach the target, "
+        f"of any such {noun} at most {rounded_up(universal.most_on_target)} {flux} reach the target, "
         f"at most {rounded_up(universal.most_on_lit)} {flux} the pixels where light is asked for, "
         f"and no pixel gets more than {rounded_up(density.factor * universal.peak)} {density.shown}",
         "etendue alone forbids the picture itself "
@@ -231,15 +246,15 @@ def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[st
     ]
 
 
-def curve_sentence(universal: UniversalBound) -> str:
-    """Return the least rel_l2 of any such solid over the efficiency, in one sentence."""
+def curve_sentence(system: OpticalSystem, universal: UniversalBound) -> str:
+    """Return the least rel_l2 of any such lens over the efficiency, in one sentence."""
     curve = universal.curve()
     free = [efficiency for efficiency, least in curve if least == 0]
     parts = [f"{rounded_down(0.0)} up to {free[-1]:g}"] if free else []
     parts += [f"{rounded_down(least)} at {efficiency:g}" for efficiency, least in curve if least]
     if any(least is None for _, least in curve):
         parts.append(f"no light beyond {rounded_up(universal.most_on_target / universal.flux)}")
-    return f"least rel_l2 of any such solid by its efficiency: {', '.join(parts)}"
+    return f"least rel_l2 of any such {_noun(system)} by its efficiency: {', '.join(parts)}"
 
 
 def blur_sentence(images: OneBlur, any_form: bool = True) -> str:

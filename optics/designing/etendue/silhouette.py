@@ -1,8 +1,9 @@
-"""How much of the light's way to every pixel the lens can fill: the silhouette of its envelope.
+"""How much of the light's way to every pixel the last element can fill: the silhouette of its envelope.
 
 The envelope holds every lens of a problem: conic +- z_freedom of front and rear, and the straight edges
-between their rims.  Light comes from its convex hull B.  A point x of the target sees B under the projected
-solid angle
+between their rims; of a mirror the face, wherever they lie before the target.  All light of the path leaves
+the last element of a row, and so comes from the convex hull B of its envelope, in the frame of the target.
+A point x of the target sees B under the projected solid angle
 
     P(x) = integral of cos(theta) dOmega = 1/2 sum over edges of angle(a, b) (a x b)_z / |a x b|
 
@@ -35,53 +36,75 @@ from __future__ import annotations
 from math import ceil, hypot, isqrt, pi
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, pose_of
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
+from thbcad.poses import IDENTITY, Pose
 
 CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
 PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 or 2 % too large
 POINTS = 1 << 18  # parts of pixels on a target, at most: below a second
 SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixels on the target
+THIN = 1e-6  # of its half-width: the least freedom of a mirror's face, whose hull is a body then
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
-Array = NDArray[np.float64]
 
-
-def pixel_etendue(system: OpticalSystem) -> Array:
+def pixel_etendue(system: OpticalSystem) -> Floats:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
-    points, screen, z = envelope(system), system.target.screen(), system.target.receiver.pose.shift[2]
+    (pose, z), screen = _before_target(system), system.target.screen()
+    points = _moved(envelope(system), pose)
     depth = 180 / pi if screen.angular else z - points[:, 2].max()
     # into how many parts a pixel is divided in each direction
-    affordable = isqrt(POINTS // (screen.pixels[0] * screen.pixels[1]))
+    affordable = isqrt((POINTS if system.axial else POINTS // 4) // (screen.pixels[0] * screen.pixels[1]))
     wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
     parts = max(1, wanted)
     fine = screen.finer(parts)
     if screen.angular:
         part = _shadow(fine, points) * _solid_angle(fine)
     else:
-        part = _seen(fine, points, z) * fine.pixel_area
+        part = _seen(fine, points, z, system.axial) * fine.pixel_area
     rows, columns = screen.shape
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
-def envelope(system: OpticalSystem) -> Array:
-    """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
-    spec, lens = system.problem.optic, system.lens
-    points = np.concatenate(
-        [
-            _around(lens.front, 0.0, freedom_of(spec.front)),
-            _around(lens.rear, lens.thickness, freedom_of(spec.rear)),
-        ]
-    )
+def envelope(system: OpticalSystem) -> Floats:
+    """Return points whose convex hull holds all faces of the last element, in its frame, (n, 3) mm.
+
+    z_freedom must be known.
+    """
+    points = np.concatenate([_around(*face) for face in _last_faces(system)])
     return points[ConvexHull(points).vertices]
 
 
-def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
+def _last_faces(system: OpticalSystem) -> list[tuple[FreeformSurface, float, float]]:
+    """Return the faces of the last element that light meets: surface, z of its vertex, and freedom, mm."""
+    met = system.problem.faces_met
+    optic, used = met[-1].optic, {face.face for face in met if face.optic is met[-1].optic}
+    (lens,) = (body for other, body in system.elements(system.lens) if other is optic)
+    faces = [(lens.front, 0.0, freedom_of(optic.front)), (lens.rear, lens.thickness, freedom_of(optic.rear))]
+    if "rear" in used:
+        return faces
+    return [(lens.front, 0.0, max(freedom_of(optic.front), THIN * min(lens.front.half_width)))]
+
+
+def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
+    """Return the pose of the last element in a frame whose z goes through the target, and the target's z."""
+    receiver = system.target.receiver
+    if system.axial:
+        return IDENTITY, float(receiver.pose.shift[2])
+    return receiver.pose.inverse() @ pose_of(system.problem.faces_met[-1].optic), 0.0
+
+
+def _moved(points: Floats, pose: Pose) -> Floats:
+    """Return points elsewhere, (n, 3)."""
+    return np.asarray(pose.points(points.T)).T
+
+
+def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Floats:
     """Return points whose convex hull holds a surface with its freedom, (n, 3).
 
     A conic lies on one side of its tangent planes, here those at the middles of cells, and on the other side
@@ -103,8 +126,11 @@ def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Array:
     return np.concatenate(found)
 
 
-def _seen(screen: Screen, points: Array, z: float) -> Array:
-    """Return an upper bound of the mean of P over every pixel of a target plane, (rows, columns) sr."""
+def _seen(screen: Screen, points: Floats, z: float, mirrored: bool = True) -> Floats:
+    """Return an upper bound of the mean of P over every pixel of a target plane, (rows, columns) sr.
+
+    mirrored : the envelope is its own mirror image in x and in y: a quarter of the pixels tells all.
+    """
     depth = z - points[:, 2]
     nearest, farthest = depth.min(), depth.max()
     if nearest <= 0:
@@ -114,23 +140,28 @@ def _seen(screen: Screen, points: Array, z: float) -> Array:
     swept = np.concatenate(
         [points + np.pad(shear * sign, ((0, 0), (0, 1))) for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
     )
-    # the envelope is its own mirror image in x and in y: a quarter of the pixels tells all
-    quarter = [np.abs(a)[: (len(a) + 1) // 2] for a in screen.centres]
-    x, y = (a.ravel() for a in np.meshgrid(*quarter))
-    half = np.abs(swept[:, :2]).max(axis=0)
-    least = np.hypot(*(np.maximum(a - h, 0.0) for a, h in zip((x, y), half))) / farthest
-    most = np.hypot(x + half[0], y + half[1]) / nearest
+    told = [np.abs(a)[: (len(a) + 1) // 2] if mirrored else a for a in screen.centres]
+    x, y = (a.ravel() for a in np.meshgrid(*told))
+    sides = list(zip((x, y), swept[:, :2].min(axis=0), swept[:, :2].max(axis=0)))
+    least = np.hypot(*(np.maximum(np.maximum(low - a, a - high), 0.0) for a, low, high in sides)) / farthest
+    most = np.hypot(*(np.maximum(a - low, high - a) for a, low, high in sides)) / nearest
     u = np.clip(1.0, least, most)
     t = (u / (1 + u * u) * hypot(*screen.pitch) / middle) ** 2
     spread = np.divide(1 + t, (1 - t) ** 2, out=np.full_like(t, np.inf), where=t < 1)
     bound = np.minimum(projected_solid_angle(swept, x, y, z) * spread, pi)
+    bound = bound.reshape(len(told[1]), -1)
+    if not mirrored:
+        return bound
     rows, columns = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in screen.shape)
-    return bound.reshape(len(quarter[1]), -1)[np.ix_(rows, columns)]
+    return bound[np.ix_(rows, columns)]
 
 
-def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
+def projected_solid_angle(points: Floats, x: Floats, y: Floats, z: float) -> Floats:
     """Return P of the convex hull of `points` (n, 3), seen from (x, y, z) above all of them, (m,) sr."""
-    hull = ConvexHull(points)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # of a thin face many are almost the same; QJ moves them apart, by 1e-11 of their size
+        hull = ConvexHull(points, qhull_options="QJ")
     visible = [(plane[0] * x + plane[1] * y + (plane[2] * z + plane[3])) > 0 for plane in hull.equations]
     total = np.zeros_like(x)
     for face, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors)):
@@ -149,7 +180,7 @@ def projected_solid_angle(points: Array, x: Array, y: Array, z: float) -> Array:
     return np.maximum(total, 0.0)
 
 
-def _edge_term(a: Array, b: Array) -> Array:
+def _edge_term(a: Floats, b: Floats) -> Floats:
     """Return angle(a, b) (a x b)_z / |a x b| / 2 of vectors (3, n)."""
     normal = np.cross(a, b, axis=0)
     length = np.sqrt((normal**2).sum(axis=0))
@@ -157,7 +188,7 @@ def _edge_term(a: Array, b: Array) -> Array:
     return np.divide(angle * normal[2], 2 * length, out=np.zeros_like(length), where=length > 0)
 
 
-def _shadow(screen: Screen, points: Array) -> Array:
+def _shadow(screen: Screen, points: Floats) -> Floats:
     """Return an upper bound of the shadow's area over every pixel of the far field, (rows, columns) mm^2."""
     a, b = _tangents(screen)
     area = _thrown(points, a[None, :], b[:, None])
@@ -167,7 +198,7 @@ def _shadow(screen: Screen, points: Array) -> Array:
     return np.maximum(corner[:, 1:], corner[:, :-1]) / length
 
 
-def _thrown(points: Array, a: Array, b: Array) -> Array:
+def _thrown(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the area of the shadow along (a, b, 1) on a plane z = constant, mm^2; a and b broadcast."""
     hull = ConvexHull(points)
     area = np.zeros(np.broadcast_shapes(a.shape, b.shape))
@@ -178,14 +209,14 @@ def _thrown(points: Array, a: Array, b: Array) -> Array:
     return area
 
 
-def _solid_angle(screen: Screen) -> Array:
+def _solid_angle(screen: Screen) -> Floats:
     """Return the solid angle of every pixel of the far field, (rows, columns) sr."""
     a, b = _tangents(screen)
     corner = np.arctan(a[None, :] * b[:, None] / np.sqrt(1 + a[None, :] ** 2 + b[:, None] ** 2))
     return -np.diff(np.diff(corner, axis=0), axis=1)
 
 
-def _tangents(screen: Screen) -> tuple[Array, Array]:
+def _tangents(screen: Screen) -> tuple[Floats, Floats]:
     """Return the tangents of the borders of columns and rows; those of rows fall."""
     a, b = (
         np.tan(np.radians(h * (2 * np.arange(n + 1) / n - 1)))
@@ -194,7 +225,7 @@ def _tangents(screen: Screen) -> tuple[Array, Array]:
     return a, -b
 
 
-def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
+def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
     The envelope is sampled from within, by points of its surfaces within their outlines; its bound has
@@ -202,7 +233,8 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
 
     etendue : (rows, columns), mm^2 sr, the bound
     """
-    screen, points = system.target.screen(), _within(system)
+    (pose, z), screen = _before_target(system), system.target.screen()
+    points = _moved(_within(system), pose)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     rows, columns = (np.unique(np.linspace(0, n - 1, LOOKED_AT).round().astype(int)) for n in screen.shape)
     along = (
@@ -215,20 +247,16 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
         seen = _thrown(points, a, b) * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2
         seen *= (pi / 180) ** 2
     else:
-        seen = projected_solid_angle(points, x.ravel(), y.ravel(), system.target.receiver.pose.shift[2])
+        seen = projected_solid_angle(points, x.ravel(), y.ravel(), z)
     seen = seen.reshape(len(rows), NODES, len(columns), NODES)
     filled = np.einsum("injm,n,m->ij", seen, weights, weights) / 4 * screen.pixel_area
     return float((etendue[np.ix_(rows, columns)] / filled).max())
 
 
-def _within(system: OpticalSystem) -> Array:
-    """Return points of all lenses: of front and rear at both ends of z_freedom, (n, 3) mm."""
-    spec, lens, at = system.problem.optic, system.lens, np.linspace(-1, 1, SAMPLES)
-    points = []
-    for surface, vertex, freedom in (
-        (lens.front, 0.0, freedom_of(spec.front)),
-        (lens.rear, lens.thickness, freedom_of(spec.rear)),
-    ):
+def _within(system: OpticalSystem) -> Floats:
+    """Return points of all last elements: of their faces at both ends of z_freedom, (n, 3) mm."""
+    at, points = np.linspace(-1, 1, SAMPLES), []
+    for surface, vertex, freedom in _last_faces(system):
         x, y = np.meshgrid(*(h * at for h in surface.half_width))
         if not surface.outline.is_rectangle:
             x, y = surface.outline.filled(x, y)

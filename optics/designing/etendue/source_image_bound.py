@@ -29,10 +29,10 @@ from math import ceil, floor, inf, log2, sqrt
 import numpy as np
 
 from optics.designing.etendue.approximation import approximate
-from optics.designing.etendue.kernel import Array, Kernel, Real
+from optics.designing.etendue.kernel import Kernel, Real
 from optics.designing.etendue.kernel_stack import KernelStack, stack_approximation
 from optics.scene.sources import Profile
-from thbcad.checks import EPS
+from thbcad.checks import EPS, Floats
 
 SUBPIXELS = 16  # in each direction, where the picture of a source is drawn
 MOST_STEPS = 5000
@@ -66,13 +66,13 @@ class ImageBound:
     kkt: float
     merged: int
     sizes: int
-    target: Array
+    target: Floats
     image: Real
-    kernel: Array
+    kernel: Floats
 
 
 def image_bound(
-    target: Array, width: Sequence[float], profile: Profile, merge: int = 1, finest: float = 1e-5
+    target: Floats, width: Sequence[float], profile: Profile, merge: int = 1, finest: float = 1e-5
 ) -> ImageBound:
     """Return the ImageBound for images of a source at least `width` pixels wide and high.
 
@@ -106,7 +106,7 @@ def image_bound(
 
 
 def any_proportions(
-    target: Array, area: float, merge: int = 1, finest: float = 1e-5, most: int = MOST_SOLUTIONS
+    target: Floats, area: float, merge: int = 1, finest: float = 1e-5, most: int = MOST_SOLUTIONS
 ) -> ImageBound:
     """Return the ImageBound for uniform rectangles of one size, at least an area in square pixels.
 
@@ -188,7 +188,7 @@ def _largest(pixels: int, merge: int) -> int:
     return max(1, pixels // merge - 2)
 
 
-def _no_bound(goal: Array, merge: int) -> ImageBound:
+def _no_bound(goal: Floats, merge: int) -> ImageBound:
     """Return the bound 0 of single pixels, which make every target."""
     return ImageBound(0.0, 0.0, 0.0, merge, 0, goal, goal, np.ones((1, 1)))
 
@@ -224,7 +224,7 @@ def _blur(
     return Kernel(fine.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
 
 
-def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: float) -> ImageBound:
+def _solved(target: Floats, blur: KernelStack | Kernel, merge: int, tolerance: float) -> ImageBound:
     """Return the ImageBound of one blur of merged pixels."""
     goal = _merged(target, merge)
     scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
@@ -245,7 +245,7 @@ def _solved(target: Array, blur: KernelStack | Kernel, merge: int, tolerance: fl
     )
 
 
-def _merged(image: Array, merge: int) -> Array:
+def _merged(image: Floats, merge: int) -> Floats:
     """Return the means of merge x merge pixels.
 
     Rows and columns left over at the end are dropped, which is a projection too.

@@ -26,19 +26,19 @@ from dataclasses import dataclass
 from math import inf, isinf, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.scene.problem import freedom_of
+from optics.scene.receivers import Plane
 from optics.scene.sources import Profile, Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 RAYS = (512, 256)  # for the fraction of the light that meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, in each direction
 AREA_CELLS = 512  # of the rear, in each direction
 
-Array = NDArray[np.float64]
 # the multiplier of `least_mean` is searched for between these, times 1 / standard deviation
 STRENGTHS = (1e-7, 1e7)
 MOST_STEPS = 100  # of Newton's method in `least_mean`
@@ -78,9 +78,9 @@ def throughput(system: OpticalSystem) -> Throughput:
 
 
 def bounds_hold(system: OpticalSystem) -> bool:
-    """Return whether etendue bounds the light of a system: its source has extent, its target lies across the
-    axis."""
-    return bool(system.source.etendue) and system.axial
+    """Return whether etendue bounds the light of a system: its source has extent, its target is no curve."""
+    receiver = system.target.receiver
+    return bool(system.source.etendue) and (receiver.far_field or isinstance(receiver, Plane))
 
 
 def radiance(system: OpticalSystem) -> float:
@@ -102,14 +102,15 @@ def brightest(profile: Profile) -> float:
 
 
 def front_fraction(system: OpticalSystem) -> float:
-    """Return the fraction of the source's flux that meets the front, by a fixed set of rays.
+    """Return the fraction of the source's flux that meets the first face, by a fixed set of rays.
 
     A ray meets the graph z(x, y) over the outline if it is below the graph where it enters the prism of the
     outline, and above it where it leaves the prism.
     """
-    front, rays = system.lens.front, system.source.rays(RAYS)
+    rays, first = system.source.rays(RAYS), system.path(system.lens).surfaces[0]
     if not isinstance(rays, Rays):
         return rays.total / (rays.total + rays.missed)
+    front, rays = first.shape, rays.posed(first.pose.inverse())
     origin, direction = rays.origin, rays.direction
     enter, leave = front.outline.chord(origin[:2], direction[:2])
     enter = np.maximum(0.0, enter)
@@ -155,7 +156,7 @@ def rear_area(lens: Lens) -> float:
     )
 
 
-def spread(system: OpticalSystem) -> Array:
+def spread(system: OpticalSystem) -> Floats:
     """Return the least D^2 / cos^3(theta) of every pixel as seen from the rear, (rows, columns) mm^2.
 
     It is (D^2 + r^2)^(3/2) / D, with the lateral distance r of the pixel's nearest point from the aperture.
@@ -178,7 +179,7 @@ def spread(system: OpticalSystem) -> Array:
     return (distance**2 + lateral) ** 1.5 / distance
 
 
-def _corner(x: Array, y: Array) -> Array:
+def _corner(x: Floats, y: Floats) -> Floats:
     """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1.
 
     It is odd in x and in y.  Source: Howell, factor B-3.
@@ -223,7 +224,7 @@ def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: flo
     return mean * used / rear_area(lens)
 
 
-def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
+def least_mean(values: Floats, picture: Floats, rel_l2: float) -> float:
     """Return a lower bound of the mean of `values` h, weighted by any irradiance E >= 0 near a picture G.
 
     mean E = mean G = 1 and mean (E - G)^2 <= delta^2 = rel_l2^2 mean G^2.  By weak duality every c and t > 0
@@ -252,7 +253,7 @@ def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
     return max(least, -float(best.fun))
 
 
-def _unit_mean_irradiance(values: Array, picture: Array, t: float) -> tuple[float, Array]:
+def _unit_mean_irradiance(values: Floats, picture: Floats, t: float) -> tuple[float, Floats]:
     """Return c and E = max(0, G - t (h - c)) with mean E = 1.
 
     By Newton's method from above: mean E is a convex function of c.

@@ -75,9 +75,7 @@ def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
 def with_sags(system: OpticalSystem, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
     """Return the system and its lens with other sags, proven.
 
-    Raises
-    ------
-    NumericalError : an element cannot exist.
+    Raises NumericalError : an element cannot exist.
     """
     try:
         return sound_with(system, system.lens, sags)

@@ -51,9 +51,7 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
 def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | GaussianWindow | None:
     """Return a window of a problem by its name, None for exact cells.
 
-    Raises
-    ------
-    UserError : an unknown name.
+    Raises UserError : an unknown name.
     """
     o = problem.optimizer
     windows = {

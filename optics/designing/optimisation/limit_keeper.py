@@ -57,9 +57,7 @@ class LimitKeeper:
     def minimised(self, search: Search, iterations: int, log: Log) -> tuple[tuple[THBSurface, ...], Found]:
         """Return the best sags that are found, within the limits where that can be, and the last search.
 
-        Raises
-        ------
-        Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
+        Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
         shape = search.objective.shape
         if self._dense is None or shape is None:

@@ -62,9 +62,7 @@ def _ignored(*_: object) -> None:
 def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None = None) -> float:
     """Return the flux that a lens sends on, W: the unoptimised one where none is given.
 
-    Raises
-    ------
-    UserError : (almost) nothing passes the lens.
+    Raises UserError : (almost) nothing passes the lens.
     """
     optic, units = system.problem.optic, system.units
     which = f"unoptimised {optic.noun}" if lens is None else optic.noun
@@ -116,9 +114,8 @@ def shape_lens(
     backend : of the exact tracer.  engine : what traces the light that is optimised.
     state : to go on from, or None.  start : of the system, where it is known already.
 
-    Raises
-    ------
-    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or a level starts from a crossing.
+    Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or a level starts from a
+        crossing.
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
     listener = listener or Listener()

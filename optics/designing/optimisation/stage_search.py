@@ -46,9 +46,7 @@ class Log:
     def add(self, evaluation: Evaluation, dof: int) -> None:
         """Add the row of an evaluation.
 
-        Raises
-        ------
-        NumericalError : its loss or gradient is not finite.
+        Raises NumericalError : its loss or gradient is not finite.
         """
         level = self._stage.level
         if not (np.isfinite(evaluation.loss) and all(np.isfinite(g).all() for g in evaluation.gradients)):
@@ -122,9 +120,7 @@ def minimised(search: Search, iterations: int, log: Log) -> Found:
     Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  L-BFGS
     stops where the root of the loss fell by less than FLAT per step, over STEPS steps.
 
-    Raises
-    ------
-    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
+    Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
     """
     options = search.problem.optimizer
     best = Found(search, [sag.coefficients for sag in search.sags], len(log.rows))

@@ -93,9 +93,7 @@ def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Len
     A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
     optimiser averages the sags with their mirror images.
 
-    Raises
-    ------
-    UserError : no surface has a sag, or one lies over another rectangle, conic or mesh.
+    Raises UserError : no surface has a sag, or one lies over another rectangle, conic or mesh.
     """
     if not earlier.sags:
         raise UserError("the earlier design has no freeform surface to start from")

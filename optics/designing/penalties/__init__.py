@@ -5,11 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.penalties.shape_loss import (
-        ROOM as ROOM,
-        Part as Part,
-        ShapePenalty as ShapePenalty,
-        shape_penalty as shape_penalty,
-    )
+    from optics.designing.penalties.shape_loss import ROOM, Part, ShapePenalty, shape_penalty
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

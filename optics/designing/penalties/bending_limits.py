@@ -19,8 +19,9 @@ from math import radians, tan
 
 import numpy as np
 
-from optics.designing.penalties.sample_points import Excess, Floats, Pull, SurfaceSamples, free_surfaces
+from optics.designing.penalties.sample_points import Excess, Pull, SurfaceSamples, free_surfaces
 from optics.scene.problem import Limits
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 Matrix = tuple[Floats, Floats, Floats]  # xx, xy, yy of symmetric matrices

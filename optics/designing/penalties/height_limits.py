@@ -22,7 +22,6 @@ from scipy.sparse import csr_array
 
 from optics.designing.penalties.sample_points import (
     Excess,
-    Floats,
     Pull,
     SurfaceSamples,
     free_surfaces,
@@ -30,6 +29,7 @@ from optics.designing.penalties.sample_points import (
     within,
 )
 from optics.scene.problem import Limits
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens, mass
 from thbcad.outlines import Outline, area_rule
 from thbcad.splines import KnotVector, gauss_rule, tensor_apply

@@ -11,15 +11,14 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
 from thbcad.splines import KnotVector, tensor_apply
 
 EDGE = 1e-12  # relative: points that rounding put beside an outline
 
-Floats = NDArray[np.float64]
 Pull = Callable[[Floats, Sequence[Floats]], None]
 
 

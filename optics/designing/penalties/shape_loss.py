@@ -20,8 +20,9 @@ import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
-from optics.designing.penalties.sample_points import Excess, Floats, Pull, SurfaceSamples
+from optics.designing.penalties.sample_points import Excess, Pull, SurfaceSamples
 from optics.scene.problem import Limits
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 
 WEIGHT = 100.0  # of the mean square of relative excesses

@@ -5,17 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.prediction.automatic import resolved as resolved
-    from optics.designing.prediction.blurred_picture import (
-        blur_limits as blur_limits,
-        blur_sentence as blur_sentence,
-    )
-    from optics.designing.prediction.expectation import (
-        STEEP as STEEP,
-        Expectation as Expectation,
-        expected as expected,
-    )
-    from optics.designing.prediction.expectation_text import expectation_lines as expectation_lines
-    from optics.designing.prediction.foreseen_verdict import foreseen_misses as foreseen_misses
+    from optics.designing.prediction.automatic import resolved
+    from optics.designing.prediction.blurred_picture import blur_limits, blur_sentence
+    from optics.designing.prediction.expectation import STEEP, Expectation, expected
+    from optics.designing.prediction.expectation_text import expectation_lines
+    from optics.designing.prediction.foreseen_verdict import foreseen_misses
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -17,7 +17,6 @@ from math import hypot, inf, isinf, sqrt
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
@@ -27,12 +26,12 @@ from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
 from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
+from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, seen_functions
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
 
 Surface = TypeVar("Surface", "Front", "Rear")
-Floats = NDArray[np.float64]
 
 LEAST = 3  # level: the optimiser mends what the transport map's own cells leave
 CELLS = 64  # of the map that tells the base, in each direction: its curvature needs no detail
@@ -55,9 +54,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
     to see (`seen_level`).
 
-    Raises
-    ------
-    UserError : no transport map tells the base lens, or the lens that it tells cannot be.
+    Raises UserError : no transport map tells the base lens, or the lens that it tells cannot be.
     """
     if system.problem.optic.automatic:
         system = _with_base(system, backend)

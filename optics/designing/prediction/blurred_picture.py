@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from optics.base.runtime import Backend
@@ -23,6 +22,7 @@ from optics.light.analysis import rel_l2
 from optics.light.blur import Blur, blur_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
@@ -66,7 +66,7 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
     )
 
 
-def _blurred(blur: Blur, picture: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
+def _blurred(blur: Blur, picture: Floats, screen: Screen) -> Floats:
     """Return the means over pixels of a blurred picture that is constant on every pixel."""
     rows, columns = picture.shape
     times = blur.parts(screen, FINER)
@@ -89,7 +89,7 @@ def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | Non
     return said if reached is None else f"{said}; this lens has {reached:.2g}"
 
 
-def stroke_width(picture: NDArray[np.float64], pitch: Sequence[float]) -> float:
+def stroke_width(picture: Floats, pitch: Sequence[float]) -> float:
     """Return the mean width of the bright parts of a picture, in the unit of pitch (x, y).
 
     Bright is what lies above Otsu's threshold.  The points of a stroke of width w are w / 4 from its border
@@ -111,9 +111,7 @@ def _who(system: OpticalSystem) -> str:
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _least(
-    system: OpticalSystem, target: NDArray[np.float64], shown: NDArray[np.float64], blur: Blur
-) -> float | None:
+def _least(system: OpticalSystem, target: Floats, shown: Floats, blur: Blur) -> float | None:
     """Return a lower bound of rel_l2 of the light of one blur, on merged pixels; None of a wider spot.
 
     With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than

@@ -1,4 +1,5 @@
-"""What of the limits of [verify] a design will miss, as far as that is known before it."""
+"""What of the limits of [verify] a design will miss, and whether its body fails, as far as that is known
+before it."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ MAY = "this design may miss its limit"
 def foreseen_misses(
     system: OpticalSystem, expected: Expectation, blur: BlurLimits | None, backend: Backend
 ) -> list[str]:
-    """Return a sentence for every limit that a design will miss, or may miss.
+    """Return a sentence for every limit that a design will miss, or may miss, and for a body that fails.
 
     blur : what the blur leaves of the picture, where there is one.
     """
@@ -41,6 +42,8 @@ def foreseen_misses(
             f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
             f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
         )
+    if expected.refused:
+        sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")
     return sentences
 
 

@@ -5,12 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.progress.design_progress import (
-        DesignProgress as DesignProgress,
-        Notes as Notes,
-        RunClock as RunClock,
-        Size as Size,
-    )
-    from optics.designing.progress.progress_bar import drawing as drawing
+    from optics.designing.progress.design_progress import DesignProgress, Notes, RunClock, Size
+    from optics.designing.progress.progress_bar import drawing
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,12 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.starts.cell_sums import summed_over_cells as summed_over_cells
-    from optics.designing.starts.rear_light import RearLight as RearLight
-    from optics.designing.starts.transport_start import (
-        TransportFit as TransportFit,
-        TransportStart as TransportStart,
-        spot_lens as spot_lens,
-    )
+    from optics.designing.starts.cell_sums import summed_over_cells
+    from optics.designing.starts.rear_light import RearLight
+    from optics.designing.starts.transport_start import TransportFit, TransportStart, spot_lens
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.transport.back_and_forth import transport_map as transport_map
-    from optics.designing.transport.poisson import height_from_slopes as height_from_slopes
-    from optics.designing.transport.prewarp import prewarped as prewarped
+    from optics.designing.transport.back_and_forth import transport_map
+    from optics.designing.transport.poisson import height_from_slopes
+    from optics.designing.transport.prewarp import prewarped
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

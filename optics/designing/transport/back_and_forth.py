@@ -25,9 +25,10 @@ import numpy as np
 from scipy.ndimage import zoom
 
 from optics.base.runtime import Backend
-from optics.designing.transport.c_transform import Floats, c_transform
+from optics.designing.transport.c_transform import c_transform
 from optics.designing.transport.poisson import solved_poisson
 from optics.designing.transport.push_forward import push_forward
+from thbcad.checks import Floats
 
 Density = Callable[[tuple[int, int]], Floats]
 

@@ -16,11 +16,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 ROOM = 512  # parabolas that one compiled kernel has room for; longer rows compile another one
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 
 def solved_poisson(density: Floats, spacing: Sequence[float]) -> Floats:

@@ -14,10 +14,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
 
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 CELLS_PER_BIN = 4  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
 CELLS_PER_FINE_BIN = 2

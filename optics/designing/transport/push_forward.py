@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray, OrderFreeSums
-
-Floats = NDArray[np.float64]
+from thbcad.checks import Floats
 
 SAMPLES = 2  # of a cell in each direction: one leaves stripes where the map stretches, four change nothing
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
-
-Booleans = NDArray[np.bool_]
+from thbcad.checks import Bools, Floats, Integers
 
 LEAF = 8  # triangles
 ENDS = 1e-9  # of a path: its ends lie on faces
@@ -31,7 +28,7 @@ class Obstacles:
     def __init__(self, triangles: Floats) -> None:
         self._root = _node(triangles) if len(triangles) else None
 
-    def stop(self, start: Floats, stop: Floats) -> Booleans:
+    def stop(self, start: Floats, stop: Floats) -> Bools:
         """Return which of the straight paths (n, 3) to (n, 3) meet a triangle between their ends, (n,)."""
         met = np.zeros(len(start), dtype=bool)
         if self._root is not None:
@@ -49,7 +46,7 @@ def _node(triangles: Floats) -> _Node:
     return _Node(low, high, (_node(triangles[order[:half]]), _node(triangles[order[half:]])), triangles[:0])
 
 
-def _search(node: _Node, start: Floats, along: Floats, paths: NDArray[np.int64], met: Booleans) -> None:
+def _search(node: _Node, start: Floats, along: Floats, paths: Integers, met: Bools) -> None:
     """Mark the paths, by number, that meet a triangle below a node."""
     paths = paths[~met[paths]]
     origin, way = start[paths], along[paths]
@@ -68,7 +65,7 @@ def _search(node: _Node, start: Floats, along: Floats, paths: NDArray[np.int64],
         _search(part, start, along, paths, met)
 
 
-def _meets(start: Floats, along: Floats, triangles: Floats) -> Booleans:
+def _meets(start: Floats, along: Floats, triangles: Floats) -> Bools:
     """Return which paths meet one of some triangles, by Moeller's and Trumbore's test.
 
     Source: T. Moeller, B. Trumbore, Journal of graphics tools 2 (1997) 21.
@@ -86,7 +83,7 @@ def _meets(start: Floats, along: Floats, triangles: Floats) -> Booleans:
     return np.asarray(inside.any(axis=1))
 
 
-def within_outline(points: Floats, outline: Floats) -> Booleans:
+def within_outline(points: Floats, outline: Floats) -> Bools:
     """Return which points (n, 2) lie within closed lines of segments, (m, 2, 2), by counting crossings."""
     order = np.argsort(points[:, 1], kind="stable")
     x, y = points[order].T

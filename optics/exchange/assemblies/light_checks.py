@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from optics.base.runtime import Check
-from optics.exchange.assemblies.light_proof import GLASS, Floats, PartLight
+from optics.exchange.assemblies.light_proof import GLASS, PartLight
+from thbcad.checks import Floats
 
 VOLUME = 1e-9  # relative
 LOST = 1e-3  # of the flux, which trims and mounts may cost

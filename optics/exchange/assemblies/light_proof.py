@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.exchange.assemblies.blocked_paths import Obstacles
 from optics.exchange.assemblies.light_hulls import LightHulls, glass_region, light_hulls
@@ -33,7 +32,7 @@ from thbcad.cad.parts import (
     rim_faces,
 )
 from thbcad.certified import ConvexRegion
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.lens import Lens
 
 Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports
@@ -182,7 +181,7 @@ class PartLight:
         surface = self.lens.front if name == "front" else self.lens.rear
         return surface(x, y) + (self.lens.thickness if name == "rear" else 0.0)
 
-    def _between(self, points: Floats) -> NDArray[np.bool_]:
+    def _between(self, points: Floats) -> Bools:
         """Return which points (n, 3) lie between front and rear."""
         x, y, z = points.T
         front, rear = (self._height(name, x, y) for name in NAMES) if len(points) else (z, z)

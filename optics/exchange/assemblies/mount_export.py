@@ -40,9 +40,7 @@ VOLUME = 1e-6  # relative, what OCCT's integral is asked for
 def mount_from(path: str) -> Mount:
     """Return the mount of a file.
 
-    Raises
-    ------
-    UserError : it cannot be read, or describes no mount.
+    Raises UserError : it cannot be read, or describes no mount.
     """
     try:
         return read_mount(path)
@@ -60,10 +58,8 @@ def export_mounted(
 
     chord : mm, the error that meshes may have.
 
-    Raises
-    ------
-    UserError : another format; a path that cannot be written; a mount for which the lens has no room; a chord
-        error that is not reached.
+    Raises UserError : another format; a path that cannot be written; a mount for which the lens has no room;
+        a chord error that is not reached.
     """
     path = Path(out)
     if name not in (*SOLIDS, *MESHES):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.assemblies.light_proof import PartLight
@@ -14,6 +13,7 @@ from optics.light.tracing import LandingPoints
 from optics.scene.receivers import receiver_at
 from thbcad.cad.parts import PlacedLens
 from thbcad.certified import DIRECTIONS
+from thbcad.checks import Floats
 from thbcad.lens import OpticalForm, optical_forms
 
 RAYS = (21, 22)  # in x and y: numbers without a ray on the axes of symmetry of both
@@ -54,7 +54,7 @@ def landing_checks(placed: PlacedLens, part: PartLight, by_optiland: bool) -> li
     ]
 
 
-def _rays(part: PartLight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rays(part: PartLight) -> tuple[Floats, Floats]:
     """Return origins (n, 3) a little before the lit part of the front, and directions (n, 3): parallel to z,
     from the middle of the source, or from a point where that is not known."""
     front = part.lens.front

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check, reading
 from optics.exchange.assemblies.light_checks import light_checks
@@ -26,6 +25,7 @@ from thbcad.cad.parts import (
     projected_area,
     surface_numbers,
 )
+from thbcad.checks import Floats
 from thbcad.io import (
     Brep,
     Entity,
@@ -55,16 +55,14 @@ class PlacedText(NamedTuple):
     """A solid in its own frame, and the motion of that frame: a rotation beside a shift, (3, 4) float."""
 
     solid: Brep
-    motion: NDArray[np.float64]
+    motion: Floats
 
 
 def placed_text(path: str | Path) -> PlacedText:
     """Read the one solid of a STEP file, and its placement where it has one, from the text.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : as `parse_brep`, but for one placement.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : as `parse_brep`, but for one placement.
     """
     header, entities = read_file(path)
     try:
@@ -78,14 +76,14 @@ def placed_text(path: str | Path) -> PlacedText:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _motion(entities: Mapping[int, Entity], placement: Entity) -> NDArray[np.float64]:
+def _motion(entities: Mapping[int, Entity], placement: Entity) -> Floats:
     """Return the motion T of a placement from the frame F to the frame G, T = G F^-1."""
     _, _, start, stop = placement.parameters(PLACEMENT, 4)
     frames = [_frame(entities, item, placement) for item in (start, stop)]
     return (frames[1] @ np.linalg.inv(frames[0]))[:3]
 
 
-def _frame(entities: Mapping[int, Entity], item: Value, user: Entity) -> NDArray[np.float64]:
+def _frame(entities: Mapping[int, Entity], item: Value, user: Entity) -> Floats:
     """Return an AXIS2_PLACEMENT_3D as a matrix (4, 4)."""
     axes = entity_of(entities, item, user)
     _, point, axis, first = axes.parameters("AXIS2_PLACEMENT_3D", 4)
@@ -104,9 +102,7 @@ def part_checks(
 
     system : whose light the lens shapes; None is not known.
 
-    Raises
-    ------
-    UserError : the file cannot be read, is not whole, or not one solid.
+    Raises UserError : the file cannot be read, is not whole, or not one solid.
     """
     with reading(path):
         text = placed_text(path)  # first the reader that damaged files cannot crash

@@ -42,9 +42,7 @@ def export_scene(system: OpticalSystem, lens: Lens, path: Path, staged: bool = F
 
     staged : with source and screen as thin parts.
 
-    Raises
-    ------
-    UserError : the body of an element cannot be made.
+    Raises UserError : the body of an element cannot be made.
     """
     bodies = _bodies(system, lens, staged)
     try:
@@ -57,9 +55,7 @@ def export_scene(system: OpticalSystem, lens: Lens, path: Path, staged: bool = F
 def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
     """Return the Checks of names, places and numbers of the parts that OCCT reads in the file of a scene.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
     """
     read_file(path)  # a file that is cut off or damaged never reaches OCCT
     found, bodies = read_scene(path), _bodies(system, lens, staged)

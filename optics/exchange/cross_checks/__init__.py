@@ -5,11 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .file_tracers import file_tracer as file_tracer, require_tracer as require_tracer
-    from .light_comparison import LightComparison as LightComparison, compare_light as compare_light
-    from .light_verification import (
-        light_comparison_checks as light_comparison_checks,
-        light_comparison_lines as light_comparison_lines,
-    )
+    from .file_tracers import file_tracer, require_tracer
+    from .light_comparison import LightComparison, compare_light
+    from .light_verification import light_comparison_checks, light_comparison_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

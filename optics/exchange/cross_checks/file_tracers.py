@@ -69,9 +69,7 @@ class FileTracer:
 def require_tracer(name: str, rays: int | None) -> int:
     """Return how many rays a tracer is given.  rays : None is its usual number.
 
-    Raises
-    ------
-    UserError : it is not installed, or too few or too many rays.
+    Raises UserError : it is not installed, or too few or too many rays.
     """
     package, extra = PACKAGES[name]
     if find_spec(package) is None:
@@ -90,10 +88,8 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
 
     nodes : of Mitsuba's meshes, in each direction of a face that is not plane, at least.
 
-    Raises
-    ------
-    UserError : Mitsuba cannot be loaded.
-    OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
+    Raises UserError : Mitsuba cannot be loaded.
+    Raises OSError : the file cannot be read.  ValueError : it is no lens, or names no refractive index.
     """
     from optics.exchange.verification import RaysBehind, tracer_by_occt, tracer_by_optiland  # OCCT
 
@@ -129,9 +125,7 @@ def _lowest(face: OpticalForm, surface: FreeformSurface) -> float:
 def index_of(file: StepFile) -> float:
     """Return the refractive index that the text of a STEP file names.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or names no index.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or names no index.
     """
     found = {float(m[1]) for words in file.text.labels["material"] if (m := INDEX.match(words))}
     if len(found) != 1:

@@ -53,9 +53,7 @@ def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float,
 
     half_widths : of front and rear, mm, for conics that the file bounds by no rectangle.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is no lens.
+    Raises OSError : the file cannot be read.  ValueError : it is no lens.
     """
     faces = []
     for number, half_width in zip(optical_faces(file.text), half_widths):

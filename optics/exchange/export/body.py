@@ -53,10 +53,8 @@ class Body:
     moulded : of the body that leaves a mould; None is the lens with its own walls
     clear : the outlines of front and rear that this body must leave free; None asks for nothing
 
-    Raises
-    ------
-    UserError : patches or separate together with another option; a polygon together with an aperture or a
-        flange; a flange, whose width is one number, that is enlarged unlike in x and y; a flange of an
+    Raises UserError : patches or separate together with another option; a polygon together with an aperture
+        or a flange; a flange, whose width is one number, that is enlarged unlike in x and y; a flange of an
         insert; a back without an insert; a moulded body with another shape, or enlarged unlike.
     """
 
@@ -140,9 +138,7 @@ class Body:
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.
 
-        Raises
-        ------
-        ValueError : an aperture, a polygon or a flange that the lens has no room for; as `Insert.of`,
+        Raises ValueError : an aperture, a polygon or a flange that the lens has no room for; as `Insert.of`,
             `MouldedBody.of` and `moulded_part`.
         """
         # OCCT
@@ -171,9 +167,7 @@ class Body:
     def mesh(self, lens: Lens, chord: float, single: bool) -> Tessellation:
         """Return the mesh within a chord error in mm, with named faces; single : rounded to float32.
 
-        Raises
-        ------
-        ValueError : as `body_mesh`; of a moulded body as `part` and `part_mesh`.
+        Raises ValueError : as `body_mesh`; of a moulded body as `part` and `part_mesh`.
         """
         if self.is_moulded:
             from thbcad.cad.exchange import part_mesh  # OCCT

@@ -6,11 +6,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.export.body import Body
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.drawings import Sheet
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
@@ -129,7 +128,7 @@ def _highest(line: Floats, positions: Floats, sign: int) -> Floats:
     return np.interp(positions, line[:, 0], sign * line[:, 1], **outside)
 
 
-def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> Bools:
     """Return which positions of a grid x (n,), y (m,) lie in the outline of a body or its lens, (n, m)."""
     x, y = x[:, None], y[None, :]
     if body.aperture is not None:

@@ -68,9 +68,7 @@ class Labels:
 def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """Return the lens of a result folder or of a native lens file, and its labels.
 
-    Raises
-    ------
-    UserError : there is none, or it is damaged.
+    Raises UserError : there is none, or it is damaged.
     """
     path = Path(result)
     if path.is_dir():
@@ -91,9 +89,7 @@ def moulded_in(result: str, body: Body) -> Body:
 def format_of(out: str, wanted: str | None) -> str:
     """Return the format asked for, or else that of the suffix.
 
-    Raises
-    ------
-    UserError : it is unknown, or not what the suffix promises.
+    Raises UserError : it is unknown, or not what the suffix promises.
     """
     name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
     if name not in SUFFIXES:
@@ -136,10 +132,8 @@ def export(
         drawings, factors of all
     labels : for STEP and IGES; None is those of a nameless lens
 
-    Raises
-    ------
-    UserError : the path cannot be written, what reads the format back is not installed, a chord error that
-        cannot be kept, a body that the format or the lens does not allow.
+    Raises UserError : the path cannot be written, what reads the format back is not installed, a chord error
+        that cannot be kept, a body that the format or the lens does not allow.
     """
     path = Path(out)
     for option, asked, allowed in (

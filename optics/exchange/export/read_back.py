@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, NdBSpline
 
 from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.wall_distance import wall_distance
 from optics.exchange.verification import state_checks
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.doors import pip_command
 from thbcad.io import patched_deviation
 from thbcad.lens import FRONT, REAR, FreeformSurface, Lens, Tessellation
@@ -200,7 +199,7 @@ def _greatest(values: Floats) -> float:
     return float(np.abs(values).max())
 
 
-def _samples(corners: Floats, triangles: NDArray[np.int64]) -> Floats:
+def _samples(corners: Floats, triangles: Integers) -> Floats:
     """Return corners, middles of the sides and centroids of triangles, (n, 3)."""
     step = -(-5 * len(triangles) // SAMPLES)
     a, b, c = (corners[triangles[::step, k]] for k in range(3))

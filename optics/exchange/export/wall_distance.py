@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from optics.exchange.export.body import Body
@@ -84,10 +83,8 @@ def _distance(name: str, points: Floats, shape: Outline, flange: Flange | None) 
 
 STEPS = 6
 
-Array = NDArray[np.float64]
 
-
-def edge_distance(lens: Lens, side: Side, points: Array) -> float:
+def edge_distance(lens: Lens, side: Side, points: Floats) -> float:
     """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims
     F and B, mm.
 

@@ -53,9 +53,7 @@ class MeshEngine:
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`.
 
-        Raises
-        ------
-        UserError : as `require_open`.
+        Raises UserError : as `require_open`.
         """
         require_open(system)
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
@@ -209,9 +207,7 @@ def mitsuba_engine(name: str, threads: int = 0) -> Engine:
     name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`.  ValueError : another name.
+    Raises UserError : as `load_mitsuba`.  ValueError : another name.
     """
     mitsuba = load_mitsuba(threads=threads)
     if name == "mitsuba-exact":

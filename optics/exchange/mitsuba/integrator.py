@@ -103,9 +103,7 @@ class _Parameters:
 def register() -> None:
     """Make the integrator "thbcad" known to Mitsuba's variant, the mono one where none is set.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`.
+    Raises UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
 
@@ -121,9 +119,7 @@ def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
 
     It serves ``mi.render``, or ``mi.load_dict`` of a scene.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`.
+    Raises UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
     return _exact(mi, mi.Properties(), system, lens)
@@ -134,9 +130,7 @@ def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
 
     coefficients : (dim,) of the sags of "front" and "rear", those that are free, front first.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`.
+    Raises UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
     parameters = _Parameters(mitsuba_backend(mi), coefficients, lambda sensor, spp: model)

@@ -26,9 +26,7 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
         scale them by a spectrum.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
-    Raises
-    ------
-    UserError : no Mitsuba 3.9, no usable LLVM library, a variant that does not run on LLVM.
+    Raises UserError : no Mitsuba 3.9, no usable LLVM library, a variant that does not run on LLVM.
     """
     if variant not in VARIANTS:
         raise UserError(f"variant must be one of {', '.join(VARIANTS)}, got {variant!r}")
@@ -49,9 +47,7 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
 def current_mitsuba() -> ModuleType:
     """Return Mitsuba with the variant that is set, or with the mono one where none is.
 
-    Raises
-    ------
-    UserError : as `load_mitsuba`, of the variant that is set.
+    Raises UserError : as `load_mitsuba`, of the variant that is set.
     """
     mitsuba = sys.modules.get("mitsuba")
     if mitsuba is None:

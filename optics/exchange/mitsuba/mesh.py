@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.loading import mitsuba_backend
 from optics.exchange.mitsuba.surface_vertices import Jet, SurfaceVertices, jet_operation
-from thbcad.checks import Floats, read_only
+from thbcad.checks import Floats, Integers, read_only
 from thbcad.lens import Lens, rim_indices, tessellated
 from thbcad.splines import KnotVector
 
@@ -36,9 +36,7 @@ class LensMesh:
 
     s, t : relative positions of the grid lines in x and y, rising from -1 to 1.
 
-    Raises
-    ------
-    ValueError : s or t that do not rise from -1 to 1.
+    Raises ValueError : s or t that do not rise from -1 to 1.
     """
 
     lens: Lens
@@ -63,9 +61,7 @@ class LensMesh:
         """Return the mesh whose front and rear are within `chord`, mm, of the surfaces (see
         `thbcad.lens`).
 
-        Raises
-        ------
-        ValueError : as `tessellated`.
+        Raises ValueError : as `tessellated`.
         """
         mesh = tessellated(lens, chord)
         front = mesh.vertices[: mesh.triangles[mesh.faces == 0].max() + 1]
@@ -89,7 +85,7 @@ class LensMesh:
         return {name: sag.coefficients for name, sag in sags.items() if sag is not None}
 
     @property
-    def rim(self) -> NDArray[np.int64]:
+    def rim(self) -> Integers:
         """Numbers of the rim's vertices, counter-clockwise seen from +z."""
         return rim_indices(len(self.s), len(self.t))
 

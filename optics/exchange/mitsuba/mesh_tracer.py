@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import DrArray
 from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
@@ -23,6 +22,7 @@ from optics.light.intersections import device_flux, rim_fade
 from optics.light.tracing import Landing, refract
 from optics.scene.receivers import Receiver
 from optics.scene.sources import RayGrid, Rays
+from thbcad.checks import Floats
 from thbcad.splines import KnotVector
 
 Vector = tuple[DrArray, DrArray, DrArray]
@@ -74,7 +74,7 @@ class MeshTracer:
         self._behind = None if "front" in mesh.free else self._through_front({})
         dr.eval(self._behind)
 
-    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Jet], Landing]:
+    def trace(self, coefficients: Sequence[Floats]) -> tuple[list[Jet], Landing]:
         """Return (leaves, Landing), differentiable in the leaves.
 
         These are heights and slopes at the vertices of every surface that carries a sag, front first.
@@ -104,7 +104,7 @@ class MeshTracer:
 
     def pull_back(
         self, leaves: Sequence[Jet], knots: Sequence[Sequence[KnotVector]] | None = None
-    ) -> list[NDArray[np.float64]]:
+    ) -> list[Floats]:
         """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
 
         knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
@@ -113,9 +113,7 @@ class MeshTracer:
         self.backend.dr.clear_grad(leaves)
         return slopes
 
-    def set_directions(
-        self, leaves: Sequence[Jet], directions: Sequence[NDArray[np.float64]]
-    ) -> list[DrArray]:
+    def set_directions(self, leaves: Sequence[Jet], directions: Sequence[Floats]) -> list[DrArray]:
         """Set the derivatives of the leaves to those along a direction in the coefficients; return them."""
         return self._mesh.set_directions(self._mitsuba, leaves, directions)
 

@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.exchange.mitsuba.loading import MONO, current_mitsuba
@@ -22,6 +21,7 @@ from optics.exchange.mitsuba.mesh import LensMesh
 from optics.scene.receivers import Screen
 from optics.scene.sources import CollimatedBeam, LambertianArea, PointSource, Profile
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
@@ -38,9 +38,7 @@ TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 def square_pixels(screen: Screen) -> None:
     """Check that pixels are square, as a camera's are.
 
-    Raises
-    ------
-    UserError : they are not.
+    Raises UserError : they are not.
     """
     (hx, hy), (columns, rows) = screen.half_width, screen.pixels
     if abs(hx * rows / (hy * columns) - 1) > FLAT:
@@ -123,9 +121,7 @@ def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
 
     `mesh.update` moves the lens.
 
-    Raises
-    ------
-    UserError : as `scene_dictionary`.
+    Raises UserError : as `scene_dictionary`.
     """
     return current_mitsuba().load_dict(scene_dictionary(system, mesh))
 
@@ -142,10 +138,8 @@ def scene_dictionary(
     screen : and its pixels, those of the target where it is left out.
     sigma : pixels, of the Gaussian in which the camera's film measures; 0 is a film of box pixels.
 
-    Raises
-    ------
-    UserError : a target that is no plane across the axis, pixels that are not square, a point source of
-        another intensity than a uniform one, stops or a clear aperture.
+    Raises UserError : a target that is no plane across the axis, pixels that are not square, a point source
+        of another intensity than a uniform one, stops or a clear aperture.
     """
     require_open(system)
     if system.target.far_field:
@@ -185,15 +179,13 @@ def require_open(system: OpticalSystem) -> None:
         )
 
 
-def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:
+def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> Floats:
     """Return the irradiance of the screen, (rows, columns) W/mm^2, row 0 at +y, column 0 at -x.
 
     scene : of `mitsuba_scene`.  spp : light paths per pixel.  The camera looks along +z and sees +x on its
         left.
 
-    Raises
-    ------
-    UserError : another variant than a mono one, in which spectra would scale the flux.
+    Raises UserError : another variant than a mono one, in which spectra would scale the flux.
     """
     mi = current_mitsuba()
     if mi.variant() != MONO:

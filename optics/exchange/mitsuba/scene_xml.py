@@ -56,14 +56,13 @@ def scene_file_names(out: Path) -> list[Path]:
 def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, bytes]:
     """Return the files of a system's scene by their paths; see `scene_dictionary`.
 
-    Raises
-    ------
-    UserError : as `scene_dictionary`.
+    Raises UserError : as `scene_dictionary`.
     """
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
     flux = brighter * system.problem.source.flux
-    scene = scene_dictionary(OpticalSystem(system.problem.with_(**{"source.flux": flux})), mesh)
+    lit = OpticalSystem(system.problem.with_(**{"source.flux": flux}), shapes=system.shapes)
+    scene = scene_dictionary(lit, mesh)
     z = float(system.target.receiver.pose.shift[2])
     scene["overview"] = overview_camera(mi, system.target.screen(), z, lens)
     for name, count in SAMPLES.items():

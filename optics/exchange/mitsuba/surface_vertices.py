@@ -111,9 +111,7 @@ class SurfaceVertices:
     def space(self) -> THBSpace:
         """The space of the sag.
 
-        Raises
-        ------
-        ValueError : a surface without a sag.
+        Raises ValueError : a surface without a sag.
         """
         if self.surface.sag is None:
             raise ValueError("a surface without a sag has no coefficients")

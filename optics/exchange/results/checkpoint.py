@@ -61,9 +61,7 @@ def checkpoint_owner(path: Path) -> Owner | None:
 def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]]:
     """Return the State to go on from, and the notes so far.
 
-    Raises
-    ------
-    UserError : there is none, it is damaged, or it belongs to another problem.
+    Raises UserError : there is none, it is damaged, or it belongs to another problem.
     """
     try:
         data = _data(path)

@@ -21,9 +21,7 @@ MOST_BYTES = 1000  # of what a lock says
 def run_lock(folder: Path, title: str) -> Iterator[None]:
     """Hold the lock of a folder; the file says which run holds it, and goes away with the run.
 
-    Raises
-    ------
-    UserError : another run holds it.
+    Raises UserError : another run holds it.
     """
     path = folder / LOCK
     handle = _locked(path)

@@ -73,9 +73,7 @@ def remove_files(folder: Path, names: Iterable[str]) -> None:
 def writable_folder(path: Path) -> None:
     """Make a folder and see that it can be written, before any work is done.
 
-    Raises
-    ------
-    UserError : it cannot.
+    Raises UserError : it cannot.
     """
     try:
         reason = _never(path)

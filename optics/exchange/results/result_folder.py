@@ -41,7 +41,8 @@ FIGURES = tuple(
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
 SCENE = "scene.step"  # of all elements in their places
-PART_FILE = re.compile(r"[\w-]+\.(step|lens\.json)")  # of an element, or of the whole scene
+# of an element, or of the whole scene
+PART_FILE = re.compile(r"[\w-]+\.(step|lens\.json)|figures/[\w-]+_(sag|mesh)\.png")
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 FILES_OF_A_LEVEL = 3  # lens, arrays, picture
 KEYS_SHOWN = 4  # in which two problems differ; files that are named
@@ -75,10 +76,9 @@ class ResultFolder:
 
         A run that fails or is stopped leaves no half-written file.
 
-        Raises
-        ------
-        UserError : it cannot be written, another run writes to it, or, without `force`, something would be
-            lost: files that this program did not write, the result or unfinished run of another problem.
+        Raises UserError : it cannot be written, another run writes to it, or, without `force`, something
+            would be lost: files that this program did not write, the result or unfinished run of another
+            problem.
         """
         new = not self.path.exists()
         writable_folder(self.path)
@@ -106,9 +106,7 @@ class ResultFolder:
     def read(self, taken: bool = False) -> Result:
         """Return the result.  taken : by the run that reads it.
 
-        Raises
-        ------
-        UserError : it is not whole, a file is damaged, or files of several runs lie here.
+        Raises UserError : it is not whole, a file is damaged, or files of several runs lie here.
         """
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
@@ -268,7 +266,13 @@ def part_files(problem: Problem) -> list[str]:
     others = [optic for optic in problem.optics if optic is not problem.optic]
     steps = [f"{optic.called}.step" for optic in others]
     shapes = [shape_file(optic.called) for optic in others if optic.free]
-    return [*steps, *shapes, SCENE] if others else []
+    figures = [
+        f"figures/{optic.called}_{optic.face_name(face)}_{what}.png"
+        for optic in others
+        for face in optic.free
+        for what in ("sag", "mesh")
+    ]
+    return [*steps, *shapes, *figures, SCENE] if others else []
 
 
 def shape_file(name: str) -> str:
@@ -300,9 +304,7 @@ def _row(fresh_fit: str, loss: str, fit: str, **whole: str) -> Row:
 def lens_of(path: Path, advice: str) -> Lens:
     """Return the lens of a native file.
 
-    Raises
-    ------
-    UserError : it cannot be read, which ends with the advice, or it is damaged.
+    Raises UserError : it cannot be read, which ends with the advice, or it is damaged.
     """
     try:
         return read_lens(path)

@@ -81,9 +81,7 @@ class ResultWriter:
     def write(self, name: str, data: bytes) -> None:
         """Write a file of the result.
 
-        Raises
-        ------
-        ValueError : a name that no result has, whose replacement nobody was asked about.
+        Raises ValueError : a name that no result has, whose replacement nobody was asked about.
         """
         if not is_result_file(name):
             raise ValueError(f"{name} is no file of a result")

@@ -51,9 +51,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     The text is read first, so that a file that is cut off or damaged never reaches OCCT.
     backend : of double precision.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
@@ -63,9 +61,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 def fixed_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
     """Return the Checks of the STEP file of a fixed element, by its text and by OCCT, under its name.
 
-    Raises
-    ------
-    OSError, ValueError : as `text_and_occt_checks`.
+    Raises OSError, ValueError : as `text_and_occt_checks`.
     """
     checks = [*_own_checks(file, part.made), *occt_checks(part.made, file, limits)]
     return [replace(check, name=f"{part.name}: {check.name}") for check in checks]

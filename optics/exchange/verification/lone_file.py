@@ -7,13 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import StepFile, optical_form, state_checks
 from thbcad.cad.exchange import conic_faces, spline_faces
+from thbcad.checks import Bools, Floats
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.lens import FreeformSurface, require_sound_graphs
 from thbcad.outlines import Outline
@@ -44,9 +44,7 @@ class BareChecks(NamedTuple):
 def bare_checks(file: StepFile) -> BareChecks:
     """Return the BareChecks of a STEP file, by its text and by what OCCT reads in it.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     by_itself = text_checks_of(file.text)
     state = file.state
@@ -145,7 +143,7 @@ def _outline(solid: Brep, surfaces: Sequence[Placed]) -> Outline | None:
     return outline if fits else None
 
 
-def _rim_points(solid: Brep, face: BrepFace, count: int) -> NDArray[np.float64]:
+def _rim_points(solid: Brep, face: BrepFace, count: int) -> Floats:
     """Return points (x, y) of every edge round a face, from end to end, (n, 2)."""
     numbers = {number for loop in face.loops for number, _ in loop}
     spans = ((edge, edge_span(edge)) for edge in solid.edges if edge.number in numbers)
@@ -171,7 +169,7 @@ def _graph(surface: BSplineSurface) -> tuple[BSplineSurface, int]:
     return BSplineSurface(kv_u, kv_v, z), int((across | along.T).sum())
 
 
-def _axis(kv: KnotVector, positions: NDArray[np.float64]) -> tuple[KnotVector, NDArray[np.bool_]]:
+def _axis(kv: KnotVector, positions: Floats) -> tuple[KnotVector, Bools]:
     """Return knots over x, and which poles lie beside their grid; positions are those of the poles, (dim, n).
 
     The ends of the grid are the medians over the poles there.

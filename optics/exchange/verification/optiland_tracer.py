@@ -21,7 +21,6 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.independent_checks import RAYS
@@ -32,7 +31,7 @@ from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.lens import Lens, OpticalForm
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface
@@ -41,7 +40,7 @@ if TYPE_CHECKING:  # optiland takes seconds to load
     from optiland.geometries import BaseGeometry, NurbsGeometry, Plane, StandardGeometry
     from optiland.rays import RealRays
 
-    Frames = Iterator[tuple[NDArray[np.int64], BaseGeometry]]  # numbers of rays and the geometry for them
+    Frames = Iterator[tuple[Integers, BaseGeometry]]  # numbers of rays and the geometry for them
 
 AT_ONCE = 1000  # rays
 HEIGHTS = 17  # from the lowest to the highest pole of a face
@@ -61,9 +60,7 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     The faces are traced with the poles and knots that OCCT reads in the file.
     backend : of double precision.
 
-    Raises
-    ------
-    ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
+    Raises ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
     difference = compared(
         system, lens, backend, RAYS, tracer_by_optiland(file, None if system.reflects else lens.index)
@@ -94,11 +91,7 @@ def optiland_trace(
 
 
 def optiland_through(
-    front: OpticalForm,
-    rear: OpticalForm,
-    rays: RaysBehind,
-    index: float | None,
-    rims: Sequence[FaceRim] = (),
+    front: OpticalForm, rear: OpticalForm, rays: RaysBehind, index: float | None, rims: Sequence[FaceRim] = ()
 ) -> RaysBehind:
     """Trace rays through two faces, by optiland.
 
@@ -108,9 +101,7 @@ def optiland_through(
     index : None is a mirror, whose front reflects all.
     rims : of both faces, where these may not fill their rectangles.
 
-    Raises
-    ------
-    ImportError : optiland is not installed.
+    Raises ImportError : optiland is not installed.
     """
     points, onward, weight = rays.points.copy(), rays.directions.copy(), rays.flux.copy()
     faces: list[tuple[OpticalForm, tuple[float, float] | None]] = [(front, None)]
@@ -214,9 +205,7 @@ def _frames(surface: BSplineSurface, points: Floats, directions: Floats) -> Fram
         yield np.flatnonzero(nearest == k), _spline_geometry(surface, heights[k])
 
 
-def _nearest(
-    surface: BSplineSurface, heights: Floats, points: Floats, directions: Floats
-) -> NDArray[np.int64]:
+def _nearest(surface: BSplineSurface, heights: Floats, points: Floats, directions: Floats) -> Integers:
     """Return the index of the first height at which a ray has fallen through a face, (n,), -1 for none."""
     geometry = _spline_geometry(surface, 0.0)
     poles = np.asarray(geometry.P)
@@ -234,7 +223,7 @@ def _nearest(
 
 def _meeting(
     geometry: BaseGeometry, corners: tuple[Floats, Floats], points: Floats, directions: Floats
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Return (points, met) where rays meet a face; rays that pass it by end anywhere.
 
     corners : least and greatest (x, y) of the face

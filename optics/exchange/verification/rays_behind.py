@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.exchange.verification.traced_faces import dot
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import Stop
 from optics.scene.receivers import Cylinder, Receiver, Sphere
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
-
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,7 @@ class RaysBehind:
         return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, self.flux, 0.0))
 
 
-def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Booleans, Floats]:
+def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Bools, Floats]:
     """Return where rays land, (n, 2), mm or degrees, whether they meet the target from before it, (n,), and
     how far they go, (n,) mm; inf where they do not, and to the far field.
 
@@ -63,9 +60,7 @@ def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Flo
     return own[:, :2] - own[:, 2:] * across, meets, length
 
 
-def _round(
-    points: Floats, directions: Floats, radius: float, sphere: bool
-) -> tuple[Floats, Floats, Booleans]:
+def _round(points: Floats, directions: Floats, radius: float, sphere: bool) -> tuple[Floats, Floats, Bools]:
     """Return (arcs, lengths, met) of rays on the half of a cylinder or a sphere about (0, 0, radius).
 
     From its centre it is |p + t d| = |R| without y round a cylinder: the nearer root where R > 0.
@@ -81,7 +76,7 @@ def _round(
     return np.column_stack([radius * np.arctan2(x, -z), up]), length, met & (z < 0)
 
 
-def passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Floats) -> NDArray[np.bool_]:
+def passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Floats) -> Bools:
     """Return which rays no stop takes within a length, (n,) mm."""
     free = np.ones(len(points), dtype=bool)
     for stop in stops:
@@ -97,7 +92,7 @@ def passes(stops: Sequence[Stop], points: Floats, directions: Floats, length: Fl
     return free
 
 
-def inside(outline: Outline, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def inside(outline: Outline, x: Floats, y: Floats) -> Bools:
     """Return which points lie within an outline: beyond the middles of its corners within their ellipses."""
     within = (np.abs(x) <= outline.half_width[0]) & (np.abs(y) <= outline.half_width[1])
     if min(outline.corners) > 0:

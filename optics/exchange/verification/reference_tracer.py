@@ -12,30 +12,22 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optics.base.runtime import NumericalError
 from optics.exchange.verification.rays_behind import RaysBehind, inside, passes
-from optics.exchange.verification.traced_faces import (
-    MEETS,
-    ConicFace,
-    FaceRim,
-    Meetings,
-    ParametricFace,
-    dot,
-)
+from optics.exchange.verification.traced_faces import MEETS, ConicFace, FaceRim, Meetings, ParametricFace, dot
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import AIR, LightPath, Stop
 from optics.scene.problem import FaceMet
 from optics.scene.receivers import Receiver
 from optics.scene.system import TURNED
+from thbcad.checks import Floats
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
 from thbcad.sags import Conic, PlacedConic, graph_poles
 from thbcad.splines import BSplineSurface, KnotVector
-
-Booleans = NDArray[np.bool_]
 
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
@@ -122,8 +114,8 @@ def through_faces(faces: Sequence[FileFace], rays: RaysBehind, stops: Sequence[S
 
 def trace_step(
     step: OpticalFaces,
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
+    origins: Floats,
+    directions: Floats,
     flux: ArrayLike,
     index: float | None,
     target: Receiver,
@@ -168,16 +160,14 @@ def _turned(form: OpticalForm) -> OpticalForm:
     return BSplineSurface(form.kv_u, kv, form.coefficients[:, ::-1] * (1.0, -1.0, -1.0))
 
 
-def _meet(surface: OpticalForm, points: NDArray[np.float64], directions: NDArray[np.float64]) -> Meetings:
+def _meet(surface: OpticalForm, points: Floats, directions: Floats) -> Meetings:
     """Return (points, unit normals towards +z, met) of rays on a face."""
     if isinstance(surface, PlacedConic):
         return ConicFace(surface).intersect(points, directions)
     return _intersect(ParametricFace(surface), points, directions)
 
 
-def _intersect(
-    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
-) -> Meetings:
+def _intersect(face: ParametricFace, points: Floats, directions: Floats) -> Meetings:
     """Return (points, unit normals towards +z, met) of rays on a spline, part by part."""
     parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
     meetings = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
@@ -185,12 +175,7 @@ def _intersect(
     return on_face, normals, met & ~face.behind(points, directions)
 
 
-def _newton(
-    face: ParametricFace,
-    points: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    uv: NDArray[np.float64],
-) -> Meetings:
+def _newton(face: ParametricFace, points: Floats, directions: Floats, uv: Floats) -> Meetings:
     """Return (points, unit normals towards +z, met) by Newton's method from the parameters uv.
 
     It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray.  Meetings behind the origin or
@@ -222,9 +207,7 @@ def _newton(
     return s, normals, met
 
 
-def refract(
-    directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Floats]:
     """Return (directions, transmittance) by the vector form of Snell's law and Fresnel's equations.
 
     T = 0 where light is totally reflected, and where the normals do not point along the rays.

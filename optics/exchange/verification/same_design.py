@@ -12,13 +12,13 @@ from collections.abc import Hashable, Iterator, Sequence
 from math import isinf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Check
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import step_bytes
+from thbcad.checks import Floats
 from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import BSplineSurface, KnotVector
@@ -98,9 +98,7 @@ def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tu
     """Return the Checks of the solid and the words of a file against a fresh export, and a note where the
     texts differ all the same.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     fresh = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
     if file.path.read_bytes() == fresh:
@@ -111,17 +109,14 @@ def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tu
 
 def same_checks(solid: Brep, fresh: Brep) -> list[Check]:
     """Return the Checks of a solid and its words against those of a fresh export."""
-    parts = 0 if solid is fresh else _differing(_parts(solid), _parts(fresh))
+    mine, wanted = (Counter[Hashable](),) * 2 if solid is fresh else (_parts(solid), _parts(fresh))
+    parts = max((mine - wanted).total(), (wanted - mine).total())
     words = [label for label, texts in fresh.labels.items() if solid.labels[label] != texts]
     which = f" ({', '.join(words)})" if words else ""
     return [
         Check.none_of("text of the file: faces and edges that differ from a fresh export of the lens", parts),
         Check.none_of(f"text of the file: words that are not those of the problem{which}", len(words)),
     ]
-
-
-def _differing(parts: Counter[Hashable], others: Counter[Hashable]) -> int:
-    return max((parts - others).total(), (others - parts).total())
 
 
 def _parts(solid: Brep) -> Counter[Hashable]:
@@ -178,6 +173,6 @@ def _knots(kv: KnotVector | None) -> Hashable:
     return None if kv is None else (kv.degree, _bits(kv.knots))
 
 
-def _bits(array: NDArray[np.float64] | None) -> bytes | None:
+def _bits(array: Floats | None) -> bytes | None:
     """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return None if array is None else np.ascontiguousarray(array + 0.0).tobytes()

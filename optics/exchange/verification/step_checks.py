@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check, UserError
 from optics.exchange.verification.solid_text import FINE_VOLUME
@@ -15,6 +14,7 @@ from optics.exchange.verification.trace_comparison import light_checks
 from optics.scene.problem import Verify
 from optics.scene.system import MadePart, OpticalSystem
 from thbcad.cad.exchange import SolidFile, solid_volume, step_bytes
+from thbcad.checks import Floats
 from thbcad.io import write_bytes
 from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms
 from thbcad.sags import PlacedConic, graph_of_poles
@@ -33,9 +33,7 @@ CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 span
 def export_step(part: MadePart, schema: str, path: Path) -> list[Check]:
     """Write the STEP file of an element, and return the check of its bytes.
 
-    Raises
-    ------
-    UserError : OCCT cannot make its body.
+    Raises UserError : OCCT cannot make its body.
     """
     try:
         written = step_bytes(part.made, part.product, schema)
@@ -143,7 +141,7 @@ def surface_deviation(
     return float(max(np.abs(heights - z).max(), bent, size))
 
 
-def _samples(kv: KnotVector) -> NDArray[np.float64]:
+def _samples(kv: KnotVector) -> Floats:
     b = kv.breaks
     inner = (b[:-1, None] + np.diff(b)[:, None] * (np.arange(SURFACE_SAMPLES) / SURFACE_SAMPLES)).ravel()
     return np.append(inner, b[-1])
@@ -161,7 +159,7 @@ def differing_numbers(read: Surface | None, wanted: Surface) -> int:
     return sum(int((a != b).sum()) for a, b in zip(rows, expected))
 
 
-def _numbers(surface: Surface | None) -> list[NDArray[np.float64]]:
+def _numbers(surface: Surface | None) -> list[Floats]:
     """Return the numbers that a file holds of a surface."""
     if surface is None:
         return []

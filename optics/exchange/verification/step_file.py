@@ -36,9 +36,7 @@ class StepFile:
     def text(self) -> Brep:
         """What the text of the file holds.
 
-        Raises
-        ------
-        OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+        Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
         """
         return parse_brep(self.path)
 
@@ -46,9 +44,7 @@ class StepFile:
     def rims(self) -> tuple[FaceRim, FaceRim]:
         """The curves round front and rear, of a file that holds a lens.
 
-        Raises
-        ------
-        OSError, ValueError : as `text`; there are not two optical faces.
+        Raises OSError, ValueError : as `text`; there are not two optical faces.
         """
         front, rear = (FaceRim(self.text, self.text.faces[k]) for k in optical_faces(self.text))
         return front, rear
@@ -57,9 +53,7 @@ class StepFile:
     def state(self) -> SolidState:
         """What OCCT says of the shape in the file, a lens or another.
 
-        Raises
-        ------
-        OSError : the file cannot be read.  ValueError : it is no STEP file.
+        Raises OSError : the file cannot be read.  ValueError : it is no STEP file.
         """
         from thbcad.cad.exchange import SolidState, step_shape  # OCCT
 
@@ -69,9 +63,7 @@ class StepFile:
     def solid(self) -> SolidFile:
         """What OCCT reads in the file.
 
-        Raises
-        ------
-        OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
+        Raises OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
         """
         from thbcad.cad.exchange import read_step  # OCCT
 
@@ -80,18 +72,14 @@ class StepFile:
     def read(self) -> tuple[Brep, SolidState]:
         """Return `text` and `state`; the text is read first, so that a damaged file never reaches OCCT.
 
-        Raises
-        ------
-        OSError, ValueError : as these.
+        Raises OSError, ValueError : as these.
         """
         return self.text, self.state
 
     def read_lens(self) -> tuple[Brep, SolidFile]:
         """Return `text` and `solid` of a file that holds a lens, the text first.
 
-        Raises
-        ------
-        OSError, ValueError : as these; there are not two optical faces.
+        Raises OSError, ValueError : as these; there are not two optical faces.
         """
         optical_faces(self.text)
         return self.text, self.solid
@@ -169,9 +157,7 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     highest of the faces that are splines curved in both directions, or planes, spheres and patches of conics
     without holes across the middle: that of a spline, else that of the solid.
 
-    Raises
-    ------
-    ValueError : there are not two.
+    Raises ValueError : there are not two.
     """
     places = optical_places([face.name for face in solid.faces])
     if places is not None:

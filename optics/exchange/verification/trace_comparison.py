@@ -9,12 +9,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, Check
 from optics.exchange.verification.rays_behind import RaysBehind
-from optics.exchange.verification.reference_tracer import (
-    OpticalFaces,
-    fixed_face,
-    lens_faces,
-    through_faces,
-)
+from optics.exchange.verification.reference_tracer import OpticalFaces, fixed_face, lens_faces, through_faces
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.traced_faces import FaceRim
 from optics.light.tracing import LandingPoints, Tracer

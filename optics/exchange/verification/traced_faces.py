@@ -4,15 +4,14 @@ curves round them."""
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
+Meetings = tuple[Floats, Floats, Bools]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
 ROOM = 1e-3  # of the width, above and below the face
@@ -61,7 +60,7 @@ class ConicFace:
                     & (dot(normal, directions) > 0)
                 )
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
-        met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
+        met: Bools = np.asarray(np.isfinite(travel))
         if self._bounded:
             met = met & ~self._behind(here, directions)
         return on_face + self._vertex, normals, met
@@ -91,7 +90,7 @@ class ConicFace:
         c = self._curvature
         return c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
 
-    def _behind(self, points: Floats, directions: Floats) -> NDArray[np.bool_]:
+    def _behind(self, points: Floats, directions: Floats) -> Bools:
         """Return which rays come into the face's box above the face: they pass its rim."""
         corner = float(self._heights(self._half[None, :])[0])
         room = ROOM * self.width
@@ -124,15 +123,15 @@ class FaceRim:
         self._owner = np.repeat(np.arange(len(spans)), RIM_SAMPLES)[order]
         self._slack = MEETS * float(np.ptp(points[:, 0]))
 
-    def holds(self, points: Floats) -> NDArray[np.bool_]:
+    def holds(self, points: Floats) -> Bools:
         """Return which points, (n, 2), lie within the curve or on it, those near it by Newton's method."""
         at = np.searchsorted(self._angles, np.arctan2(points[:, 1], points[:, 0])) % len(self._angles)
         radii = np.hypot(*points.T)
-        inside: NDArray[np.bool_] = radii < SURE * np.minimum(self._radii[at], self._radii[at - 1])
+        inside: Bools = radii < SURE * np.minimum(self._radii[at], self._radii[at - 1])
         inside[~inside] = radii[~inside] <= self._reach(points[~inside], at[~inside]) + self._slack
         return inside
 
-    def _reach(self, points: Floats, at: NDArray[np.int64]) -> Floats:
+    def _reach(self, points: Floats, at: Integers) -> Floats:
         """Return how far the curve lies from the axis in the direction of points between samples, (n,)."""
         reach = np.zeros(len(points))
         for number, (edge, span) in enumerate(self._edges):
@@ -174,7 +173,7 @@ class ParametricFace:
             [_steepest(kv, z) for kv, z in ((surface.kv_u, heights), (surface.kv_v, heights.T))]
         )
 
-    def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def start(self, points: Floats, directions: Floats) -> Floats:
         """Return parameters where rays first fall through the face, to a step's width.
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
@@ -188,12 +187,12 @@ class ParametricFace:
             uv[slanted] = self._search(points[slanted], directions[slanted])
         return uv
 
-    def _below(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _below(self, points: Floats) -> Floats:
         """Return the parameters at (x, y), (..., 2), of the rim where they lie beside the face."""
         fraction = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
         return self.low + fraction * (self.high - self.low)
 
-    def _search(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _search(self, points: Floats, directions: Floats) -> Floats:
         """Return the parameters where slanted rays first fall through the face, to a step's width.
 
         Steps are halved where f = height of the face - height of the ray may reach zero: where it changes its
@@ -203,7 +202,7 @@ class ParametricFace:
         per_length = (self.high - self.low) / (self._box[1] - self._box[0])[:2]
         steepest = np.abs(directions[:, :2]) @ (self._steepest * per_length) + np.abs(directions[:, 2])
 
-        def above(ray: NDArray[np.int64], t: Floats) -> Floats:
+        def above(ray: Integers, t: Floats) -> Floats:
             here = points[ray] + t[:, None] * directions[ray]
             return self._height(self._below(here[:, :2])) - here[:, 2]
 
@@ -238,14 +237,12 @@ class ParametricFace:
         best[ray[falls]] = (steps[0] + steps[1])[falls] / 2
         return self._below((points + best[:, None] * directions)[:, :2])
 
-    def behind(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def behind(self, points: Floats, directions: Floats) -> Bools:
         """Return which rays come into the face's box above the face: they pass its rim."""
         here = points + self._within_box(points, directions)[0][:, None] * directions
         return here[:, 2] - self._height(self._below(here[:, :2])) > MEETS * self.width
 
-    def _within_box(
-        self, points: NDArray[np.float64], directions: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _within_box(self, points: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Return the ray parameters at which rays enter and leave the face's box."""
         still = np.abs(directions) < STILL
         speed = np.where(still, 1.0, directions)
@@ -258,7 +255,7 @@ class ParametricFace:
         )
         return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
 
-    def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def jet(self, uv: Floats) -> list[Floats]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
         return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
 

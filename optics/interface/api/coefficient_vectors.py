@@ -23,9 +23,7 @@ def space_rows(spaces: Spaces, wanted: Sequence[THBSpace]) -> tuple[THBSpace, ..
 
     wanted : the system's own spaces of level 0.
 
-    Raises
-    ------
-    UserError : another number of spaces, or one over other knots of level 0.
+    Raises UserError : another number of spaces, or one over other knots of level 0.
     """
     rows = spaces if isinstance(spaces, tuple) else (spaces,)
     if len(rows) != len(wanted) or not all(isinstance(space, THBSpace) for space in rows):
@@ -42,9 +40,7 @@ def space_rows(spaces: Spaces, wanted: Sequence[THBSpace]) -> tuple[THBSpace, ..
 def vectors(coefficients: object, spaces: Sequence[THBSpace], what: str = "coefficients") -> list[Floats]:
     """Return coefficients as a list of finite vectors, front first.
 
-    Raises
-    ------
-    UserError : another number or length of vectors, or what is no finite number.
+    Raises UserError : another number or length of vectors, or what is no finite number.
     """
     rows = coefficients if isinstance(coefficients, tuple) else (coefficients,)
     if len(rows) != len(spaces):
@@ -65,9 +61,7 @@ def packed_surfaces(sags: Sequence[THBSurface]) -> THBSurface | tuple[THBSurface
 def image_of(values: ArrayLike, shape: tuple[int, int], what: str) -> Floats:
     """Return finite numbers on pixels.
 
-    Raises
-    ------
-    UserError : another shape, or what is no finite number.
+    Raises UserError : another shape, or what is no finite number.
     """
     image = real_numbers(values, what)
     if image.shape != shape:
@@ -88,9 +82,7 @@ def _vector(row: object, space: THBSpace, what: str) -> Floats:
 def real_numbers(values: Any, what: str) -> Floats:
     """Return finite numbers as float64.
 
-    Raises
-    ------
-    UserError : other values than numbers; complex, masked or infinite ones.
+    Raises UserError : other values than numbers; complex, masked or infinite ones.
     """
     try:
         require_real(values)

@@ -40,9 +40,7 @@ def tolerances(
     progress : called with a tolerance's name, its number from 0, and how many there are.
     float_shift : light may shift as a whole on the target, which follows it.
 
-    Raises
-    ------
-    UserError : an unknown name or a bad amount or limit; one sentence says which.
+    Raises UserError : an unknown name or a bad amount or limit; one sentence says which.
     """
     with DEVICE:
         target = design.measurement.target
@@ -59,9 +57,7 @@ def form_tolerances(
 
     limit : rise of rel_l2 for which the rms of each band is looked for.  progress : as of `tolerances`.
 
-    Raises
-    ------
-    UserError : an extended source or blurred light, or a bad limit; one sentence says which.
+    Raises UserError : an extended source or blurred light, or a bad limit; one sentence says which.
     """
     with DEVICE:
         return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
@@ -87,9 +83,7 @@ def monte_carlo(
     workers, scheduler : see `optics.base.workers.worker_pool`.
     progress : called with the number of lenses that are done, and of all.
 
-    Raises
-    ------
-    UserError : bad numbers, or no workers.
+    Raises UserError : bad numbers, or no workers.
     """
     each_set(samples)  # refuses it before any worker starts
     model = ErrorModel(
@@ -127,8 +121,7 @@ def _forms(
     design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
 ) -> tuple[FormTolerance, ...]:
     """Return the form tolerances of the surfaces, those of 0 left out."""
-    optic = design.problem.optic
-    free = (FaceMet(optic, face).name for face in optic.free)
+    free = (FaceMet(optic, face).name for optic in design.problem.free_optics for face in optic.free)
     chosen = dict.fromkeys(free, FORM_NM) | dict(forms or {})
     try:
         found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]

@@ -28,7 +28,7 @@ class DesignFigures:
     """
 
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
-        self.process, self._system, optic = process, system, system.problem.optic
+        self.process, optic = process, system.problem.optic
         rows = [element.name for element in system.problem.element]
         self._noun, self._sides = (
             ", ".join(rows) if rows[1:] else optic.noun,
@@ -37,12 +37,18 @@ class DesignFigures:
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
         self._photographed: tuple[Any, ...] | None = None
 
-    def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
+    def draw_lens(
+        self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
+    ) -> None:
         """Draw what needs no measurement."""
+        others = [
+            (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
+            for optic, shape in system.free_elements(lens)[:-1]
+        ]
         self._lens = self.process.ask(
-            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides
+            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others
         )
-        solid = self._system.solid(lens)
+        solid = system.solid(lens)
         self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
 
     def draw_light(

@@ -16,7 +16,7 @@ from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, veri
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
-from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files
+from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files, shape_file
 from optics.exchange.verification import (
     ExportedStep,
     StepFile,
@@ -36,6 +36,7 @@ from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_pa
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
+SHADE = "bodies that shade each other: the independent trace of the file lets its light pass them"
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
 
@@ -121,7 +122,17 @@ def verified(design: DesignRecord) -> Claims:
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Exports(solids, system, lens, Path(folder).joinpath)
         checks = _checks(design, system.manufactured(lens), *export.checked())
-        return verification(checks) | {"left_out": export.left_out}
+        return verification(checks) | {"left_out": _left_out(design, export)}
+
+
+def _left_out(design: DesignRecord, export: _Exports) -> list[str]:
+    """Return what the checks leave out: that bodies of a scene shade light, too."""
+    fates = design.measurement.metrics[design.system.units.key("fates")]
+    shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
+    if not shaded or not design.system.shaded_path(design.lens).bodies:
+        return export.left_out
+    share = shaded / sum(fates.values())
+    return [*export.left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
 
 
 def write_result(
@@ -134,7 +145,7 @@ def write_result(
     system, lens = design.system, design.lens
     writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
-    figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
+    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
@@ -166,7 +177,9 @@ def write_result(
 
     verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
-    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": export.left_out})
+    checked = writer.write_claims(
+        "verify.json", verification(checks) | {"left_out": _left_out(design, export)}
+    )
     page = Report(
         problem=design.problem,
         metrics=metrics,
@@ -178,7 +191,7 @@ def write_result(
         background=etendue.background,
         run=writer.run,
         view=figures.view(),
-        parts=export.files[1:],
+        parts=[*export.files[1:], *(shape_file(o.called) for o, _ in system.free_elements(lens)[:-1])],
     )
     metrics = writer.write_claims("metrics.json", metrics | verdict.data())
     writer.write("report.html", report_html(page, writer.problem_text).encode())

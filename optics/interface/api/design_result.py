@@ -50,8 +50,6 @@ class Design(DesignRecord):
 
     Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
 
-    Examples
-    --------
     >>> optical = System(problem).optical  # of the problem in the example of Problem
     >>> Design(asked=problem, system=optical, lens=optical.lens)  # not optimised yet
     Design('lens', 100 degrees of freedom)
@@ -86,9 +84,7 @@ class Design(DesignRecord):
     def load(cls, folder: str | Path) -> Design:
         """Return the design of a result folder; what it delivers is read, not measured again.
 
-        Raises
-        ------
-        UserError : the folder holds no whole result.
+        Raises UserError : the folder holds no whole result.
         """
         results = ResultFolder(folder)
         system, lens, record = results.read()
@@ -125,9 +121,7 @@ class Design(DesignRecord):
 
         force : replace what another problem or program wrote there.
 
-        Raises
-        ------
-        UserError : the folder cannot be written, or something in it would be lost.
+        Raises UserError : the folder cannot be written, or something in it would be lost.
         """
         self._require_told("saved")
         return save(self, ResultFolder(folder), force)
@@ -142,14 +136,12 @@ class Design(DesignRecord):
 
         source : "sun", "led:1mm", "led:1mm@30mm", a problem file whose source is taken, or a Source.
 
-        Raises
-        ------
-        UserError : other words, or light that does not go with the lens.
+        Raises UserError : other words, or light that does not go with the lens.
         """
         self._require_told("relit")
         light = other_source(source, self.problem) if isinstance(source, str) else source
         with DEVICE:
-            measurement = relit(self.problem, self.lens, light, self.system.backend)
+            measurement = relit(self.system, self.lens, light, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:
@@ -172,9 +164,7 @@ class Design(DesignRecord):
         surface : "front" or "rear"; by default the one that is freeform.
         align : "datums", the file's frame is the lens's, or "best fit".
 
-        Raises
-        ------
-        UserError : a file that cannot be read, is cut off, or does not fit the surface.
+        Raises UserError : a file that cannot be read, is cut off, or does not fit the surface.
         """
         # few designs ask
         from optics.tolerancing.metrology import default_side, light_as_built, read_measured, surface_of
@@ -202,9 +192,7 @@ class Design(DesignRecord):
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.
 
-        Raises
-        ------
-        UserError : names what cannot be done.
+        Raises UserError : names what cannot be done.
         """
         if self.system.own:
             raise UserError(

@@ -38,10 +38,8 @@ def design(
     Ctrl-C ends the work.  The design then holds the best lens so far, and `interrupted` is true; where no
     level had begun, the KeyboardInterrupt goes on.
 
-    Raises
-    ------
-    UserError : a problem that cannot be solved; one sentence says why.
-    NumericalError : the loss is not finite, or the surfaces cross.
+    Raises UserError : a problem that cannot be solved; one sentence says why.
+    Raises NumericalError : the loss is not finite, or the surfaces cross.
     """
     if not isinstance(problem, Problem):
         raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")

@@ -39,8 +39,6 @@ class Model:
     Made by `System.model`, and made so again where it is copied or pickled.  Irradiance is (rows, columns),
     W/mm^2; in the far field it is intensity, W/sr.  For W read lm where that is `source.unit`.
 
-    Examples
-    --------
     >>> system = System(problem)  # of the problem in the example of Problem
     >>> space = system.space()
     >>> irradiance = system.model(space, rays=(33, 33))(np.zeros(space.dim))
@@ -77,9 +75,7 @@ class Model:
     def __call__(self, coefficients: Coefficients) -> Floats:
         """Return the irradiance.
 
-        Raises
-        ------
-        UserError : coefficients of another shape or space, or numbers that are not finite.
+        Raises UserError : coefficients of another shape or space, or numbers that are not finite.
         """
         with DEVICE:
             return self._shown(self._light.image(vectors(coefficients, self._spaces)))
@@ -87,9 +83,7 @@ class Model:
     def vjp(self, coefficients: Coefficients) -> tuple[Floats, Pull]:
         """Return the irradiance, and the function that maps dL/dE to dL/dc.
 
-        Raises
-        ------
-        UserError : as of a call; the function too, of a dL/dE of another shape.
+        Raises UserError : as of a call; the function too, of a dL/dE of another shape.
         """
         with DEVICE:
             light = self._light.light(vectors(coefficients, self._spaces))
@@ -104,9 +98,7 @@ class Model:
     def jvp(self, coefficients: Coefficients, direction: Coefficients) -> tuple[Floats, Floats]:
         """Return the irradiance, and its derivative along a direction in the coefficients.
 
-        Raises
-        ------
-        UserError : as of a call.
+        Raises UserError : as of a call.
         """
         at = vectors(coefficients, self._spaces)
         along = vectors(direction, self._spaces, "the direction")
@@ -125,9 +117,7 @@ class Model:
         counts : of vertices in x and y, from border to border.  The result is (nx, ny); of two free surfaces
             a tuple, front first.
 
-        Raises
-        ------
-        UserError : as of a call, or a dL/dE of another shape.
+        Raises UserError : as of a call, or a dL/dE of another shape.
         """
         at = vectors(coefficients, self._spaces)
         bar = self._scale * image_of(slope, self.shape, "dL/dE")
@@ -141,9 +131,7 @@ class Model:
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
         """Return the project's own loss and its gradient, see `optics.designing.optimisation.Objective`.
 
-        Raises
-        ------
-        UserError : as of a call.
+        Raises UserError : as of a call.
         """
         with DEVICE:
             found = self._objective(vectors(coefficients, self._spaces))

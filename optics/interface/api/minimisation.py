@@ -23,8 +23,6 @@ class Minimum:
 
     losses : of every evaluation, in their order.  interrupted : by Ctrl-C.
 
-    Examples
-    --------
     >>> found = minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]))
     >>> found.losses[0], found.loss < 1e-12, found.interrupted
     (25.0, True, False)
@@ -57,11 +55,9 @@ def minimise(
 
     Ctrl-C ends the work too, and the best coefficients so far are returned.
 
-    Raises
-    ------
-    UserError : an unknown method, a negative number of iterations, coefficients that are no vectors, or a
-        loss that does not return a number and a gradient of the same shape.
-    NumericalError : a loss or gradient that is not finite.
+    Raises UserError : an unknown method, a negative number of iterations, coefficients that are no vectors,
+        or a loss that does not return a number and a gradient of the same shape.
+    Raises NumericalError : a loss or gradient that is not finite.
     """
     if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 0:
         raise UserError(f"iterations must be a whole number from 0 on, got {iterations!r}")

@@ -25,9 +25,7 @@ class Prepared:
 def prepared(system: OpticalSystem) -> Prepared:
     """Return a system that can be solved, made ready.
 
-    Raises
-    ------
-    UserError : no usable LLVM library.
+    Raises UserError : no usable LLVM library.
     """
     run = system.problem.run
     backend = load_backend(run.precision, run.threads)
@@ -38,9 +36,7 @@ def prepared(system: OpticalSystem) -> Prepared:
 def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backend) -> Engine:
     """Return an engine by its name, or as it is; None is the problem's own.
 
-    Raises
-    ------
-    UserError : an unknown name, or an engine that is not installed.
+    Raises UserError : an unknown name, or an engine that is not installed.
     """
     if engine is None:
         engine = system.problem.optimizer.engine
@@ -64,9 +60,7 @@ def shaping_by(
 
     Where divergence or roughness blurs the light, that is the sharp system, and the engine blurs its light.
 
-    Raises
-    ------
-    UserError : see `engine_of`.
+    Raises UserError : see `engine_of`.
     """
     sharp = system.shaping
     chosen = engine_of(engine, sharp, backend)

@@ -21,9 +21,7 @@ class SceneView:
     def save(self, path: str | Path) -> Path:
         """Write the page to a file, for any browser.
 
-        Raises
-        ------
-        UserError : the file cannot be written.
+        Raises UserError : the file cannot be written.
         """
         try:
             write_text(Path(path), self.page)
@@ -44,10 +42,8 @@ def mitsuba_scene(design: DesignRecord) -> dict[str, Any]:
     the camera sees and the screen's reflectance r.  Mitsuba is loaded, in its mono variant where none is
     set.
 
-    Raises
-    ------
-    UserError : Mitsuba is not installed, a target in the far field, pixels that are not square, or a source
-        that Mitsuba does not have.
+    Raises UserError : Mitsuba is not installed, a target in the far field, pixels that are not square, or a
+        source that Mitsuba does not have.
     """
     from optics.exchange.mitsuba import scene_dictionary  # few designs ask
 

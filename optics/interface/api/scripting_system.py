@@ -42,12 +42,8 @@ class System:
 
     source, receiver : objects of classes of your own, in place of what the problem describes, see `Own`.
 
-    Raises
-    ------
-    UserError : a problem that cannot be solved; one sentence says why.
+    Raises UserError : a problem that cannot be solved; one sentence says why.
 
-    Examples
-    --------
     >>> System(problem).space(level=1).dim  # of the problem in the example of Problem
     289
     """
@@ -95,9 +91,7 @@ class System:
             own.  In cells the light of sources without extent is measured exactly; extended ones have pixels.
         engine : a name as of `optimizer.engine`, an `engines.Engine`, or None for the problem's own.
 
-        Raises
-        ------
-        UserError : what does not suit, or an engine that is not installed; one sentence says so.
+        Raises UserError : what does not suit, or an engine that is not installed; one sentence says so.
         """
         spaces, optical = space_rows(space, self._level_0), self.optical.shaping
         if window is None:
@@ -119,9 +113,7 @@ class System:
     def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
         """Return the sag that optimal transport asks for; a free front before it stays a conic.
 
-        Raises
-        ------
-        UserError : no transport map exists.
+        Raises UserError : no transport map exists.
         """
         spaces = space_rows(space, self._level_0)
         with DEVICE:
@@ -131,9 +123,7 @@ class System:
     def lens(self, space: Spaces, coefficients: Coefficients) -> Lens:
         """Return the lens with these sags.
 
-        Raises
-        ------
-        UserError : it cannot exist, since its surfaces cross.
+        Raises UserError : it cannot exist, since its surfaces cross.
         """
         spaces = space_rows(space, self._level_0)
         sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
@@ -147,9 +137,7 @@ class System:
 
         In W/mm^2; in the far field in W/sr, as the model's.
 
-        Raises
-        ------
-        UserError : no Lens.
+        Raises UserError : no Lens.
         """
         if not isinstance(lens, Lens):
             made = "system.lens(space, c) makes one"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .arguments import parsers as parsers
-    from .cli import main as main
+    from .arguments import parsers
+    from .cli import main
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

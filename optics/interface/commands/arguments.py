@@ -46,10 +46,8 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
 
-    Raises
-    ------
-    UserError : an unknown command or option, an argument that is missing or has a wrong value.
-    OSError : stdout cannot be written, where help or version is asked for.
+    Raises UserError : an unknown command or option, an argument that is missing or has a wrong value.
+    Raises OSError : stdout cannot be written, where help or version is asked for.
     """
     main, commands = parsers()
     if not words:

@@ -118,14 +118,10 @@ def resuming(words: Sequence[str]) -> str:
     """
     kept: list[str] = []
     for before, word in zip(("", *words), words):
-        if not any("--from".startswith(w.partition("=")[0]) and len(w) > 3 for w in (word, _alone(before))):
+        option = "" if "=" in before else before  # whose value is this word
+        if not any("--from".startswith(w.partition("=")[0]) and len(w) > 3 for w in (word, option)):
             kept.append(word)
     return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
-
-
-def _alone(word: str) -> str:
-    """Return an option whose value is the next word, "" of one that holds it."""
-    return "" if "=" in word else word
 
 
 def _design_lines(

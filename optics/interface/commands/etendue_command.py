@@ -9,13 +9,15 @@ from typing import Any
 
 from optics.base.runtime import UserError
 from optics.designing.etendue import (
+    CURVED,
     FIXED,
-    OBLIQUE,
     SEARCH,
+    ImageBound,
     OneBlur,
     Throughput,
     base_rear,
     blur_sentence,
+    bounds_hold,
     curve_sentence,
     greatest_slack,
     images_bound,
@@ -31,13 +33,14 @@ from optics.designing.etendue import (
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import picture_path, system_of
+from optics.light.analysis import passing_share, passing_words
 from optics.light.blur import patch_images
-from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.system import OpticalSystem
 from thbcad.io import write_bytes
 
 NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
+OFF_AXIS = "one blur everywhere is a model of a lens on the axis before a target across it, and of no other"
 OF_SOURCE = 2  # lines on the source's own etendue, the first ones
 UNKNOWN = "a file describes the source: its etendue is not known, so that no limit is given"
 
@@ -55,31 +58,21 @@ def etendue(options: Namespace) -> Outcome:
     }
     lines = _throughput_lines(system, passing)
     without = _why_no_limit(system, passing)
+    for name in ("measure", "out"):
+        if getattr(options, name) and (without or not system.axial):
+            raise UserError(f"{without or OFF_AXIS}; leave out --{name}")
     if without:
-        for name in ("measure", "out"):
-            if getattr(options, name):
-                raise UserError(f"{without}; leave out --{name}")
         return Outcome(data, [*lines, without])
     universal = universal_bound(system)
     efficiency = options.efficiency or usual_efficiency(system, universal)
     cap = greatest_slack(system, universal.most / passing.radiance)
-    start = perf_counter()
-    alike = one_blur(system, system.lens, efficiency, FIXED, any_form=False)
-    blurs = {"source_proportions": _blur_data(alike, start)}
     lines += [
         universal_sentence(system, universal, efficiency),
         *universal_lines(system, universal),
-        curve_sentence(universal),
+        curve_sentence(system, universal),
         "each pixel is taken to see a little more than the whole envelope, never less: "
         f"by dense sampling {cap:.4f} times its etendue at most",
-        f"{one_blur_sentence(system)}, {base_rear(system)}",
-        *_blur_lines(system, alike, blurs["source_proportions"], False),
     ]
-    if stretchable(system):
-        start = perf_counter()
-        free = one_blur(system, system.lens, efficiency, SEARCH)
-        blurs["any_proportions"] = _blur_data(free, start)
-        lines += _blur_lines(system, free, blurs["any_proportions"], True)
     data |= {
         "efficiency": efficiency,
         "universal": {
@@ -91,15 +84,18 @@ def etendue(options: Namespace) -> Outcome:
             "curve": [list(point) for point in universal.curve()],
             "cap_over_sampled": cap,
         },
-        "one_blur": blurs,
     }
+    if not system.axial:
+        return Outcome(data, [*lines, OFF_AXIS])
+    data["one_blur"], alike, more = _one_blurs(system, efficiency)
+    lines += more
     if options.measure:
         data["measured"], more = _measured(system, options.measure)
         lines += more
     if out:
         from optics.reporting.figures import bound_figure  # matplotlib
 
-        write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
+        write_bytes(out, bound_figure(universal, alike, system.target.screen()))
         lines.append(f"wrote {out}")
     return Outcome(data, lines)
 
@@ -108,9 +104,26 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
     if system.source.from_file:
         return UNKNOWN
-    if not system.axial:
-        return OBLIQUE
-    return "" if passing.source else NO_LIMIT
+    if not passing.source:
+        return NO_LIMIT
+    return "" if bounds_hold(system) else CURVED
+
+
+def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any], ImageBound, list[str]]:
+    """Return the bounds of one blur for --json, that of the source's proportions, and lines."""
+    start = perf_counter()
+    alike = one_blur(system, system.lens, efficiency, FIXED, any_form=False)
+    blurs = {"source_proportions": _blur_data(alike, start)}
+    lines = [
+        f"{one_blur_sentence(system)}, {base_rear(system)}",
+        *_blur_lines(system, alike, blurs["source_proportions"], False),
+    ]
+    if stretchable(system):
+        start = perf_counter()
+        free = one_blur(system, system.lens, efficiency, SEARCH)
+        blurs["any_proportions"] = _blur_data(free, start)
+        lines += _blur_lines(system, free, blurs["any_proportions"], True)
+    return blurs, alike.bound, lines
 
 
 def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
@@ -152,13 +165,14 @@ def _resolved_base(system: OpticalSystem) -> OpticalSystem:
 
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
-    transmittance, unit = normal_incidence_transmittance(system.lens.index), system.units.flux
+    met, unit = system.problem.faces_met, system.units.flux
+    passing_on = passing_words(passing_share(system.path(system.lens)))
+    first = f"the {met[0].face} of the base lens" if system.problem.lens else met[0].name
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
-        f"{passing.front:10.4g} mm^2 sr  of its light that meets the front of the base lens",
+        f"{passing.front:10.4g} mm^2 sr  of its light that meets {first}",
         *(f"{u:10.4g} mm^2 sr  between rear aperture and target" for u in [passing.target] if u is not None),
-        f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
-        f"incidence leaves {transmittance:.4f} of it",
+        f"{passing.meets_front:10.4g} {unit}  meet it; {passing_on}",
     ]
     return lines[OF_SOURCE:] if system.source.from_file else lines
 

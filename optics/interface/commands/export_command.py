@@ -106,9 +106,8 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
     """Write the lens with the mount that --mount asks for.
 
-    Raises
-    ------
-    UserError : another option of the solid, or lens.body, beside it; as `mount_from` and `export_mounted`.
+    Raises UserError : another option of the solid, or lens.body, beside it; as `mount_from` and
+        `export_mounted`.
     """
     from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
@@ -127,9 +126,7 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
 def _scene(options: Namespace) -> Outcome:
     """Write the scene of a result for the program `mitsuba`.
 
-    Raises
-    ------
-    UserError : no result folder, Mitsuba is not installed or cannot express the problem.
+    Raises UserError : no result folder, Mitsuba is not installed or cannot express the problem.
     """
     out, folder = Path(options.out), Path(options.result)
     _require_whole_lens("a scene holds", options)
@@ -155,9 +152,7 @@ def _scene(options: Namespace) -> Outcome:
 def _assembly(options: Namespace, name: str) -> Outcome:
     """Write the elements of a result where they lie, as an assembly.
 
-    Raises
-    ------
-    UserError : no result folder, another format than STEP, options of another body.
+    Raises UserError : no result folder, another format than STEP, options of another body.
     """
     from optics.exchange.assemblies import export_scene  # OCCT
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, reading, verification
 from optics.exchange.export import report_of, require_free_files
@@ -21,6 +20,7 @@ from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
 from optics.scene.system import OpticalSystem, require_lens_on_axis
+from thbcad.checks import Floats
 from thbcad.io import json_text, write_text
 from thbcad.lens import Lens
 
@@ -40,9 +40,7 @@ def is_luminaire(options: Namespace) -> bool:
 def rays_of_light(options: Namespace) -> Outcome:
     """Write the light behind the lens of a result as a ray file, and read it back.
 
-    Raises
-    ------
-    UserError : no result folder, another suffix, --format, or too many rays.
+    Raises UserError : no result folder, another suffix, --format, or too many rays.
     """
     out = Path(options.out)
     if options.format is not None:
@@ -57,7 +55,7 @@ def rays_of_light(options: Namespace) -> Outcome:
         for name in ("position", "direction", "flux")
     )
     checks = [Check("numbers of the rays that differ", differ, 0, "")]
-    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
+    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} over all faces"
     data = {"rays": len(rays), units_of(rays.unit).key("flux"): rays.total}
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, [written])
 
@@ -65,9 +63,7 @@ def rays_of_light(options: Namespace) -> Outcome:
 def intensity_of_light(options: Namespace) -> Outcome:
     """Write the intensity of the light behind the lens of a result as a luminaire, and read it back.
 
-    Raises
-    ------
-    UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
+    Raises UserError : no lens on the axis, no result folder, too many rays, a step out of range, or no light.
     """
     step = options.step
     low, high = STEPS
@@ -78,6 +74,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
             f"got {step:g}"
         )
     system, lens, backend = _traceable(options)
+    require_lens_on_axis(system, "intensities in files")
     out = Path(options.out)
     light = outgoing_intensity(system, lens, backend, options.rays, options.step)
     LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
@@ -109,13 +106,13 @@ def intensity_of_light(options: Namespace) -> Outcome:
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)
 
 
-def _light_of(result: str) -> NDArray[np.float64] | None:
+def _light_of(result: str) -> Floats | None:
     """Return the light of a result on the pixels of its target, (rows, columns); None where it is gone."""
     path = Path(result) / LIGHT
     if not path.exists():
         return None
     with reading(path), np.load(path) as arrays:
-        light: NDArray[np.float64] = arrays["irradiance"]
+        light: Floats = arrays["irradiance"]
     return light
 
 
@@ -150,9 +147,7 @@ def _on_target(shown: Mapping[str, OnTarget]) -> str:
 def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
     """Return what is to be traced, once it is known that the file can be written.
 
-    Raises
-    ------
-    UserError : see `rays_of_light`.
+    Raises UserError : see `rays_of_light`.
     """
     if not 1 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
@@ -160,7 +155,6 @@ def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
         raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
     require_free_files([Path(options.out)], options.out, options.force)
     system, lens, _ = ResultFolder(options.result).read()
-    require_lens_on_axis(system, "files of light")
     return system, lens, system.backend
 
 

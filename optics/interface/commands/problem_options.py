@@ -16,9 +16,7 @@ from optics.scene.system import OpticalSystem, load_system, skip_lines
 def changes_of(options: Namespace) -> dict[str, Any]:
     """Return {dotted key: value} of --set and --engine; of two values for a key the later one holds.
 
-    Raises
-    ------
-    UserError : see `assignment`.
+    Raises UserError : see `assignment`.
     """
     with speaking_of("--set"):
         changes = dict(assignment(text, Problem) for text in options.set)
@@ -38,9 +36,7 @@ def system_of(options: Namespace) -> OpticalSystem:
 def picture_path(options: Namespace) -> Path | None:
     """Return where --out wants a picture, None without it; checked before any work is done.
 
-    Raises
-    ------
-    UserError : it does not end in .png, cannot be written, or would replace what is not ours.
+    Raises UserError : it does not end in .png, cannot be written, or would replace what is not ours.
     """
     if not options.out:
         return None

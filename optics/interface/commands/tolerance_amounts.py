@@ -26,9 +26,7 @@ class Amounts(NamedTuple):
 def amounts_of(options: Namespace) -> Amounts:
     """Return the amounts of --tolerances and --set; of two for a name, --set's last one holds.
 
-    Raises
-    ------
-    UserError : no number, or a file that cannot be read.
+    Raises UserError : no number, or a file that cannot be read.
     """
     named = _of_file(options.tolerances) | dict(map(_amount, options.set))
     forms = {name.removesuffix(FORM): named.pop(name) for name in [*named] if name.endswith(FORM)}
@@ -38,9 +36,7 @@ def amounts_of(options: Namespace) -> Amounts:
 def periods_of(text: str) -> tuple[float, float]:
     """Return the shortest and the longest period of "SHORTEST:LONGEST", mm.
 
-    Raises
-    ------
-    UserError : another text.
+    Raises UserError : another text.
     """
     try:
         short, long = map(float, text.split(":"))
@@ -52,9 +48,7 @@ def periods_of(text: str) -> tuple[float, float]:
 def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
     """Return the limits of --limit by name, None where there are none; a bare number is a rise of rel_l2.
 
-    Raises
-    ------
-    UserError : no number.
+    Raises UserError : no number.
     """
     limits = {}
     for text in texts:

@@ -7,9 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from optics.base.runtime import UserError, load_backend
 from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.interface.commands.outcome import Outcome
@@ -25,6 +22,7 @@ from optics.light.tracing import SENTENCES, fate_sentences, path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.io import json_text, write_bytes, write_text
 
 MOST_RAYS = 1 << 15  # per direction
@@ -76,7 +74,7 @@ def trace(options: Namespace) -> Outcome:
     return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
 
 
-def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: float) -> dict[str, bytes]:
+def _light_contents(system: OpticalSystem, image: Floats, flux: float) -> dict[str, bytes]:
     """Return the files of the light by name: arrays and pictures, in the far field diagrams too.
 
     image : the irradiance on the target's pixels.  flux : of the light asked for.

@@ -58,9 +58,7 @@ class LightRequest:
     def answered(self, system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> FileLight:
         """Trace the file, write picture and numbers, and return the FileLight.
 
-        Raises
-        ------
-        UserError : the file cannot be read, or is no lens; as `file_tracer`.
+        Raises UserError : the file cannot be read, or is no lens; as `file_tracer`.
         """
         from optics.exchange.cross_checks import (  # OCCT
             compare_light,
@@ -93,10 +91,8 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
 
     of_folder : whether a result folder is verified, not a STEP file.
 
-    Raises
-    ------
-    UserError : options that do not fit together, a program that is not installed, a number of rays that it
-        cannot trace, a folder that cannot be written or holds what this program did not write.
+    Raises UserError : options that do not fit together, a program that is not installed, a number of rays
+        that it cannot trace, a folder that cannot be written or holds what this program did not write.
     """
     if options.light is None:
         for name in ("rays", "out", "force"):

@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .other_light import other_source as other_source, relit as relit
+    from .other_light import other_source, relit
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

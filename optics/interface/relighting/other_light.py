@@ -6,29 +6,29 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, measure
 from optics.scene.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
-from optics.scene.system import OpticalSystem, index_at, solvable_system, source_of
+from optics.scene.system import OpticalSystem, index_at, pose_of, solvable_system, source_of
 from thbcad.lens import Lens
 from thbcad.sags import Conic
 
 
-def relit(problem: Problem, lens: Lens, source: Source, backend: Backend) -> Measurement:
-    """Return what the lens of a problem delivers in the light of another source.
+def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -> Measurement:
+    """Return what the lens of a system delivers in the light of another source.
 
     Where that is designed for another wavelength, the lens has its index there, if material or indices tell.
 
     backend : of double precision.
 
-    Raises
-    ------
-    UserError : a source that does not go with the lens, such as one that lies in it.
+    Raises UserError : a source that does not go with the lens, such as one that lies in it.
     """
-    other = replace(problem, source=source)
-    index = _index_at(OpticalSystem(problem), source.wavelength)
-    system = solvable_system(other if problem.optic.index == index else other.with_optic(index=index))
-    return measure(system, replace(lens, index=index), backend)
+    other = replace(system.problem, source=source)
+    index = _index_at(system, source.wavelength)
+    relit = solvable_system(other if other.optic.index == index else other.with_optic(index=index))
+    return measure(relit.shaped_as(system.shapes), replace(lens, index=index), backend)
 
 
 def _index_at(system: OpticalSystem, nm: float) -> float:
@@ -38,6 +38,7 @@ def _index_at(system: OpticalSystem, nm: float) -> float:
         return system.lens.index
 
 
+ACROSS = 9  # points of a face each way, its corners among them
 LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
 LUMINAIRE = re.compile(r"(?P<file>.+\.(ies|ldt))(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
 FORMS = '"sun", "led:SIZEmm", "FILE.ies" or "FILE.ldt" (each may end in "@DISTANCEmm") or a problem file'
@@ -46,14 +47,12 @@ FORMS = '"sun", "led:SIZEmm", "FILE.ies" or "FILE.ldt" (each may end in "@DISTAN
 def other_source(words: str, problem: Problem) -> Source:
     """Return the source that words describe, with the flux of a problem's own, in its unit.
 
-    "sun": a beam as wide as the problem's own, or else as the front, with the sun's divergence.
+    "sun": a beam as wide as the problem's own, or else as the first face, with the sun's divergence.
     "led:1mm": a Lambertian square with sides of 1 mm where the problem's source is; "led:1mm@30mm": 30 mm
     before the front vertex.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that file.  Another path: the
     source of that problem file, as it is.
 
-    Raises
-    ------
-    UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
+    Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
     """
     own = problem.source
     if words.lower() == "sun":
@@ -87,14 +86,17 @@ def other_source(words: str, problem: Problem) -> Source:
 
 
 def _beam(problem: Problem) -> Source:
-    """Return a parallel beam as wide as the front, from before all of it."""
-    own, front = problem.source, problem.optic.front
-    radius, constant = base_of(front)
-    depth = max(0.0, -float(Conic(radius, constant)(*front.half_width)))
+    """Return a parallel beam along z that covers the first face that light meets, from before all of it."""
+    own, first = problem.source, problem.faces_met[0]
+    spec = getattr(first.optic, first.face)
+    x, y = np.meshgrid(*(np.linspace(-h, h, ACROSS) for h in spec.half_width))
+    own_points = np.array([x, y, Conic(*base_of(spec))(x, y)]).reshape(3, -1)
+    covered = pose_of(first.optic).points(own_points)
+    wide, tall = np.abs(covered[:2]).max(axis=1).tolist()
     return Source(
         kind="collimated",
-        half_width=front.half_width,
-        distance=Source.distance + depth + freedom_of(front),
+        half_width=(wide, tall),
+        distance=Source.distance + max(0.0, -float(covered[2].min())) + freedom_of(spec),
         flux=own.flux,
         unit=own.unit,
         wavelength=own.wavelength,

@@ -47,9 +47,7 @@ def compute(
 ) -> None:
     """Compute variants and store a row for each.
 
-    Raises
-    ------
-    UserError : there are no workers any more; what is stored stays.
+    Raises UserError : there are no workers any more; what is stored stays.
     """
     items = (Work(tasks.changes(index), tasks.keep_lenses) for index in range(len(tasks.variants)))
     try:
@@ -157,9 +155,7 @@ def sweep(
     progress : True draws a bar; a function is called with every `optics.base.runtime.ProgressEvent`.
     resume, force, keep_lenses : see `SweepPlan`.
 
-    Raises
-    ------
-    UserError : a key or value that no variant can have; a folder of another sweep; no workers.
+    Raises UserError : a key or value that no variant can have; a folder of another sweep; no workers.
     """
     if not isinstance(problem, Problem):
         raise UserError(f"sweep takes a Problem, got {problem!r}; optics.load_problem reads a file")

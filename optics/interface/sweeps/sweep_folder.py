@@ -34,10 +34,8 @@ def taken_folder(
 ) -> Iterator[SweepStore]:
     """Hold the folder for one run of a sweep, and yield its store.
 
-    Raises
-    ------
-    UserError : it cannot be written, another run writes to it, it holds another sweep or files of others, or
-        there is nothing to resume.
+    Raises UserError : it cannot be written, another run writes to it, it holds another sweep or files of
+        others, or there is nothing to resume.
     """
     if resume and not (folder / STORE).exists():
         raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")

@@ -37,8 +37,6 @@ class SweepRow:
     status : "done", "failed", "killed" (its worker ended, twice) or "invalid" (no problem has these values).
     sentence : why it is not "done".  picture : PNG of the light on the target.
 
-    Examples
-    --------
     >>> SweepRow((400,), "failed", "no light reaches the target").metrics
     {}
     """
@@ -56,8 +54,6 @@ class SweepRow:
 class Sweep:
     """A finished sweep.  keys : that were varied.  rows : in the order of the combinations.
 
-    Examples
-    --------
     >>> rows = [SweepRow((k,), "done", metrics={"rel_l2_debiased": 1 / k}) for k in (20, 40)]
     >>> found = Sweep(Path("distances"), ("target.distance",), rows)
     >>> found.best.values, found.counts()["done"]

@@ -96,9 +96,7 @@ def open_store(path: Path, sweep: Mapping[str, str]) -> Iterator[SweepStore]:
 
     sweep : what tells it from other sweeps, texts by name.
 
-    Raises
-    ------
-    UserError : the file belongs to another sweep or version, is damaged, or the disk is full.
+    Raises UserError : the file belongs to another sweep or version, is damaged, or the disk is full.
     """
     try:
         connection = sqlite3.connect(path)

@@ -9,7 +9,7 @@ import io
 import math
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import Any, cast
@@ -71,17 +71,12 @@ def metric_plots(sweep: Sweep) -> dict[str, bytes]:
         for row in sweep.rows:
             value = row.seconds if metric == "seconds" else row.metrics.get(metric)
             if row.status == DONE and _is_number(value):
-                lines[_others(sweep.keys, row.values, along)].append(
-                    (row.values[along], cast("float", value))
-                )
+                others = [f"{key} {cell(at)}" for key, at in zip(sweep.keys, row.values)]
+                name = ", ".join(others[:along] + others[along + 1 :])
+                lines[name].append((row.values[along], cast("float", value)))
         if _varies([value for line in lines.values() for _, value in line]):
             plots[metric] = _plot(sweep.keys[along], metric, lines)
     return plots
-
-
-def _others(keys: Sequence[str], values: Sequence[Any], along: int) -> str:
-    """Return the name of a line: what it has of the other keys."""
-    return ", ".join(f"{key} {cell(value)}" for k, (key, value) in enumerate(zip(keys, values)) if k != along)
 
 
 def plot_name(metric: str) -> str:

@@ -50,9 +50,7 @@ class Work(NamedTuple):
 def designed(shared: Shared, work: Work) -> Designed:
     """Design a variant on one thread.
 
-    Raises
-    ------
-    UserError, NumericalError : as `design`.
+    Raises UserError, NumericalError : as `design`.
     """
     problem = shared.problem.with_(**work.changes)
     problem = replace(problem, run=replace(problem.run, threads=1))

@@ -28,9 +28,8 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
 
     folder : what relative paths of files start from.
 
-    Raises
-    ------
-    UserError : no "=", an unknown key, values that are neither, such as a list of texts without quotes.
+    Raises UserError : no "=", an unknown key, values that are neither, such as a list of texts without
+        quotes.
     """
     name, _, value = (part.strip() for part in text.partition("="))
     parts = value.split(":")
@@ -86,9 +85,8 @@ def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
 
     Numbers of numpy become those of Python, paths become texts, records become dicts, tuples become lists.
 
-    Raises
-    ------
-    UserError : no key, no list, an empty list, a value that JSON cannot hold, or too many combinations.
+    Raises UserError : no key, no list, an empty list, a value that JSON cannot hold, or too many
+        combinations.
     """
     if not isinstance(ranges, Mapping) or not ranges:
         raise UserError('a sweep varies at least one key, such as {"target.distance": [200, 300]}')
@@ -110,9 +108,7 @@ def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
 def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[Variant]:
     """Return every combination, the values of the last key changing first.
 
-    Raises
-    ------
-    UserError : an unknown key, or a value that no combination can have; as `Problem.with_` says it.
+    Raises UserError : an unknown key, or a value that no combination can have; as `Problem.with_` says it.
     """
     places = list(product(*(range(len(values)) for values in ranges.values())))
     found = []

@@ -15,13 +15,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 BISECTIONS = 20  # to a millionth of an edge, which is itself less than a thousandth of the source
 
-Bools = NDArray[np.bool_]
 Density = Callable[[Floats, Floats], Floats]
 
 

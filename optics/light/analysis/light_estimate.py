@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class LightEstimate:
         """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
         return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
 
-    def lit_error(self, lit: NDArray[np.bool_], pixel_area: float) -> float:
+    def lit_error(self, lit: Bools, pixel_area: float) -> float:
         """Return the standard deviation of the flux on some pixels, (rows, columns), W."""
         return float(np.linalg.norm(self.error[lit])) * pixel_area
 

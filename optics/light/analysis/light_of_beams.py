@@ -55,9 +55,7 @@ def beam_irradiance(
 
     system : whose beam diverges, or whose surfaces are rough.  backend : of double precision.
 
-    Raises
-    ------
-    UserError : see `Blur.widened`.
+    Raises UserError : see `Blur.widened`.
     """
     counts = _beam_cells(screen)
     rest = _Rest.of(system, path, screen, backend)

@@ -15,7 +15,6 @@ from math import ceil, log2
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.border_triangles import border_triangles, shared_flux
@@ -24,7 +23,7 @@ from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
-from thbcad.checks import EPS, Floats
+from thbcad.checks import EPS, Bools, Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 BORDER_CELLS = (
@@ -40,7 +39,7 @@ class _Light:
 
     image: Floats
     fates: SequentialFates
-    cut: NDArray[np.bool_]
+    cut: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ class _CellTracer:
             image = Splat(self.backend, self.screen, BoxWindow())(landing.x, landing.y, landing.flux).numpy()
         return _Light(image, tracer.fates(landing, self.screen.half_width), np.zeros((0, 0), dtype=bool))
 
-    def arrive(self, rays: Rays) -> NDArray[np.bool_]:
+    def arrive(self, rays: Rays) -> Bools:
         """Return which rays arrive, (n,)."""
         _, _, arrives = self._trace(rays)
         return arrives.numpy()
@@ -164,7 +163,7 @@ def _along_border(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> li
     border is so bent that it parts a median's foot from the corners, the corners count where they land.
     """
 
-    def arrive(s: Floats, t: Floats) -> NDArray[np.bool_]:
+    def arrive(s: Floats, t: Floats) -> Bools:
         return tracer.arrive(cells.at(s, t, np.zeros_like(s)))
 
     (p, q, r), flux = border_triangles(pieces, arrive, cells.density)

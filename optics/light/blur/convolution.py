@@ -121,9 +121,7 @@ class Blur:
     def widened(self, screen: Screen) -> Screen:
         """Return a screen that is wider by the reach of the spot.
 
-        Raises
-        ------
-        UserError : the spot is wider than the screen, and reaches over more pixels than memory holds.
+        Raises UserError : the spot is wider than the screen, and reaches over more pixels than memory holds.
         """
         reach, most = self.reach(screen), max(screen.pixels)
         if most + 2 * reach > max(MOST_AROUND, 3 * most):

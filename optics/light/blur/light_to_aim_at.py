@@ -45,9 +45,7 @@ def aimed(system: OpticalSystem, lens: Lens, backend: Backend) -> OpticalSystem:
 def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:
     """Return the sharp system that stands for a blurred one, with the aim for a known blur.
 
-    Raises
-    ------
-    UserError : see `Blur.widened`; before any work is done, and where the design would be measured.
+    Raises UserError : see `Blur.widened`; before any work is done, and where the design would be measured.
     """
     target, merge = system.target, system.problem.optimizer.merge
     blur.widened(target.screen())

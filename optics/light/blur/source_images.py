@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.blur.convolution import blur_of
 from optics.light.tracing import Tracer
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 
 PATCHES = 16  # in each direction, over the rear
@@ -104,9 +103,7 @@ def patch_images(
     return PatchImages(total, width)
 
 
-def _residual_squares(
-    patch: NDArray[np.int64], within: list[Floats], arrival: list[Floats], flux: Floats
-) -> Floats:
+def _residual_squares(patch: Integers, within: list[Floats], arrival: list[Floats], flux: Floats) -> Floats:
     """Return the mean squares that a quadratic fit in every patch leaves, (2, patches)."""
     count = PATCHES**2
 

@@ -37,9 +37,7 @@ class BlurredEngine:
         An even border of blurred light needs sharp light beside the target, as far as the blur reaches.  So
         the sharp light counts as lost from there on, and the blurred light is seen on the target alone.
 
-        Raises
-        ------
-        UserError : see `Blur.widened`.
+        Raises UserError : see `Blur.widened`.
         """
         narrow = replace(film.screen, margin=0)
         times = self.blur.parts(narrow, FINEST)

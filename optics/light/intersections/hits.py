@@ -87,12 +87,12 @@ class Hits:
     at: tuple[DrArray, DrArray]
     dr: ModuleType
 
-    def taken_gradients(self) -> list[Floats]:
-        """Return the derivatives by the leaves (z, zx, zy), each (n,) float, which then carry none."""
+    def taken_gradients(self) -> list[DrArray]:
+        """Return the derivatives by the leaves (z, zx, zy), which then carry none."""
         gradients = [leaf.grad for leaf in self.leaves]
         self.dr.eval(gradients)  # together: one kernel
         self.dr.clear_grad(self.leaves)
-        return [g.numpy() for g in gradients]
+        return gradients
 
 
 def raised_hits(
@@ -166,12 +166,7 @@ class KnownHits:
     """
 
     def __init__(
-        self,
-        backend: Backend,
-        beam: RayGrid,
-        conic: Conic,
-        outline: Outline,
-        knots: Sequence[KnotVector],
+        self, backend: Backend, beam: RayGrid, conic: Conic, outline: Outline, knots: Sequence[KnotVector]
     ) -> None:
         dr, self._backend = backend.dr, backend
         self.shape = len(beam.x), len(beam.y)
@@ -255,7 +250,7 @@ class KnownHits:
         if knots is not None:
             matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         (a0, a1), (b0, b1) = matrices
-        gz, gx, gy = (g.reshape(self.shape) for g in hits.taken_gradients())
+        gz, gx, gy = (g.numpy().reshape(self.shape) for g in hits.taken_gradients())
         along = a0.T @ gz + a1.T @ gx
         return (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
 

@@ -184,11 +184,7 @@ def rounding_errors(
 
 
 def box_bounds(
-    backend: Backend,
-    conic: Conic,
-    half_width: tuple[float, float],
-    knots: Sequence[KnotVector],
-    net: Floats,
+    backend: Backend, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector], net: Floats
 ) -> list[BoxBounds]:
     """Return the BoxBounds of the whole rectangle, of coarse and of fine boxes."""
     dr, Float = backend.dr, backend.Float

@@ -70,11 +70,7 @@ def _hump_top(backend: Backend, first: State, second: State) -> DrArray:
 
 
 def last_root(
-    backend: Backend,
-    f: AlongRay,
-    bracket: tuple[DrArray, DrArray],
-    found: DrArray,
-    resolution: DrArray,
+    backend: Backend, f: AlongRay, bracket: tuple[DrArray, DrArray], found: DrArray, resolution: DrArray
 ) -> DrArray:
     """Return the root of f in a bracket where f goes from negative to not negative, seen from its upper end.
 

@@ -8,23 +8,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import factorial
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
 from optics.light.intersections.hits import DeviceRays, Vector
 from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_jet
+from optics.light.intersections.spans import Cells, SpanFunctions, power_map
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 
-MOST_BINS = 1 << 16
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
 NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
-ROUNDING = 1e-9  # of a bin: breaks that lie so close to its ends are taken for the ends
 
 
 # knots, net and power coefficients of the last splines: of a front and a rear, traced again and again
@@ -36,13 +33,14 @@ class PolynomialTable:
 
     def __init__(self, backend: Backend, knots: Sequence[KnotVector]) -> None:
         self._backend, self._knots = backend, knots
-        self._maps = [_power_map(kv) for kv in knots]
+        self._maps = [power_map(kv) for kv in knots]
         self._orders = [kv.degree + 1 for kv in knots]
         self._cells = [kv.spans for kv in knots]
         self._find = [Cells(backend, kv.breaks) for kv in knots]
         self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
         self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
-        # bounds of the derivatives of all powers of s by x, and of t by y
+        self._functions = [SpanFunctions(backend, kv, m) for kv, m in zip(knots, self._maps)]
+        # bounds of the derivatives of all functions by x and by y
         self._steepest = [2 * kv.degree / np.diff(kv.breaks).min() for kv in knots]
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
 
@@ -67,8 +65,9 @@ class PolynomialTable:
     def __call__(self, power: DrArray, x: DrArray, y: DrArray) -> tuple[DrArray, ...]:
         """Return z, zx, zy, zxx, zxy, zyy of the spline with these power coefficients."""
         dr = self._backend.dr
-        first, s, t, rx, ry = self._locate(x, y)
+        cells, (s, t), (rx, ry) = self._locate(x, y)
         p, q = self._orders
+        first = (cells[0] * self._cells[1] + cells[1]) * (p * self._packets)
         z = [0.0] * 6
         for a in reversed(range(p)):
             # value and two derivatives in y of the row's polynomial, by Horner's scheme
@@ -91,31 +90,36 @@ class PolynomialTable:
             ]
         return z[0], z[1] * rx, z[2] * ry, 2 * z[3] * (rx * rx), z[4] * (rx * ry), z[5] * (ry * ry)
 
-    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[Floats]) -> Floats:
-        """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
-        dr, Float = self._backend.dr, self._backend.Float
-        gz, gx, gy = (self._backend.array(g) for g in gradients)
-        first, s, t, rx, ry = self._locate(x, y)
-        (p, q), (nx, ny) = self._orders, self._cells
-        width = self._packets * PACKED
-        xs, ys = _powers(s, p), _powers(t, q)
-        slopes = [0.0, *(b * ry * ys[b - 1] for b in range(1, q))]
-        most = dr.abs(gz) + sum(dr.abs(g) * dr.opaque(Float, k) for g, k in zip((gx, gy), self._steepest))
-        power = OrderFreeSums(self._backend, nx * ny * p * width, float(dr.sum(most).numpy()[0]))
-        for a in range(p):
-            across = gz * xs[a] + (gx * (a * xs[a - 1] * rx) if a else 0.0)
-            along = gy * xs[a]
-            row = [across * ys[b] + along * slopes[b] for b in range(q)] + [Float(0)] * (width - q)
-            for k in range(self._packets):
-                power.add(row[k * PACKED : (k + 1) * PACKED], first + (a * self._packets + k))
-        ax, ay = self._maps
-        table = power.values().numpy().reshape(nx, ny, p, width)[..., :q]
-        table = table.transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
-        return ax.T @ (ay.T @ table.T).T
+    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[DrArray]) -> Floats:
+        """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points.
 
-    def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:
-        """Return (index of the cell's first packet, local coordinates in [-1, 1], their derivatives by x and
-        y)."""
+        A ray adds to whole packets of rows of the net, of which there are PACKED copies: the k-th begins
+        with column k, so that in one of them the ray's first function begins a packet.
+        """
+        dr, Float, Index = self._backend.dr, self._backend.Float, self._backend.Index
+        gz, gx, gy = gradients
+        cells, local, rates = self._locate(x, y)
+        nx, ny = (kv.dim for kv in self._knots)
+        width = -(-ny // PACKED) + self._packets  # of a row, in packets
+        most = dr.abs(gz) + sum(dr.abs(g) * dr.opaque(Float, k) for g, k in zip((gx, gy), self._steepest))
+        sums = OrderFreeSums(self._backend, PACKED * nx * width * PACKED, float(dr.sum(most).numpy()[0]))
+        (row, across), (column, along) = (f(*at) for f, *at in zip(self._functions, cells, local, rates))
+        lines, step = (dr.opaque(Index, number) for number in (nx, width))
+        first = (column % PACKED * lines + row) * step + column // PACKED
+        for a, (value, slope) in enumerate(across):
+            by_value, by_slope = gz * value + gx * slope, gy * value
+            parts = [by_value * n + by_slope * m for n, m in along]
+            parts += [Float(0)] * (self._packets * PACKED - len(parts))
+            for k in range(self._packets):
+                sums.add(parts[k * PACKED : (k + 1) * PACKED], first + a * step + k)
+        copies = sums.values().numpy().reshape(PACKED, nx, width * PACKED)
+        net = np.zeros((nx, ny))
+        for k, part in enumerate(copies):
+            net[:, k:] += part[:, : ny - k]
+        return net
+
+    def _locate(self, x: DrArray, y: DrArray) -> tuple[list[DrArray], list[DrArray], list[DrArray]]:
+        """Return the cells, local coordinates in [-1, 1], and their derivatives by x and y."""
         dr, Float = self._backend.dr, self._backend.Float
         cells, local, rates = [], [], []
         for find, middles, per, position in zip(self._find, self._middles, self._rates, (x, y)):
@@ -124,73 +128,7 @@ class PolynomialTable:
             cells.append(cell)
             local.append((position - dr.gather(Float, middles, cell)) * rate)
             rates.append(rate)
-        packets = self._orders[0] * self._packets
-        return (cells[0] * self._cells[1] + cells[1]) * packets, *local, *rates
-
-
-class Cells:
-    """The spans between breaks, found by bins of equal width.
-
-    A bin knows the span in which it begins; as many steps as breaks lie within a bin lead on from there.
-     Breaks of a dyadic mesh lie on the ends of bins and need no step.  A point on a break may be given to
-     either side.
-
-    breaks : (n + 1,) float, increasing.
-    """
-
-    def __init__(self, backend: Backend, breaks: Floats) -> None:
-        dr, self._backend, self._count = backend.dr, backend, len(breaks) - 1
-        reach = breaks[-1] - breaks[0]
-        bins = int(min(round(reach / np.diff(breaks).min()), MOST_BINS))
-        ends = breaks[0] + reach / bins * np.arange(bins + 1)
-        room = ROUNDING * reach / bins
-        first = np.searchsorted(breaks, ends[:-1] + room, "right") - 1
-        self._steps = int((np.searchsorted(breaks, ends[1:] - room, "left") - 1 - first).max())
-        self._first, self._breaks = backend.Index(first.astype(np.uint32)), backend.array(breaks)
-        # opaque numbers, so that every mesh runs the same compiled kernel
-        self._low, self._rate, self._last = (
-            dr.opaque(backend.Float, v) for v in (breaks[0], bins / reach, bins - 1)
-        )
-
-    def __call__(self, position: DrArray) -> DrArray:
-        """Return the numbers of the spans in which points lie, the first and the last for points beside them,
-        the first for NaN."""
-        dr, Float, Index = self._backend.dr, self._backend.Float, self._backend.Index
-        along = (position - self._low) * self._rate
-        at = Index(
-            dr.select(along > 0, dr.minimum(along, self._last), 0)
-        )  # 0 for what is no number: clip keeps it
-        cell = dr.gather(Index, self._first, at)
-        for _ in range(self._steps):
-            passed = (position >= dr.gather(Float, self._breaks, cell + 1)) & (cell + 1 < self._count)
-            cell = dr.select(passed, cell + 1, cell)
-        return cell
-
-
-def _powers(s: DrArray, count: int) -> list[DrArray]:
-    row = [1.0]
-    for _ in range(count - 1):
-        row.append(row[-1] * s)
-    return row
-
-
-def _power_map(kv: KnotVector) -> csr_array:
-    """Return the matrix from spline coefficients to coefficients of s^k, s in [-1, 1] on each span.
-
-    Row span * (p + 1) + k holds the k-th derivative at the span's middle, times (h / 2)^k / k!.  About the
-    middle the moduli of the coefficients sum to at most (1 + sqrt 2)^p times the greatest value, about an end
-    to (1 + sqrt 2)^(2 p) times.
-    """
-    p, half = kv.degree, np.diff(kv.breaks) / 2
-    middle = (kv.breaks[1:] + kv.breaks[:-1]) / 2
-    rows, columns, values = [], [], []
-    for k in range(p + 1):
-        first, basis = kv.basis(middle, k)
-        rows.append(np.repeat(np.arange(len(middle)) * (p + 1) + k, p + 1))
-        columns.append((first[:, None] + np.arange(p + 1)).ravel())
-        values.append((basis * (half**k / factorial(k))[:, None]).ravel())
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_array(entries, shape=(len(middle) * (p + 1), kv.dim))
+        return cells, local, rates
 
 
 def steepest_along(kv: KnotVector, net: Floats) -> float:

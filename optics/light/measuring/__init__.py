@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.light.measuring.mapped_cells import MappedCells as MappedCells
-    from optics.light.measuring.splat import Splat as Splat
+    from optics.light.measuring.mapped_cells import MappedCells
+    from optics.light.measuring.splat import Splat
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

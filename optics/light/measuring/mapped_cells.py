@@ -62,13 +62,7 @@ class MappedCells:
     emitted : (nx, ny) W, of the cells.  corners : (nx + 1, ny + 1) W, the flux that their corners stand for.
     """
 
-    def __init__(
-        self,
-        backend: Backend,
-        screen: Screen,
-        emitted: Floats,
-        corners: Floats,
-    ) -> None:
+    def __init__(self, backend: Backend, screen: Screen, emitted: Floats, corners: Floats) -> None:
         self._backend, self._screen, self._double = backend, screen, backend.doubled()
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
         shares = SHARE / screen.pixel_area * cells

@@ -6,18 +6,14 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.light.outgoing.concentration import (
-        Concentration as Concentration,
-        concentration_sentence as concentration_sentence,
-        fire_warning as fire_warning,
-        greatest_concentration as greatest_concentration,
+        Concentration,
+        concentration_sentence,
+        fire_warning,
+        greatest_concentration,
     )
-    from optics.light.outgoing.intensity_of_lens import outgoing_intensity as outgoing_intensity
-    from optics.light.outgoing.lit_points import (
-        CutCost as CutCost,
-        cut_cost as cut_cost,
-        least_half_widths as least_half_widths,
-    )
-    from optics.light.outgoing.rays_of_lens import outgoing_rays as outgoing_rays
-    from optics.light.outgoing.steps_on_target import OnTarget as OnTarget, StepsOnTarget as StepsOnTarget
+    from optics.light.outgoing.intensity_of_lens import outgoing_intensity
+    from optics.light.outgoing.lit_points import CutCost, cut_cost, least_half_widths
+    from optics.light.outgoing.rays_of_lens import outgoing_rays
+    from optics.light.outgoing.steps_on_target import OnTarget, StepsOnTarget
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -22,7 +22,6 @@ from functools import cache
 from math import inf, isqrt, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
@@ -32,7 +31,7 @@ from optics.light.tracing import Tracer
 from optics.scene.receivers import Plane
 from optics.scene.sources import SourceCells
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 
 SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
@@ -88,7 +87,7 @@ class _Bundle:
     front: float
     disk: float
 
-    def of(self, some: NDArray[np.int64]) -> _Bundle:
+    def of(self, some: Integers) -> _Bundle:
         """Return some of the cells or rays.  some : their numbers."""
         return replace(
             self,
@@ -104,9 +103,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
 
     Rough faces are taken as smooth.  backend : of double precision.
 
-    Raises
-    ------
-    UserError : no light leaves the lens.
+    Raises UserError : no light leaves the lens.
     """
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
@@ -134,9 +131,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
 def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     """Return the light behind a lens without losses.
 
-    Raises
-    ------
-    UserError : there is none.
+    Raises UserError : there is none.
     """
     cells = None if system.source.extended else system.source.cells((CELLS, CELLS))
     rays = system.source.rays((CELLS, CELLS)) if cells is None else cells.rays()

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.lens import Lens
 from thbcad.outlines import Outline, Polygon
 
@@ -28,7 +27,7 @@ class LitPoints:
 
     points: list[Floats]
     flux: Floats
-    lit: NDArray[np.bool_]
+    lit: Bools
 
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, backend: Backend, rays: RayGrid | Rays) -> LitPoints:
@@ -88,7 +87,7 @@ def cut_cost(system: OpticalSystem, lens: Lens, backend: Backend, cut: Outline |
     own = (face.optic is system.problem.optic for face in system.problem.faces_met)
     left = np.logical_and.reduce([cut.contains(*points) for points, mine in zip(found.points, own) if mine])
 
-    def lost(among: NDArray[np.bool_]) -> float:
+    def lost(among: Bools) -> float:
         total = float(found.flux[among].sum())
         return float(found.flux[among & ~left].sum()) / total if total else 0.0
 

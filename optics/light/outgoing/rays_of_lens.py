@@ -1,4 +1,4 @@
-"""The light behind a lens as rays: for ray files, which other programs go on with."""
+"""The light behind a lens, a mirror or a row as rays: for ray files, which other programs go on with."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ from thbcad.lens import Lens
 
 
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
-    """Return about `count` rays of the source that went through front and rear, in the unit of its flux.
+    """Return about `count` rays of the source that went over all faces, in the unit of its flux.
 
-    place : where the rays start: on the "rear", or on the "target".  z is that of the lens.
+    place : where the rays start: on the last face, "rear", or on the "target"; in the frame of the scene.
     backend : of double precision.
 
     Light that edges and inner reflections send on is not among them.
 
-    Raises
-    ------
-    UserError : rays from the target in the far field, which has no place.
+    Raises UserError : rays from the target in the far field, which has no place.
     """
     if place == "target" and system.target.far_field:
         raise UserError("the far field has no plane that rays may start from; take --light rear")
     side = isqrt(count - 1) + 1
     rays = system.source.rays((side, side))
-    tracer = Tracer(backend, system.path(lens), rays)
+    path = system.path(lens)
+    tracer, last = Tracer(backend, path, rays), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at(1)
+        hits, _, _ = tracer.at(last)
         _, landing = tracer.trace()
         values = [hits.x, hits.y, hits.z, landing.x, landing.y, landing.p, landing.q, landing.flux]
         backend.dr.eval(values)
@@ -41,7 +40,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     receiver = system.target.receiver
     own = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
     direction = receiver.pose.directions(own).T
-    position = np.stack([x, y, z + lens.thickness], axis=1)
+    position = path.surfaces[last].pose.points(np.stack([x, y, z])).T
     if place == "target":
         position = np.stack(np.broadcast_arrays(*receiver.points(u, v)), axis=1)
     wavelength = np.full(int(out.sum()), system.problem.source.wavelength)

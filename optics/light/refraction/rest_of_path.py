@@ -12,14 +12,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.paths import LightPath, Surface
 from optics.scene.receivers import Receiver, Triple
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.sags import Conic
 
-NEWTON_STEPS = 8  # steps double the digits; targets within reach need four or five
+NEWTON_STEPS = 8  # at most; steps double the digits: targets within reach need four or five
+SETTLED = 1e-6  # rad: a step as short as that leaves no more than rounding of a landing
+CHORD = 1e-3  # rad: behind shorter steps the derivatives hardly change, and each step adds three digits
 FARTHEST = 0.3  # rad, of a step
 DIFFERENCE = 1e-6  # rad: the square root of the rounding of a landing, with some room
 REACHED = 1e-6  # of the receiver's distance: a landing as near as that is the one that was wanted
@@ -43,9 +44,9 @@ class RestOfPath:
         indices = tuple(medium.index for medium in path.media[surface + 1 :])
         return cls(path.surfaces[surface + 1 :], indices, path.receiver)
 
-    def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, Bools]:
         """Return u, v, and which rays come through to the receiver.  directions : unit vectors."""
-        through: NDArray[np.bool_] | bool = True
+        through: Bools | bool = True
         for surface, indices in zip(self.surfaces, pairwise(self.indices)):
             back = surface.pose.inverse()
             own, along = back.points(tuple(points)), back.directions(tuple(directions))
@@ -58,7 +59,7 @@ class RestOfPath:
             landed = self.receiver.land(points, directions)
             return landed.u, landed.v, through & landed.met
 
-    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], NDArray[np.bool_]]:
+    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], Bools]:
         """Return unit vectors from points along which light lands at (u, v), and which of them do."""
         if not self.surfaces:
             directions = normalised(self.receiver.toward(points, u, v))
@@ -76,27 +77,29 @@ class RestOfPath:
 
         p = np.zeros(np.broadcast(*points, u, v).shape)
         q = np.zeros_like(p)
+        far = np.inf
         for _ in range(NEWTON_STEPS):
             left = missing(p, q)
-            (up, vp), (uq, vq) = (
-                (left - missing(p + dp, q + dq)) / DIFFERENCE
-                for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
-            )
+            if far > CHORD:
+                (up, vp), (uq, vq) = (
+                    (left - missing(p + dp, q + dq)) / DIFFERENCE
+                    for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
+                )
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = np.array([left[0] * vq - left[1] * uq, left[1] * up - left[0] * vp])
                 step /= up * vq - vp * uq
             step = np.where(np.isfinite(step).all(axis=0), np.clip(step, -FARTHEST, FARTHEST), 0.0)
-            p, q = p + step[0], q + step[1]
+            p, q, far = p + step[0], q + step[1], float(abs(step).max())
+            if far < SETTLED:
+                break
         directions = at(p, q)
-        through = self.land(points, directions)[2]
+        *landed, through = self.land(points, directions)
         throw = np.degrees(1.0) if self.receiver.far_field else np.linalg.norm(self.receiver.pose.shift)
         with np.errstate(invalid="ignore"):
-            return directions, through & (np.hypot(*missing(p, q)) < REACHED * throw)
+            return directions, through & (np.hypot(u - landed[0], v - landed[1]) < REACHED * throw)
 
 
-def bent(
-    mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple
-) -> tuple[list[Floats], NDArray[np.bool_]]:
+def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:
     """Return unit vectors behind a surface, and which rays go on.
 
     With r = n / n' and c = a . m for the unit normal m = (-z_x, -z_y, 1) / N: a - 2 c m, or

@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.light.refraction.rest_of_path import RestOfPath, bent
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Triple
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 LEAST_Z = 0.15  # of the unit normal: steeper slopes are not asked for
 
@@ -41,7 +40,7 @@ class ShapedSurface:
         before, behind = (medium.index for medium in path.media[surface : surface + 2])
         return cls(shaped.kind == "reflect", (before, behind), RestOfPath.behind(path, surface))
 
-    def slopes(self, points: Triple, along: Triple, wanted: Triple) -> tuple[list[Floats], NDArray[np.bool_]]:
+    def slopes(self, points: Triple, along: Triple, wanted: Triple) -> tuple[list[Floats], Bools]:
         """Return the slopes (z_x, z_y) that send light where it is wanted, and where there are such.
 
         There are none of more than the law allows, a . d <= min(n, n') / max(n, n'), none that is steep

@@ -37,6 +37,7 @@ OF_FACE = {
     "total_internal": ("total reflection", "is reflected totally at {}"),
     "absorbed": ("absorbed", "is absorbed at {}, or on its way there"),
     "blocked": ("blocked", "is blocked on its way to {}, or beside the clear aperture there"),
+    "hit_twice": ("hit twice", "hits {} twice, where it means to go on"),
 }
 OF_SCENE = {
     "on_target": "meets the target",
@@ -137,8 +138,8 @@ class SequentialFates:
 
     @property
     def blocked(self) -> float:
-        """By stops on the way, and on surfaces beside their clear apertures."""
-        return self._sum("blocked")
+        """By stops and bodies on the way, those that it left among them, and beside clear apertures."""
+        return self._sum("blocked") + self._sum("hit_twice")
 
     @property
     def total(self) -> float:

@@ -25,7 +25,8 @@ class Landing:
     p, q : direction cosines there, along x and y of the receiver.
     definite : rays whose x and y are meant, on the surfaces or on what continues them beyond the rims.
     passages : what became of the rays at every surface.
-    blocked : rays that a stop takes behind the last surface.
+    blocked : rays that a stop or a body takes behind the last surface.  again : of these, those that meet
+        that surface once more.
     """
 
     x: DrArray
@@ -36,6 +37,7 @@ class Landing:
     definite: DrArray | bool
     passages: Sequence[Passage] = ()
     blocked: DrArray | bool = False
+    again: DrArray | bool = False
 
     @property
     def arrives(self) -> DrArray | bool:

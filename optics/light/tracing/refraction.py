@@ -20,10 +20,8 @@ def refract(
     direction : (dx, dy, dz).  slope : (zx, zy); the normal is (-zx, -zy, 1) / N.
     eta : index before / index behind.
 
-    Returns
-    -------
-    (dx, dy, dz) unit direction, transmittance for unpolarised light (T = 1 - R), and the mask
-    of rays that pass (False is total internal reflection or a surface met from behind).
+    Returns (dx, dy, dz) unit direction, transmittance for unpolarised light (T = 1 - R), and the mask of rays
+    that pass (False is total internal reflection or a surface met from behind).
     """
     dx, dy, dz = direction
     zx, zy = slope
@@ -48,10 +46,8 @@ def reflect(
 
     eta : index before / index behind.  The rest is as of `refract`.
 
-    Returns
-    -------
-    (dx, dy, dz) unit direction, reflectance for unpolarised light, 1 beyond the critical angle, and the mask
-    of rays that meet the surface from before it.
+    Returns (dx, dy, dz) unit direction, reflectance for unpolarised light, 1 beyond the critical angle, and
+    the mask of rays that meet the surface from before it.
     """
     dx, dy, dz = direction
     zx, zy = slope

@@ -31,7 +31,8 @@ from thbcad.outlines import Outline
 Pair = Sequence[DrArray]  # x and y, or start and stop
 
 MARGIN = 1e-6  # of s: lines that touch an outline leave its ends open by 1e-8
-ROOTS = 8  # of G in an interval at most; without end where a ray is parallel to the rulings of a cylinder
+ROOTS = 8  # of G in an interval at most
+ON_CYLINDER = 2  # so many, of both points; a ray that is parallel to the rulings has no end of them
 STEP = pi / 8  # of s, between samples at most
 RESOLUTION = 2.0**-51  # of s
 
@@ -60,6 +61,7 @@ class RuledWall:
         )
         self._half_widths = [[opaque(h) for h in s.half_width] for s in surfaces]
         self._near, self._reach = opaque(near), opaque(reach)
+        self._roots = ON_CYLINDER if outlines[0] == outlines[1] else ROOTS
 
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the wall."""
@@ -69,7 +71,7 @@ class RuledWall:
         path, place, share = Float(dr.inf), Float(0), Float(0)
         for low, high in self._bounds(point, line):
             found, turn = low <= high, Float(0)
-            for _ in range(ROOTS):
+            for _ in range(self._roots):
                 s, found, turn, low = self._next_root(rays, fold, side, (low, high), turn, found)
                 t, w, over = self._on_ruling(rays, fold, s)
                 met = found & (turn > 0) & (t >= -self._near) & (w >= -over) & (w <= 1 + over)

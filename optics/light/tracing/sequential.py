@@ -8,8 +8,9 @@ names.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial, reduce
 from itertools import pairwise, takewhile
 from operator import and_
@@ -32,6 +33,7 @@ from optics.light.tracing.traced_surface import (
     Passage,
     TracedSurface,
     knots_of,
+    parted,
     stays_parallel,
     through_plane,
 )
@@ -110,11 +112,11 @@ class Tracer:
         landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
         known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
         end = dr.inf if self._receiver.far_field else landed.length
-        blocked = self._obstructions[-1].takes(rays, landed.met & goes_on, end)
+        blocked, again = self._obstructions[-1].takes(rays, landed.met & goes_on, end)
         arrives = landed.met if blocked is False else landed.met & ~blocked
         flux = dr.select(arrives, rays.flux, 0)
         return [hits for hits, _ in steps], Landing(
-            landed.u, landed.v, landed.p, landed.q, flux, known, passages, blocked
+            landed.u, landed.v, landed.p, landed.q, flux, known, passages, blocked, again
         )
 
     def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
@@ -122,9 +124,7 @@ class Tracer:
 
         surface : its number along the path; directions are in its frame.
 
-        Raises
-        ------
-        ValueError : light along z passes it without being traced; give rays one by one.
+        Raises ValueError : light along z passes it without being traced; give rays one by one.
         """
         if surface < len(self._fixed):
             if self._fixed[surface][0] is None:
@@ -135,7 +135,7 @@ class Tracer:
         else:
             _, rays = self._follow(coefficients, surface)
         hits = self._surfaces[surface].meet(rays, self._nets(coefficients)[surface])
-        hit, _ = self._kept(surface, rays, hits)
+        hit, _, _ = self._kept(surface, rays, hits)
         return hits, rays.direction, self._backend.dr.select(hit, rays.flux, 0)
 
     def _follow(self, coefficients: Coefficients | None, stop: int) -> tuple[list[Step], DeviceRays]:
@@ -148,9 +148,14 @@ class Tracer:
 
     def _over(self, k: int, rays: DeviceRays, net: Floats | None) -> tuple[Step, DeviceRays]:
         """Return the step over a surface, and the rays behind it in the frame of the next one."""
-        surface = self._surfaces[k]
+        surface, leaves = self._surfaces[k], deque[DrArray]()
+        if k > 1:
+            rays = parted(self._backend, rays, leaves)
         hits = surface.meet(rays, net)
-        passage, direction = surface.passed(rays, hits, *self._kept(k, rays, hits))
+        leaves.extend(hits.leaves)
+        hit, blocked, again = self._kept(k, rays, hits)
+        passage, direction = surface.passed(rays, hits, hit, blocked)
+        passage = replace(passage, again=again)
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:
             point, direction = ahead.points(point), ahead.directions(direction)
@@ -158,12 +163,13 @@ class Tracer:
             self._backend.dr.eval(point, direction, passage.leaving)
         return (hits, passage), DeviceRays(point, direction, passage.leaving)
 
-    def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool]:
-        """Return the masks of rays that come through to a surface, and of those that are blocked."""
+    def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool, DrArray | bool]:
+        """Return the masks of rays that come through to a surface, of those that are blocked, and of those
+        among them that meet the surface before again."""
         if self._path.bodies:
             self._backend.dr.eval(*vars(hits).values())  # else whether one is met would search for it again
-        taken = self._obstructions[k].takes(rays, hits.hit, (hits.x, hits.y, hits.z))
-        return self._surfaces[k].kept(hits.hit, taken, hits.x, hits.y)
+        taken, again = self._obstructions[k].takes(rays, hits.hit, (hits.x, hits.y, hits.z))
+        return *self._surfaces[k].kept(hits.hit, taken, hits.x, hits.y), again
 
     def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
@@ -214,7 +220,7 @@ class Tracer:
         coming, before = self._missed + self._emitted, self._flux
         lost: dict[Fate, float] = defaultdict(float)
         for k, (surface, p) in enumerate(zip(self._path.surfaces, landing.passages)):
-            blocked, hit = total(before, p.blocked), total(before, p.hit)
+            blocked, hit, again = (total(before, mask) for mask in (p.blocked, p.hit, p.again))
             unresolved = total(before, dr.select(p.found | p.blocked, False, True))
             absorbing = self._path.media[k].absorption
             reaching = total(p.reaching, p.hit) if absorbing else hit
@@ -224,17 +230,25 @@ class Tracer:
             for what, flux in (
                 ("missed", coming - unresolved - blocked - hit),
                 ("unresolved", unresolved),
-                ("blocked", blocked),
+                ("blocked", blocked - again),
                 ("absorbed", hit - reaching),
                 ("total_internal", reaching - going),
                 (kept, going - leaving),
             ):
                 lost[Fate.at(what, k, surface.name)] += flux
+            lost[self._met_again(k)] += again
             coming, before = leaving, p.leaving
-        on_target, blocked = total(landing.flux, onto), total(before, landing.blocked)
-        lost[Fate("blocked")] += blocked
+        on_target, again = total(landing.flux, onto), total(before, landing.again)
+        blocked = total(before, landing.blocked)
+        lost[Fate("blocked")] += blocked - again
+        lost[self._met_again(len(landing.passages))] += again
         lost |= {ON_TARGET: on_target, OFF_TARGET: coming - blocked - on_target}
         return SequentialFates({fate: max(0.0, flux) for fate, flux in lost.items()})  # none is negative
+
+    def _met_again(self, way: int) -> Fate:
+        """Return the fate of light that meets the face again where its way, by number, begins."""
+        name = self._path.surfaces[way - 1].name if way else ""
+        return Fate("hit_twice", way - 1, name) if name else Fate("blocked")
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
         """Return how many rays have each fate.
@@ -255,11 +269,15 @@ class Tracer:
             found = free & p.found
             hit = found & p.hit
             passing = hit & p.goes_on
+            again = count(alive & p.again)
             ends = found & ~hit, free & ~found, hit & ~passing, alive & p.blocked
             for what, mask in zip(COUNTED, ends):
-                counts[Fate.at(what, k, name)] += count(mask)
+                counts[Fate.at(what, k, name)] += count(mask) - again * (what == "blocked")
+            counts[self._met_again(k)] = counts.get(self._met_again(k), 0) + again
             alive = passing
-        counts[Fate("blocked")] = counts.get(Fate("blocked"), 0) + count(alive & landing.blocked)
+        again, last = count(alive & landing.again), self._met_again(len(landing.passages))
+        counts[Fate("blocked")] = counts.get(Fate("blocked"), 0) + count(alive & landing.blocked) - again
+        counts[last] = counts.get(last, 0) + again
         alive = dr.select(landing.blocked, False, alive)
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
         return by_name(counts)
@@ -276,7 +294,7 @@ class Tracer:
             back, air = frame.inverse(), medium == AIR
             stops = [stop.moved(back) for stop in path.stops if air]
             placed = [(b, back @ b.body.pose, not {k - 1, k}.isdisjoint(b.body.faces)) for b in bodies if air]
-            ways.append(Obstruction(backend, stops, placed, 0.0 if k else early))
+            ways.append(Obstruction(backend, stops, placed, 0.0 if k else early, k - 1))
         return ways
 
     def _traced(self, k: int, grid: RayGrid | None) -> TracedSurface:

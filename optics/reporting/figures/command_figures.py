@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend
 from optics.designing.etendue import ImageBound, UniversalBound
@@ -18,6 +17,7 @@ from optics.reporting.figures.overview import draw_pictures
 from optics.scene.photometry import Density
 from optics.scene.receivers import Screen
 from optics.tolerancing.metrology import AsBuilt
+from thbcad.checks import Floats
 
 PIXELS = 256  # along the longer side: finer than the waves that 10^5 points resolve
 NANOMETRES, MICROMETRES = 1e6, 1e3  # of a millimetre
@@ -104,7 +104,7 @@ def relit_figure(designed: Measurement, other: Measurement, screen: Screen, word
     return png_bytes(figure)
 
 
-def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:
+def irradiance_figure(image: Floats, screen: Screen, density: Density) -> bytes:
     """Return the irradiance on the target's pixels as a picture.  image : in the stored unit of `density`."""
     unit, shown = screen.unit, density.factor * image
     label = f"{density.quantity} in {density.shown}"
@@ -138,9 +138,7 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
     return png_bytes(figure)
 
 
-def two_lights_figure(
-    theirs: NDArray[np.float64], ours: NDArray[np.float64], screen: Screen, density: Density, name: str
-) -> bytes:
+def two_lights_figure(theirs: Floats, ours: Floats, screen: Screen, density: Density, name: str) -> bytes:
     """Return a picture of two irradiances on a screen's pixels side by side, and of their difference.
 
     theirs, ours : in the stored unit of `density`.  name : of the program that made the first.

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from optics.designing.optimisation import Row, Stage
 from optics.light.analysis import Measurement, counted_ways
@@ -22,6 +21,7 @@ from optics.reporting.figures.overview import relative_light
 from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import within_foot
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import Solid, lens_of
@@ -47,7 +47,7 @@ def light_figures(
     quantity = density.quantity
     label = f"{quantity} / mean"
 
-    def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
+    def picture(data: Floats, text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
     figures = {
@@ -88,33 +88,42 @@ def light_figures(
 
 
 def lens_figures(
-    lens: Lens, history: Sequence[Row], plan: Sequence[Stage], sides: tuple[str, str] = LENS
+    lens: Lens,
+    history: Sequence[Row],
+    plan: Sequence[Stage],
+    sides: tuple[str, str] = LENS,
+    others: Sequence[tuple[str, Lens, tuple[str, str]]] = (),
 ) -> Figures:
     """Return the figures of the free surfaces, those of the front named for it, and of the optimisation.
 
     plan : every Stage that the rows of the history name.  sides : what front and rear are called.
+    others : further free elements with their names.
     """
     caption = (
         "Misfit ||E - T|| / ||T|| as the optimiser measures it, by stage. A line marks where a stage begins: "
         "the mesh, the pixels or the window change there, and the curve jumps."
     )
-    return {**_surfaces(lens, sides), "loss": (caption, _loss(history, plan))}
+    surfaces = _surfaces(lens, sides)
+    for called, shape, faces in others:
+        surfaces |= _surfaces(shape, faces, called)
+    return {**surfaces, "loss": (caption, _loss(history, plan))}
 
 
-def _merged(image: NDArray[np.float64]) -> str:
+def _merged(image: Floats) -> str:
     """Return a sentence on the pixels that the figures of an image merge, if any."""
     side = block(image.shape)
     return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
 
 
-def _surfaces(lens: Lens, sides: tuple[str, str]) -> dict[str, tuple[str, bytes]]:
-    """Return sag and mesh of the free surfaces."""
-    out, (front, rear) = {}, sides
-    for prefix, name, surface in (("", rear, lens.rear), (f"{front}_", front, lens.front)):
+def _surfaces(lens: Lens, sides: tuple[str, str], called: str = "") -> dict[str, tuple[str, bytes]]:
+    """Return sag and mesh of the free surfaces.  called : one of several elements."""
+    out, (front, rear), of = {}, sides, f" of {called}" if called else ""
+    prefixes = (f"{called}_{rear}_", f"{called}_{front}_") if called else ("", f"{front}_")
+    for prefix, name, surface in zip(prefixes, (rear, front), (lens.rear, lens.front)):
         if surface.sag is not None:
-            out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
+            out[f"{prefix}sag"] = (f"Sag of the {name} surface{of}, added to its conic.", _sag(surface))
             out[f"{prefix}mesh"] = (
-                f"Hierarchical mesh of the {name} surface: leaf cells by level.",
+                f"Hierarchical mesh of the {name} surface{of}: leaf cells by level.",
                 _mesh(surface.sag.space, surface.outline),
             )
     return out

@@ -112,11 +112,7 @@ def overview_html(
 
 
 def level_figure(
-    system: OpticalSystem,
-    name: str,
-    lens: Lens,
-    measurement: Measurement,
-    gradients: Sequence[NDArray[np.float64]],
+    system: OpticalSystem, name: str, lens: Lens, measurement: Measurement, gradients: Sequence[Floats]
 ) -> tuple[str, bytes]:
     """Return (caption, PNG) of a level: its light, the error of it, and the mesh coloured by gradients.
 
@@ -144,7 +140,7 @@ def level_figure(
     return caption, png_bytes(figure)
 
 
-def _mesh(axes: Axes, surface: FreeformSurface, gradient: NDArray[np.float64]) -> None:
+def _mesh(axes: Axes, surface: FreeformSurface, gradient: Floats) -> None:
     """Draw the leaf cells coloured by gradient per area, relative to the greatest."""
     assert surface.sag is not None
     space, (hx, hy) = surface.sag.space, surface.half_width

@@ -5,13 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .html import (
-        PageSection as PageSection,
-        Report as Report,
-        check_page as check_page,
-        report_html as report_html,
-        section_page as section_page,
-    )
-    from .irradiance_files import light_files as light_files
+    from .html import PageSection, Report, check_page, report_html, section_page
+    from .irradiance_files import light_files
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -63,7 +63,11 @@ FILES = {
     "irradiance.npz": "irradiance and target as arrays with axes",
     "irradiance_16bit.png": "the irradiance, linear grey, pixel by pixel",
 }
-PARTS = {"scene.step": "all elements where they lie, as an assembly"}  # other solids
+PARTS = {
+    "scene.step": "all elements where they lie, as an assembly",
+    ".step": "the closed solid of that element",
+    ".lens.json": "its exact surfaces",
+}  # how names of other files end
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ class Report:
     background : sentences that forbid nothing and ask for nothing, folded below the notes
     run : the run and the solid that the page speaks of: hashes by name
     view : a self-contained HTML page that shows the lens at work, as `view.scene_page`; "" for none
-    parts : names of the STEP files of other elements
+    parts : names of the files of other elements
     """
 
     problem: Problem
@@ -98,7 +102,8 @@ def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     metrics, units = report.metrics, units_of(report.problem.source.unit)
     photo = [picture for name, picture in report.pictures.items() if name == FIRST]
-    listed = {**FILES, **{name: PARTS.get(name, "the closed solid of that element") for name in report.parts}}
+    parts = {name: next(w for end, w in PARTS.items() if name.endswith(end)) for name in report.parts}
+    listed = {**FILES, **parts}
     files = "".join(f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in listed.items())
     return (
         f"{page_head(escape(report.problem.title))}{_banner(report)}"
@@ -116,8 +121,9 @@ def report_html(report: Report, problem_text: str) -> str:
 def _pictures(report: Report) -> str:
     """Return the pictures of the light, then those of the lens and how it was found."""
     pictures = report.pictures
-    of_lens = {name: pictures[name] for name in OF_LENS if name in pictures}
-    of_light = {name: pictures[name] for name in pictures if name not in (*OF_LENS, FIRST)}
+    others = [name for name in pictures if name.endswith(("_sag", "_mesh")) and name not in OF_LENS]
+    of_lens = {name: pictures[name] for name in (*OF_LENS, *others) if name in pictures}
+    of_light = {name: pictures[name] for name in pictures if name not in (*of_lens, FIRST)}
     parts = [
         f'<h2>{title}</h2><div class="figures">{figures_html(some.values())}</div>'
         for title, some in (("Light", of_light), (report.problem.optic.noun.capitalize(), of_lens))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.tracing import RayPath, TargetArea, Tracer, trace_paths
+from optics.light.tracing import RayPath, ShadingBody, TargetArea, Tracer, trace_paths
 from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
@@ -30,7 +30,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
 
     backend : of double precision
     """
-    path, half_width = system.own_path(lens), system.target.settings.half_width
+    path, half_width = system.shaded_path(lens).seen_from(system.pose), system.target.settings.half_width
     rays = system.own_rays(system.source.rays(BUNDLE), lens)
     lit = rays.flux > 0
     if lit.any():
@@ -63,7 +63,7 @@ def sequential_paths(
         for fate, some in lost.items():
             fates[(fates == "on_target") & (some > 0)] = fate
         parts[going & (fates != "back")] += 1
-        ends.append(np.where(fates == "blocked", _on_stops(path.stops, ends[-1], there), there))
+        ends.append(np.where(fates == "blocked", _in_the_way(backend, path, ends[-1], there), there))
 
     for k, (surface, passage, met) in enumerate(zip(path.surfaces, landing.passages, hits)):
         assert met is not None  # rays are given one by one
@@ -84,12 +84,14 @@ def sequential_paths(
     return [RayPath(ways[:count, :, k], fate) for k, (count, fate) in enumerate(zip(parts, fates))]
 
 
-def _on_stops(stops: Iterable[Stop], start: Floats, end: Floats) -> Floats:
-    """Return where stops take light on its way from points to points; its end where they do not."""
+def _in_the_way(backend: Backend, path: LightPath, start: Floats, end: Floats) -> Floats:
+    """Return where stops and bodies take light on its way between points; its end where they do not."""
     length = np.maximum(np.sqrt(((end - start) ** 2).sum(axis=0)), np.finfo(float).tiny)
     direction, first = (end - start) / length, length
-    for stop in stops:
+    for stop in path.stops:
         first = np.minimum(first, stop.distance(start, direction))
+    for body in path.bodies:
+        first = np.minimum(first, ShadingBody(backend, body).lengths(body.pose, start, direction)[1])
     return start + first * direction
 
 

@@ -24,7 +24,7 @@ from optics.scene.photometry import encoded_srgb
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 
 STRIP = 90  # lines at once: their rays take some 30 MB
@@ -45,13 +45,13 @@ class LensSight:
     ray : (m,), from which they come.
     """
 
-    pixel: NDArray[np.int64]
+    pixel: Integers
     count: NDArray[np.int8]
     weight: NDArray[np.float32]
     before: NDArray[np.float32]
     flux: NDArray[np.float32]
     behind: NDArray[np.float32]
-    ray: NDArray[np.int64]
+    ray: Integers
 
 
 def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
@@ -127,14 +127,14 @@ def _camera_rays(light: PhotoLight) -> Iterator[tuple[NDArray[Any], ...]]:
         yield first[on] + pixel[0], np.full(on.size, LINES), weight, ray
 
 
-def _add(picture: Floats, pixel: NDArray[np.int64], count: NDArray[np.int64], colour: Floats) -> None:
+def _add(picture: Floats, pixel: Integers, count: Integers, colour: Floats) -> None:
     """Add colours (n, 3) to the parts of pixels that they stand for: one, or one and the one below."""
     picture[pixel] += colour
     both = count == LINES
     picture[pixel[both] + PIXELS[0]] += colour[both]
 
 
-def _towards_lens(light: PhotoLight, origin: Floats, direction: Floats) -> NDArray[np.int64]:
+def _towards_lens(light: PhotoLight, origin: Floats, direction: Floats) -> Integers:
     """Return the numbers of the rays that meet the box around the lens before the screen."""
     low, high = light.room.lens.T[:, :, None]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.reporting.view.photo_room import PhotoRoom
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 
 # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
-Meeting = tuple[Floats, Callable[[NDArray[np.int64]], Floats]]
+Meeting = tuple[Floats, Callable[[Integers], Floats]]
 
 WARM, COOL = np.array([1.0, 0.96, 0.9]), np.array([0.78, 0.88, 1.0])
 FRAME = 1.025  # of the screen's half-width
@@ -82,7 +81,7 @@ class PhotoLight:
         path[path <= 0] = np.inf
         hx, hy, z = self.room.screen
 
-        def shade(some: NDArray[np.int64]) -> Floats:
+        def shade(some: Integers) -> Floats:
             x, _, depth = origin[:, some] + path[some] * direction[:, some]
             wide = 2.5 * (hx + z)
             room = 1 / (1 + (x * x + (depth - z / 2) ** 2) / wide**2) ** 2
@@ -107,7 +106,7 @@ class PhotoLight:
         outside = x * x + y * y > 1 if self.room.round_lamp else np.maximum(abs(x), abs(y)) > 1
         path[outside | (direction[2] >= 0)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Floats:
+        def shade(some: Integers) -> Floats:
             if not self.room.parallel:
                 return np.broadcast_to(1.5 * WARM, (some.size, 3))
             dots = (np.cos(DOTS * np.pi * x[some]) * np.cos(DOTS * np.pi * y[some])) ** 8
@@ -129,7 +128,7 @@ class PhotoLight:
         y = origin[1] + reached * direction[1]
         path[(path <= 0) | (y > bottom) | (y < self.room.table)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Floats:
+        def shade(some: Integers) -> Floats:
             normal = (ox[some] + path[some] * dx[some]) / radius
             depth = (oz[some] + path[some] * dz[some]) / radius
             lit = 0.3 + 0.9 * np.maximum(-0.8 * normal + 0.2 * depth, 0) ** 3
@@ -142,7 +141,7 @@ class PhotoLight:
         path, x, y = self._rectangle(origin, direction, z)
         path[(abs(x) > FRAME * hx) | (abs(y) > FRAME * hy)] = np.inf
 
-        def shade(some: NDArray[np.int64]) -> Floats:
+        def shade(some: Integers) -> Floats:
             u, v = x[some] / hx, y[some] / hy
             on = (abs(u) <= 1) & (abs(v) <= 1)
             colour = np.where(on[:, None], BLACK, 0.4 * METAL)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, drawn_elements, placed
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, source_of
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 
 PIXELS = (960, 540)  # columns and rows
@@ -58,7 +57,7 @@ class PhotoRoom:
     smaller: float
     stretch: float
 
-    def directions(self, lines: NDArray[np.int64]) -> Floats:
+    def directions(self, lines: Integers) -> Floats:
         """Return the unit directions of the rays of some lines, line by line, (3, n)."""
         left, right, bottom, top = self.window
         beside = np.where(lines % LINES, 0.75, 0.25)[:, None]

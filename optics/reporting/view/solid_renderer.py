@@ -12,10 +12,9 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import SIDES, FreeformSurface, Lens
 from thbcad.moulds import MouldedBody, Solid, lens_of
 from thbcad.outlines import Outline
@@ -64,7 +63,7 @@ class View:
         (x, y), r = self.centre, self.half_size
         return (x - r, x + r, y - r, y + r)
 
-    def pixels(self, seen: Floats) -> NDArray[np.int64]:
+    def pixels(self, seen: Floats) -> Integers:
         """Return the number of the pixel of every turned point (3, n), (n,)."""
         scale = PIXELS / (2 * self.half_size)
         column, row = ((seen[:2] + (self.half_size - self.centre)[:, None]) * scale).astype(np.int64)

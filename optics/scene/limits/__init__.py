@@ -5,19 +5,15 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.limits.manufacture_text import (
-        as_data as as_data,
-        manufacture_rows as manufacture_rows,
-        position as position,
-    )
+    from optics.scene.limits.manufacture_text import as_data, manufacture_rows, position
     from optics.scene.limits.misses import (
-        Miss as Miss,
-        feature_levels as feature_levels,
-        limit_advice as limit_advice,
-        limit_checks as limit_checks,
-        limit_misses as limit_misses,
-        require_limits as require_limits,
+        Miss,
+        feature_levels,
+        limit_advice,
+        limit_checks,
+        limit_misses,
+        require_limits,
     )
-    from optics.scene.limits.remedies import limit_sentences as limit_sentences
+    from optics.scene.limits.remedies import limit_sentences
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

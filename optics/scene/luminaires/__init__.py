@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.luminaires.direction_sampling import DirectionSampler as DirectionSampler
+    from optics.scene.luminaires.direction_sampling import DirectionSampler
     from optics.scene.luminaires.intensity_record import (
         Luminaire as Luminaire,
         Opening as Opening,
         directions_at as directions_at,
     )
-    from optics.scene.luminaires.intensity_sums import IntensityGrid as IntensityGrid
+    from optics.scene.luminaires.intensity_sums import IntensityGrid
     from optics.scene.luminaires.luminaire_files import (
-        LUMINAIRE_WRITERS as LUMINAIRE_WRITERS,
+        LUMINAIRE_WRITERS,
         read_luminaire as read_luminaire,
         write_ies as write_ies,
-        write_ldt as write_ldt,
+        write_ldt,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -15,10 +15,9 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.luminaires.intensity_record import Luminaire, directions_at, interval_halves
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 
 STEPS = 6  # of Newton's method; three reach the last digit but near angles without light
 ROUNDING = 1e-15  # of an interval's flux: smaller differences are rounding errors
@@ -42,7 +41,7 @@ class DirectionSampler:
         t = np.clip((gamma - a) / (b - a), 0.0, 1.0)
         candela, sums, widths = self.light.candela, self._sums, np.diff(self._planes)
 
-        def at(rows: Floats, i: NDArray[np.int64]) -> Floats:
+        def at(rows: Floats, i: Integers) -> Floats:
             return (1 - t) * rows[i, j] + t * rows[i, j + 1]
 
         wanted = v * at(sums, np.full(len(v), len(widths)))
@@ -59,7 +58,7 @@ class DirectionSampler:
         a, b = self._gammas[:-1], self._gammas[1:]
         return mean, _flux_to(b, a, b, mean[:-1], mean[1:])
 
-    def _gamma(self, u: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _gamma(self, u: Floats) -> tuple[Integers, Floats]:
         """Return the interval and the angle, radians, at quantiles of gamma."""
         mean, each = self._of_gamma
         ends = np.append(0.0, np.cumsum(each))
@@ -101,9 +100,7 @@ def _linear_quantile(p: Floats, q: Floats, part: Floats) -> Floats:
     return np.minimum(total / np.maximum(p + root, TINY), 1.0)
 
 
-def _last_not_above(
-    sums: Callable[[NDArray[np.int64]], Floats], wanted: Floats, count: int
-) -> NDArray[np.int64]:
+def _last_not_above(sums: Callable[[Integers], Floats], wanted: Floats, count: int) -> Integers:
     """Return the last k < count with sums(k) <= wanted, by bisection for all numbers at once."""
     low, high = np.zeros(len(wanted), np.int64), np.full(len(wanted), count)
     for _ in range(count.bit_length()):

@@ -36,9 +36,7 @@ def luminaire_of_ldt(text: str) -> Luminaire:
     Its cd/klm are scaled by the lumens of the lamps; of several sets of lamps, which are alternatives, the
     first counts.  C = 0 lies across the luminaire's length, as is usual: its luminous length is along y.
 
-    Raises
-    ------
-    UserError : a text that contradicts itself.
+    Raises UserError : a text that contradicts itself.
     """
     lines = [line.strip().replace(",", ".") for line in text.splitlines()]  # decimal commas too
     whole = {
@@ -74,9 +72,7 @@ def luminaire_of_ldt(text: str) -> Luminaire:
 def _held_planes(symmetry: int, c: Floats) -> Floats:
     """Return the planes whose intensities a file holds, in its order.
 
-    Raises
-    ------
-    UserError : planes that its symmetry does not allow.
+    Raises UserError : planes that its symmetry does not allow.
     """
     if symmetry == 0:
         return c

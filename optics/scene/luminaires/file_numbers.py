@@ -22,9 +22,7 @@ class FileNumbers:
     def number(self, what: str) -> float:
         """Return the next number.
 
-        Raises
-        ------
-        UserError : the file ends, or something else stands there; it says what was wanted.
+        Raises UserError : the file ends, or something else stands there; it says what was wanted.
         """
         if self._next >= len(self._words):
             raise UserError(f"the file ends before its {what}; it may be truncated")

@@ -34,10 +34,8 @@ def luminaire_of_ies(text: str) -> Luminaire:
     Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.
     C = 0 lies along the luminaire's length.
 
-    Raises
-    ------
-    UserError : a text that contradicts itself, decimal commas, photometry of type A or B, factors of tilt in
-        another file.
+    Raises UserError : a text that contradicts itself, decimal commas, photometry of type A or B, factors of
+        tilt in another file.
     """
     tilt = TILT.search(text)
     assert tilt is not None

@@ -18,10 +18,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 
 FULL_TURN, FARTHEST_GAMMA = 360.0, 180.0  # degrees
 SAME = 1e-9  # of the peak: rounding errors of formulas at angles that are one, or mirror images
@@ -33,9 +32,7 @@ class Opening:
 
     size : mm along x and y; zeros are a point.  round : an ellipse with these axes, else a rectangle.
 
-    Raises
-    ------
-    UserError : sizes that are not finite, or negative.
+    Raises UserError : sizes that are not finite, or negative.
     """
 
     size: tuple[float, float] = (0.0, 0.0)
@@ -54,10 +51,8 @@ class Luminaire:
     candela : (k, m), cd (or W/sr).  The last plane is the first again.
     opening : Opening.  lumens : rated flux of the lamps, lm; None where the photometry is absolute.
 
-    Raises
-    ------
-    UserError : wrong shapes, numbers that are not finite or negative, angles that do not ascend or do not
-        cover the full turn, no light at all.
+    Raises UserError : wrong shapes, numbers that are not finite or negative, angles that do not ascend or do
+        not cover the full turn, no light at all.
     """
 
     planes: Floats
@@ -174,7 +169,7 @@ def require_ascending(name: str, values: Floats) -> None:
         raise UserError(f"{name} must ascend, got {b:g} after {a:g} degrees")
 
 
-def _position(nodes: Sequence[float] | Floats, values: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _position(nodes: Sequence[float] | Floats, values: Floats) -> tuple[Integers, Floats]:
     """Return the interval in which values lie, and the position in it from 0 to 1."""
     row = np.asarray(nodes)
     k = np.clip(np.searchsorted(row, values, side="right") - 1, 0, len(row) - 2)

@@ -8,7 +8,6 @@ has the flux of the rays, and it is the light smoothed over one step of the grid
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.luminaires.intensity_record import (
     FARTHEST_GAMMA,
@@ -18,7 +17,7 @@ from optics.scene.luminaires.intensity_record import (
     angles_of,
     hat_integrals,
 )
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 
 
 class IntensityGrid:
@@ -62,7 +61,7 @@ class IntensityGrid:
         )
 
 
-def _split(values: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _split(values: Floats) -> tuple[Integers, Floats]:
     """Return whole and fractional parts."""
     whole = np.floor(values)
     return whole.astype(np.int64), values - whole

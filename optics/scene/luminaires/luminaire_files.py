@@ -22,9 +22,7 @@ def read_luminaire(path: str | Path) -> Luminaire:
 
     Its planes cover the full turn: what a file leaves out by symmetry is filled in.
 
-    Raises
-    ------
-    UserError : no such file, no such text, or a file that contradicts itself; one sentence names it.
+    Raises UserError : no such file, no such text, or a file that contradicts itself; one sentence names it.
     """
     path = Path(path)
     data = read_at_most(path, MOST_BYTES)

@@ -17,9 +17,7 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     First and last plane say what the light is symmetric about: 0 alone the axis, 0 to 90 the planes 0 and 90,
     0 to 180 the plane 0, 90 to 270 the plane 90.  Without symmetry 360 may be left out.
 
-    Raises
-    ------
-    UserError : planes that do not ascend, have other ends, or contradict each other.
+    Raises UserError : planes that do not ascend, have other ends, or contradict each other.
     """
     if len(planes) == 1 and planes[0] == 0:
         return np.array([0.0, FULL_TURN]), np.repeat(candela, 2, axis=0)
@@ -43,9 +41,7 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
 def closed(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Return planes whose last one is 360 degrees, with the candelas of the first.
 
-    Raises
-    ------
-    UserError : there are other ones at 360.
+    Raises UserError : there are other ones at 360.
     """
     if planes[-1] < FULL_TURN:
         return np.append(planes, FULL_TURN), np.vstack([candela, candela[:1]])

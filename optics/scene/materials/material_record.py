@@ -40,9 +40,7 @@ class Material:
     def index(self, nm: float) -> float:
         """Return the refractive index at a wavelength, nm.
 
-        Raises
-        ------
-        UserError : the wavelength is out of `range`; it names both.
+        Raises UserError : the wavelength is out of `range`; it names both.
         """
         low, high = self.range
         if not low <= nm <= high:
@@ -55,9 +53,7 @@ class Material:
     def absorption(self, nm: float) -> float:
         """Return the absorption at a wavelength, 4 pi k / wavelength, 1/mm.
 
-        Raises
-        ------
-        UserError : it is not known there.
+        Raises UserError : it is not known there.
         """
         k = nan if self.extinction is None else self.extinction(nm)
         if not isfinite(k):
@@ -73,9 +69,7 @@ def tabulated(table: Table, nm: float, what: str, power: int = 1) -> float:
 
     A row's own wavelength gives its own value.  With power = -2 two rows make Cauchy's law n = A + B / nm^2.
 
-    Raises
-    ------
-    UserError : the wavelength is out of the table; what : it holds, for the message.
+    Raises UserError : the wavelength is out of the table; what : it holds, for the message.
     """
     rows = sorted(table)
     wavelengths = np.array([row[0] for row in rows])

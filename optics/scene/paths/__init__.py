@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.paths.bodies import Body as Body
+    from optics.scene.paths.bodies import Body
     from optics.scene.paths.light_path import (
-        AIR as AIR,
-        BARE as BARE,
-        Coats as Coats,
-        HeightError as HeightError,
-        LightPath as LightPath,
-        Medium as Medium,
-        SlopeErrors as SlopeErrors,
-        Surface as Surface,
+        AIR,
+        BARE,
+        Coats,
+        HeightError,
+        LightPath,
+        Medium,
+        SlopeErrors,
+        Surface,
     )
-    from optics.scene.paths.stops import Stop as Stop
+    from optics.scene.paths.stops import Stop
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

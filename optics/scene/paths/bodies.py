@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 
@@ -22,13 +23,14 @@ class Body:
     """A closed body, which takes the light that meets it in air where it means to go elsewhere.
 
     solid : in its own frame, with its front vertex at 0.  pose : from there to the frame of the path.
-    faces : numbers of its own surfaces along the path; one more than the last is the receiver's.
+    faces : by the numbers of its own surfaces along the path, which they are, "front" or "rear"; one more
+        than the last is the receiver's.
     name : in words.
     """
 
     solid: Solid
     pose: Pose = IDENTITY
-    faces: tuple[int, ...] = ()
+    faces: Mapping[int, str] = field(default_factory=dict)
     name: str = "a body"
 
     def moved(self, motion: Pose) -> Body:

@@ -97,9 +97,7 @@ class LightPath:
     bodies : what light meets where it means to go elsewhere; traces leave them out that carry derivatives.
     emitted : z from which parallel light along z comes, mm: no body before it takes any.
 
-    Raises
-    ------
-    ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
+    Raises ValueError : another number of media, a last one that absorbs, a share that is none, a surface that
         reflects into another medium.
     """
 
@@ -257,7 +255,7 @@ class LightPath:
         pairs = zip(self.surfaces, motions)
         path = self._with(s if m.is_identity else replace(s, pose=m @ s.pose) for s, m in pairs)
         path = path.onto(self.receiver.moved(motions[-1]))
-        bodies = tuple(body.moved(motions[body.faces[-1]]) for body in self.bodies)
+        bodies = tuple(body.moved(motions[max(body.faces)]) for body in self.bodies)
         same = all(a is b for a, b in zip(bodies, self.bodies))
         return path if same else replace(path, bodies=bodies)
 

@@ -45,9 +45,7 @@ def colour_matching(nm: ArrayLike) -> Floats:
 def illuminant(name: str) -> tuple[Floats, Floats]:
     """Return (wavelengths in nm, spectral power on a scale of its own) of a CIE illuminant, (n,) each.
 
-    Raises
-    ------
-    UserError : another name than those of ILLUMINANTS.
+    Raises UserError : another name than those of ILLUMINANTS.
     """
     if name not in ILLUMINANTS:
         raise UserError(f"an illuminant must be one of {', '.join(ILLUMINANTS)}, got {name!r}")

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 RASTER = 420  # cells in each direction: 21, 20, 15, 14 and 12 boxes have whole numbers of them
 HIGH, LOW = 0.9, 0.1  # of the light within: what lies between is the edge
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

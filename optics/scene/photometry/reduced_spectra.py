@@ -44,9 +44,7 @@ def spectral_lines(spectrum: str | Rows, most: int = MOST_LINES) -> tuple[Spectr
     spectrum : rows (nm, radiant weight), or the name of a CIE illuminant.  Up to `most` rows are lines
         themselves; more are a curve, linear between them, of which `most` strata are taken.
 
-    Raises
-    ------
-    UserError : see `illuminant`.
+    Raises UserError : see `illuminant`.
     """
     if isinstance(spectrum, str):
         nm, power = illuminant(spectrum)

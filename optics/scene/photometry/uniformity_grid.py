@@ -17,7 +17,6 @@ from math import hypot, sqrt
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from optics.scene.photometry.lit_region import RASTER, LitRegion
 from thbcad.checks import Floats
@@ -27,8 +26,6 @@ LARGEST = 7  # parts of the rectangle, one of which a box is at most: larger one
 MARGIN = 0.025  # of the shorter side of the bounding rectangle
 LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
 NOISE = 0.01  # of the mean light: the most that a box may have
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

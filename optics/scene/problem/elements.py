@@ -30,8 +30,6 @@ class Placed:
 
     kinds : the record of each kind of table.
 
-    Examples
-    --------
     >>> Placed(kind="mirror", name="M1", position=(0, 0, 5)).key("tilt")
     'element.M1.tilt'
     """
@@ -54,7 +52,6 @@ class Placed:
 
     @property
     def called(self) -> str:
-        """See `Optic`."""
         return self.name
 
     def with_keys(self, **changes: Any) -> Placed:
@@ -66,8 +63,6 @@ class Placed:
 class LensElement(Placed, LensSpec):
     """A lens anywhere, with the keys of the table [lens].
 
-    Examples
-    --------
     >>> LensElement(kind="lens", name="L1", thickness=5.0, index=1.5, front=front, rear=rear).key("index")
     'element.L1.index'
     """
@@ -77,8 +72,6 @@ class LensElement(Placed, LensSpec):
 class Face:
     """The surface of a mirror that reflects, as the table [element.face]; free where nothing else is said.
 
-    Examples
-    --------
     >>> Face(half_width=(50, 70)).freeform.degree
     3
     """
@@ -98,8 +91,6 @@ class MirrorElement(Placed, Optic):
 
     It is asked as a lens is, whose front reflects.
 
-    Examples
-    --------
     >>> MirrorElement(kind="mirror", name="M1", thickness=8.0, face=Face(half_width=(50, 70))).rear.radius
     inf
     """
@@ -145,7 +136,6 @@ class MirrorElement(Placed, Optic):
         return METALS[self.reflectance] if isinstance(self.reflectance, str) else self.reflectance
 
     def face_name(self, name: str) -> str:
-        """See `Optic`."""
         return "face" if name == "front" else "back"
 
     def key(self, name: str) -> str:

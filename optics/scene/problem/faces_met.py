@@ -17,8 +17,6 @@ REFLECT = ":reflect"
 class PathSpec:
     """The way of the light, as the table [[path]].
 
-    Examples
-    --------
     >>> PathSpec(faces=("L1.front", "L1.rear:reflect", "L1.front", "M1")).faces[-1]
     'M1'
     """
@@ -60,9 +58,7 @@ class FaceMet:
 def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, ...]:
     """Return the faces that light meets, in their order; without a path all elements one after the other.
 
-    Raises
-    ------
-    UserError : names the face that light cannot meet there, or the element that it never meets.
+    Raises UserError : names the face that light cannot meet there, or the element that it never meets.
     """
     if path is None:
         return tuple(
@@ -73,7 +69,7 @@ def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, 
     met: list[FaceMet] = []
     for k, word in enumerate(path.faces):
         face = _face(optics, f"path[0].faces[{k}]", word)
-        _require_order(f"path[0].faces[{k}]", met[-1] if met else None, face)
+        _require_order(f"path[0].faces[{k}]", met, face)
         inside = bool(met) and met[-1].into_glass
         towards = met[-1].backwards != met[-1].reflects if inside else False
         met.append(FaceMet(face.optic, face.face, face.reflects, towards))
@@ -105,9 +101,15 @@ def _face(optics: Sequence[Optic], key: str, word: str) -> FaceMet:
     return FaceMet(optic, face, reflects)
 
 
-def _require_order(key: str, last: FaceMet | None, face: FaceMet) -> None:
-    """Refuse a face that light cannot meet behind the last one: it enters a lens by its front."""
+def _require_order(key: str, met: Sequence[FaceMet], face: FaceMet) -> None:
+    """Refuse a face that light cannot meet behind the last of `met`: it enters a lens by its front."""
+    last = met[-1] if met else None
     if last is None or not last.into_glass:
+        if face.face == "rear" and any(before.optic is face.optic for before in met):
+            raise UserError(
+                f'{key}: light that comes back into a lens by its rear, "{face.name}", is not followed; '
+                "end the path before it, or lead the light past the lens"
+            )
         if face.face == "rear" or (face.reflects and not isinstance(face.optic, MirrorElement)):
             raise UserError(
                 f"{key}: light that comes through air enters a lens by its front, refracted; "

@@ -15,10 +15,8 @@ from thbcad.toml import MOST_PARTS, toml_tables
 def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
     """Return nested tables with some dotted keys changed; tables on the way that are missing are made.
 
-    Raises
-    ------
-    UserError : a key below a value that is no table, a key of more than 16 parts, a table that is not in
-        its list.
+    Raises UserError : a key below a value that is no table, a key of more than 16 parts, a table that is not
+        in its list.
     """
     changed: dict[Any, Any] = dict(tables)
     for key, value in changes.items():
@@ -62,9 +60,7 @@ def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
 
     kind : the record of the whole file.
 
-    Raises
-    ------
-    UserError : no "=" or nothing before it, an unknown key, a value that is no TOML.
+    Raises UserError : no "=" or nothing before it, an unknown key, a value that is no TOML.
     """
     name, equals, value = (part.strip() for part in text.partition("="))
     if not equals:

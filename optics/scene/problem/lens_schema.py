@@ -20,8 +20,6 @@ FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 class Freeform:
     """A surface's spline, as the tables [lens.front.freeform] and [lens.rear.freeform].
 
-    Examples
-    --------
     >>> Freeform(z_freedom=2.0, max_level="auto").finest  # the finest that may be chosen
     6
     """
@@ -80,8 +78,6 @@ def reflectance_option() -> Any:
 class Front:
     """The surface that light meets first, as the table [lens.front].
 
-    Examples
-    --------
     >>> problem.optic.front.freeform is None, problem.optic.front.radius  # a plane, unless asked for
     (True, inf)
     """
@@ -100,8 +96,6 @@ class Front:
 class Rear:
     """The surface that light leaves by, as the table [lens.rear]; it is free where nothing else is said.
 
-    Examples
-    --------
     >>> problem.optic.rear.freeform.degree
     3
     """
@@ -141,8 +135,6 @@ def freedom_of(surface: Front | Rear) -> float:
 class BodySpec:
     """The body that leaves a mould, as the table [lens.body], which STEP files hold.
 
-    Examples
-    --------
     >>> BodySpec(draft=2.0, annulus=True).parting
     'auto'
     """
@@ -273,8 +265,6 @@ class Optic:
 class LensSpec(Optic):
     """The lens before it is designed, as the table [lens].
 
-    Examples
-    --------
     >>> [*problem.optic.free]
     ['rear']
     """

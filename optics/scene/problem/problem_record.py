@@ -43,13 +43,9 @@ class Problem:
     become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
     from the current folder.
 
-    Raises
-    ------
-    UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
-        together; it names the key.
+    Raises UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do
+        not go together; it names the key.
 
-    Examples
-    --------
     >>> sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}
     >>> problem = Problem(
     ...     source=Source(kind="collimated", half_width=(9.5, 9.5)),
@@ -109,9 +105,7 @@ class Problem:
     def faces_met(self) -> tuple[FaceMet, ...]:
         """The faces that light meets, in their order.
 
-        Raises
-        ------
-        UserError : light cannot take such a path.
+        Raises UserError : light cannot take such a path.
         """
         return faces_met(self.optics, self.path[0] if self.path else None)
 
@@ -152,9 +146,7 @@ class Problem:
 
         A table that is left out is made where one of its keys is set, such as "lens.front.freeform.degree".
 
-        Raises
-        ------
-        UserError : see Problem.
+        Raises UserError : see Problem.
         """
         return record(Problem, with_changes(asdict(self), changes))
 
@@ -319,9 +311,7 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
 
     changes : {dotted key: value}, in place of what the file says; see `assignment`.
 
-    Raises
-    ------
-    UserError : with one sentence that names the file, the key, what came and what was wanted.
+    Raises UserError : with one sentence that names the file, the key, what came and what was wanted.
     """
     path = Path(path)
     text = read_at_most(path, MAX_FILE_BYTES)

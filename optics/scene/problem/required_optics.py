@@ -17,9 +17,7 @@ LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater th
 def require_optic(optic: Optic, shaped: bool) -> None:
     """Refuse an element whose keys do not go together.  shaped : a transport map shapes a surface of it.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     if isinstance(optic, LensSpec):
         _require_glass(optic)
@@ -35,9 +33,7 @@ def require_optic(optic: Optic, shaped: bool) -> None:
 def require_stops(stops: Sequence[StopSpec]) -> None:
     """Refuse stops that make no sense.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     for k, stop in enumerate(stops):
         _require_stop(f"stop[{k}]", stop)
@@ -46,9 +42,9 @@ def require_stops(stops: Sequence[StopSpec]) -> None:
 def require_named_elements(elements: Sequence[Placed]) -> None:
     """Refuse elements without a name, and those of a row that bear the name of another file of a result.
 
-    Raises
-    ------
-    UserError : names the table.
+    Some file systems take names that differ only in case for one.
+
+    Raises UserError : names the table.
     """
     for k, element in enumerate(elements):
         if not element.name:
@@ -57,6 +53,11 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
             raise UserError(
                 f"element[{k}].name = {element.name!r} is that of a file of the result, {element.name}.step; "
                 'take another, such as "L1"'
+            )
+        if alike := [e.name for e in elements[:k] if e.name.lower() == element.name.lower()]:
+            raise UserError(
+                f"element[{k}].name = {element.name!r} differs from {alike[0]!r} only in case, and both name "
+                "files; take another"
             )
 
 
@@ -88,9 +89,7 @@ def _require_free(optic: Optic) -> None:
 def require_rows(key: str, rows: Rows, low: float, high: float) -> None:
     """Refuse rows (nm, value) out of their limits, and wavelengths that come twice.
 
-    Raises
-    ------
-    UserError : names the row.
+    Raises UserError : names the row.
     """
     for k, (nm, value) in enumerate(rows):
         if not 1 <= nm <= 1e6:

@@ -11,9 +11,7 @@ from optics.scene.problem.schema import Target
 def require_target(target: Target) -> None:
     """Refuse a target without its light, without a place or with two, and one that its surface cannot hold.
 
-    Raises
-    ------
-    UserError : names the key.
+    Raises UserError : names the key.
     """
     if target.kind == "image" and not target.image:
         raise UserError("the key target.image is missing; add it")

@@ -21,8 +21,6 @@ GREATEST_STEP = 50.0  # in units of 0.02 z_freedom: the whole of it
 class Optimizer:
     """How the lens is optimised, as the table [optimizer].
 
-    Examples
-    --------
     >>> problem.with_(**{"optimizer.iterations": 20}).optimizer.iterations  # of every level
     (20,)
     """
@@ -89,8 +87,6 @@ class Optimizer:
 class Limits:
     """What the lens must keep to be made, as the table [limits].
 
-    Examples
-    --------
     >>> problem.with_(**{"limits.edge_thickness": 2}).limits.edge_thickness  # mm
     2.0
     """
@@ -129,8 +125,6 @@ class Limits:
 class Refinement:
     """Which cells get finer splines, as the table [refinement].
 
-    Examples
-    --------
     >>> problem.with_(**{"refinement.alpha": [0.3, 0.1]}).refinement.alpha  # of level 0, and of all others
     (0.3, 0.1)
     """
@@ -149,8 +143,6 @@ class Refinement:
 class Verify:
     """What the light must reach and the files must keep, as the table [verify].
 
-    Examples
-    --------
     >>> problem.with_(**{"verify.min_over_mean": 0.8}).verify.min_over_mean  # E_min / E_mean of uniform light
     0.8
     """
@@ -190,8 +182,6 @@ class Verify:
 class Export:
     """The words in the STEP file, as the table [export].
 
-    Examples
-    --------
     >>> problem.with_(**{"export.schema": "AP214"}).export.schema
     'AP214'
     """
@@ -206,8 +196,6 @@ class Export:
 class Run:
     """Seed, threads and precision, as the table [run].
 
-    Examples
-    --------
     >>> problem.with_(**{"run.threads": 2}).run.threads, problem.run.precision
     (2, 'double')
     """

@@ -50,8 +50,6 @@ SOURCES = {
 class Source:
     """The light that comes in, as the table [source] of a problem file.
 
-    Examples
-    --------
     >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
     0.2665
     """
@@ -138,8 +136,6 @@ class Source:
 class StopSpec:
     """An absorbing plate without thickness, as a table [[stop]].
 
-    Examples
-    --------
     >>> StopSpec(shape="ellipse", half_width=(8, 8), position=(0, 0, -5)).hole  # a plate with a hole in it
     True
     """
@@ -163,8 +159,6 @@ class StopSpec:
 class Target:
     """The light that is asked for, as the table [target].
 
-    Examples
-    --------
     >>> Target(kind="image", image="pearl.png", distance=300, half_width=(100, 100)).placing
     'crop'
     """

@@ -85,9 +85,7 @@ def checked_values(
     prefix : of the keys in messages, "" or "table."
     root : the record of the whole file, whose keys are proposed for unknown ones; None is this one.
 
-    Raises
-    ------
-    UserError : an unknown or missing key, a value of another type or beyond its limits.
+    Raises UserError : an unknown or missing key, a value of another type or beyond its limits.
     """
     if isinstance(data, kind):
         data = {f.name: getattr(data, f.name) for f in fields(kind)}

@@ -5,11 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.ray_files.formats import (
-        read_rays as read_rays,
-        require_ray_suffix as require_ray_suffix,
-        write_rays as write_rays,
-    )
-    from optics.scene.ray_files.ray_set import RaySet as RaySet
+    from optics.scene.ray_files.formats import read_rays, require_ray_suffix, write_rays
+    from optics.scene.ray_files.ray_set import RaySet
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -22,9 +22,7 @@ def packed_type(fields: Mapping[str, str]) -> np.dtype[Any]:
 def record(data: memoryview, kind: np.dtype[Any], path: Path) -> dict[str, Any]:
     """Return the record at the head of a file, by the names of its fields.
 
-    Raises
-    ------
-    UserError : the file is shorter.
+    Raises UserError : the file is shorter.
     """
     if len(data) < kind.itemsize:
         raise UserError(

@@ -30,9 +30,7 @@ def read_rays(path: str | Path) -> RaySet:
 
     The file is mapped, not read: what its header promises is compared with its length before memory is taken.
 
-    Raises
-    ------
-    UserError : no such file, another format, or a file that contradicts itself; one sentence names it.
+    Raises UserError : no such file, another format, or a file that contradicts itself; one sentence names it.
     """
     path = Path(path)
     require_regular_file(path)
@@ -61,9 +59,7 @@ def write_rays(rays: RaySet, path: str | Path) -> None:
 
     Numbers are kept bit for bit, but for wavelengths in Zemax files, which are in um there.
 
-    Raises
-    ------
-    UserError : an unknown suffix, or rays that the format cannot hold.  OSError : as `write_bytes`.
+    Raises UserError : an unknown suffix, or rays that the format cannot hold.  OSError : as `write_bytes`.
     """
     path = Path(path)
     require_ray_suffix(path)

@@ -33,9 +33,7 @@ MILLIMETRES = {1: 1.0, 2: 10.0, 3: 1000.0, 4: 25.4, 5: 304.8, 6: 1e-3, 7: 1e-6}
 def read_lighttools(path: Path, data: memoryview) -> RaySet:
     """Return the rays of a LightTools file.
 
-    Raises
-    ------
-    UserError : a file without positions or with polarisation or tristimulus values, or a length
+    Raises UserError : a file without positions or with polarisation or tristimulus values, or a length
         that is no whole number of rays.
     """
     head = record(data, HEADER, path)

@@ -24,9 +24,8 @@ class RaySet:
     position : (n, 3) mm.  direction : (n, 3), unit vectors.  flux : (n,) in `unit`.
     unit : "W" or "lm".  wavelength : (n,) nm; None where the rays have none.
 
-    Raises
-    ------
-    UserError : wrong shapes, numbers that are not finite, directions that are no unit vectors, negative flux.
+    Raises UserError : wrong shapes, numbers that are not finite, directions that are no unit vectors,
+        negative flux.
     """
 
     position: Single

@@ -53,9 +53,7 @@ LOOKED_AT = 1000  # rays, by which a start is judged
 def read_tm25(path: Path, data: memoryview) -> RaySet:
     """Return the rays of a TM-25 file; of two fluxes the one in watts.
 
-    Raises
-    ------
-    UserError : another version, a header that contradicts itself, or fewer bytes than it
+    Raises UserError : another version, a header that contradicts itself, or fewer bytes than it
         promises.
     """
     head = record(data, HEADER, path)
@@ -118,9 +116,7 @@ def _starts(path: Path, data: memoryview, head: dict[str, Any], columns: int) ->
 def tm25_bytes(rays: RaySet) -> bytes:
     """Return the bytes of a TM-25 file of version 2020, without a date: the same rays make the same bytes.
 
-    Raises
-    ------
-    UserError : lumens with a wavelength for every ray, which the format does not know.
+    Raises UserError : lumens with a wavelength for every ray, which the format does not know.
     """
     if rays.unit == "lm" and rays.wavelength is not None and np.ptp(rays.wavelength):
         raise UserError("a TM-25 file has no wavelength per ray in lumens; write watts")

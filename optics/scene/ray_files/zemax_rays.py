@@ -40,9 +40,7 @@ MOST_RAYS = 4_000_000_000
 def read_zemax(path: Path, data: memoryview) -> RaySet:
     """Return the rays of a Zemax file.
 
-    Raises
-    ------
-    UserError : an unknown unit, or fewer bytes than the header promises.
+    Raises UserError : an unknown unit, or fewer bytes than the header promises.
     """
     head = record(data, HEADER, path)
     require_known(head, {"length_unit": MILLIMETRES, "spectral": (0, 2), "flux_unit": (0, 1)}, path)
@@ -60,10 +58,8 @@ def read_zemax(path: Path, data: memoryview) -> RaySet:
 def zemax_bytes(rays: RaySet) -> bytes:
     """Return the bytes of a Zemax file in mm.
 
-    Raises
-    ------
-    UserError : more rays than the format holds, or lumens with a wavelength for every ray, which it does not
-        know.
+    Raises UserError : more rays than the format holds, or lumens with a wavelength for every ray, which it
+        does not know.
     """
     spectral = rays.wavelength is not None and bool(np.ptp(rays.wavelength))
     if len(rays) > MOST_RAYS:

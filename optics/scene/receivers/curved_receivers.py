@@ -73,12 +73,10 @@ class Cylinder(Receiver):
 
     @property
     def across_axis(self) -> bool:
-        """See `Receiver`."""
         return False
 
     @property
     def widest(self) -> tuple[float, float]:
-        """See `Receiver`."""
         return pi / 2 * abs(self.radius), inf
 
 
@@ -90,11 +88,9 @@ class Sphere(Cylinder):
     """
 
     def _dot(self, one: Triple, other: Triple) -> Any:
-        """See `Cylinder`."""
         return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
     def _arcs(self, c: Any, x: Any, y: Any, before: Any, library: ModuleType) -> tuple[Any, Any]:
-        """See `Cylinder`."""
         level = library.sqrt(c * c * x * x + before * before)
         return library.atan(c * x / before) / c, library.atan(c * y / level) / c
 
@@ -114,10 +110,8 @@ class Sphere(Cylinder):
         return np.sin(a) * np.cos(b), np.sin(b), np.cos(a) * np.cos(b)
 
     def area(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
         return super().area(u, v) * np.cos(np.asarray(v) / self.radius)
 
     @property
     def widest(self) -> tuple[float, float]:
-        """See `Receiver`."""
         return pi / 2 * abs(self.radius), pi / 2 * abs(self.radius)

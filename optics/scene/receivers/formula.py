@@ -16,10 +16,9 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 MAX_LENGTH = 2000  # characters
 MAX_DEPTH = 100  # levels of operators and functions within each other
@@ -72,9 +71,7 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
 
     pixels : (columns, rows).
 
-    Raises
-    ------
-    UserError : text that is no formula, or light that is negative, not finite, or 0 everywhere.
+    Raises UserError : text that is no formula, or light that is negative, not finite, or 0 everywhere.
     """
     light = _means(_formula(text), pixels, subpoints)
     if not light.any():
@@ -82,7 +79,7 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     return light / light.max()
 
 
-def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> NDArray[np.bool_]:
+def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> Bools:
     """Return the pixels at all of whose sample points a formula is greater than 0, (rows, columns).
 
     Arguments and errors are those of `formula_light`.

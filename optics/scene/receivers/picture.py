@@ -35,9 +35,7 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
 
     encoding : "srgb" (decoded) or "linear".
 
-    Raises
-    ------
-    UserError : missing or unreadable file, not a picture, too large, NaN, or black everywhere.
+    Raises UserError : missing or unreadable file, not a picture, too large, NaN, or black everywhere.
     """
     require_regular_file(path, "the picture")
     try:

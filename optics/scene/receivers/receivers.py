@@ -133,11 +133,9 @@ class Plane(Receiver):
         return x + length * p, y + length * q, length, True
 
     def points(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
         return self.pose.points((u, v, 0.0))
 
     def normal(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
         return self.pose.directions((0.0 * u, 0.0 * v, 1.0))
 
 
@@ -154,22 +152,18 @@ class FarField(Receiver):
     def _chart(
         self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
     ) -> tuple[Any, Any, Any, Any]:
-        """See the class."""
         p, q, r = direction
         u, v = (DEGREES * library.atan(d / r) for d in (p, q))
         return u, v, 0.0, True
 
     def points(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
         return self.pose.points(self._tangents(u, v))
 
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
-        """See `Receiver`."""
         x, y, z = self.pose.directions(self._tangents(u, v))
         return x, y, z
 
     def normal(self, u: Any, v: Any) -> Any:
-        """See `Receiver`."""
         x, y, z = self.toward((0.0, 0.0, 0.0), u, v)
         length = np.sqrt(x * x + y * y + z * z)
         return x / length, y / length, z / length
@@ -185,7 +179,6 @@ class FarField(Receiver):
 
     @property
     def widest(self) -> tuple[float, float]:
-        """See `Receiver`."""
         return 90.0, 90.0
 
 

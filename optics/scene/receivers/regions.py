@@ -6,28 +6,21 @@ its bounding rectangle, t upward.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable
 
-from thbcad.checks import Floats
+import numpy as np
+
+from thbcad.checks import Bools, Floats
 
 SLICES = 32  # per pixel column
 
 
-def _rectangle(s: Floats) -> tuple[Floats, Floats]:
-    return np.zeros_like(s), np.ones_like(s)
-
-
-def _ellipse(s: Floats) -> tuple[Floats, Floats]:
-    return np.zeros_like(s), np.sqrt(1 - s * s)
-
-
-def _crescent(s: Floats) -> tuple[Floats, Floats]:
-    """Return a band of constant height along a parabola: middle 1/2 - s^2, height 1."""
-    return 0.5 - s * s, np.full_like(s, 0.5)
-
-
-REGIONS = {"rectangle": _rectangle, "ellipse": _ellipse, "crescent": _crescent}
+# middle and half by s
+REGIONS: dict[str, Callable[[Floats], tuple[Floats, Floats]]] = {
+    "rectangle": lambda s: (np.zeros_like(s), np.ones_like(s)),
+    "ellipse": lambda s: (np.zeros_like(s), np.sqrt(1 - s * s)),
+    "crescent": lambda s: (0.5 - s * s, np.full_like(s, 0.5)),  # a band of height 1 along a parabola
+}
 
 
 def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]) -> Floats:
@@ -52,7 +45,7 @@ def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]
     return light
 
 
-def _fill(light: Floats, met: NDArray[np.bool_], top: Floats, bottom: Floats) -> None:
+def _fill(light: Floats, met: Bools, top: Floats, bottom: Floats) -> None:
     """Set a column of pixels, (rows,), to the mean over its slices of the fraction that they cover.
 
     met : the slices that meet the region.  top, bottom : the rows where they enter and leave it.

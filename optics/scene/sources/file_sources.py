@@ -19,16 +19,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import speaking_of
 from optics.scene.ray_files import RaySet, read_rays
-from optics.scene.sources.light_source import (
-    ALL,
-    AXIS,
-    Counts,
-    Ends,
-    Fresh,
-    LightSource,
-    Pair,
-    drawn_shift,
-)
+from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair, drawn_shift
 from optics.scene.sources.plain_sources import PointSource
 from optics.scene.sources.rays import Rays
 from thbcad.certified import DIRECTIONS, Stack
@@ -128,9 +119,7 @@ class RayFileSource(FileSource):
     def placed(self) -> Rays:
         """All rays of the file in the scene.
 
-        Raises
-        ------
-        UserError : see `read_rays`.
+        Raises UserError : see `read_rays`.
         """
         with speaking_of("source.file"):
             rays = read_rays(self.file)

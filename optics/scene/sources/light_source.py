@@ -78,9 +78,7 @@ class LightSource(ABC):
     def profile(self) -> Profile:
         """How the light spreads over the source's area.
 
-        Raises
-        ------
-        UserError : see `read_picture`.
+        Raises UserError : see `read_picture`.
         """
         return UNIFORM
 
@@ -122,9 +120,7 @@ class LightSource(ABC):
 
         None where the source's plane tells.
 
-        Raises
-        ------
-        UserError : a file that cannot be read, or none of whose light goes forward.
+        Raises UserError : a file that cannot be read, or none of whose light goes forward.
         """
         return None
 

@@ -39,9 +39,7 @@ class LuminaireSource(FileSource):
     def directions(self) -> DirectionSampler:
         """The directions of its light, in its own frame.
 
-        Raises
-        ------
-        UserError : see `read_luminaire`.
+        Raises UserError : see `read_luminaire`.
         """
         with speaking_of("source.file"):
             return DirectionSampler(read_luminaire(self.file))

@@ -23,9 +23,7 @@ class Profile:
     sigma : of the Gaussians, relative to half_width.
     light : of the image, (rows, columns) linear, row 0 at +y; constant on every pixel.
 
-    Raises
-    ------
-    ValueError : the kind "image" without light.
+    Raises ValueError : the kind "image" without light.
     """
 
     kind: str = "uniform"

@@ -22,9 +22,7 @@ class Rays:
     origin : (3, n) float, mm.  direction : (3, n) float, unit vectors.  flux : (n,) float, W.
     `require_rays` checks the numbers.
 
-    Raises
-    ------
-    ValueError : no rays, or wrong shapes.
+    Raises ValueError : no rays, or wrong shapes.
     """
 
     origin: Floats
@@ -84,9 +82,7 @@ class Rays:
 def require_rays(rays: Rays) -> None:
     """Check the numbers of rays that come from outside.
 
-    Raises
-    ------
-    ValueError : numbers that are not finite, directions that are not of length 1, negative flux.
+    Raises ValueError : numbers that are not finite, directions that are not of length 1, negative flux.
     """
     for name in ("origin", "direction", "flux"):
         if not np.isfinite(getattr(rays, name)).all():

@@ -16,9 +16,7 @@ from thbcad.surfaces import THBSurface
 def base_lens(spec: Optic) -> Lens:
     """Return a lens before optimisation: with THB sags of zeros on the level-0 mesh where it is free.
 
-    Raises
-    ------
-    UserError : the prescription makes no lens.
+    Raises UserError : the prescription makes no lens.
     """
     front, rear = (_surface(spec, name) for name in ("front", "rear"))
     try:

@@ -36,9 +36,7 @@ class Wavelength:
 def with_material(problem: Problem) -> Problem:
     """Return the problem with numbers for what it leaves to materials: index, density, absorption.
 
-    Raises
-    ------
-    UserError : no such material is known, or not at the source's wavelengths.
+    Raises UserError : no such material is known, or not at the source's wavelengths.
     """
     nm = problem.source.wavelength
     for spec in problem.optics:
@@ -79,9 +77,8 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
 
     problem : with numbers for index and absorption.
 
-    Raises
-    ------
-    UserError : the index or the absorption at a wavelength is not known; lumens of light that is not seen.
+    Raises UserError : the index or the absorption at a wavelength is not known; lumens of light that is not
+        seen.
     """
     source = problem.source
     if not source.spectrum:
@@ -109,9 +106,7 @@ def media_at(problem: Problem, nm: float, absorbing_at: float | None = None) -> 
 
     absorbing_at : nm, another wavelength at which they absorb; None is the same.
 
-    Raises
-    ------
-    UserError : index or absorption of a lens is not known there.
+    Raises UserError : index or absorption of a lens is not known there.
     """
     at, own = nm if absorbing_at is None else absorbing_at, problem.source.wavelength
     behind = (
@@ -127,9 +122,7 @@ def index_at(spec: Optic, nm: float, own: float) -> float:
     lens.index holds at the source's own wavelength.  Elsewhere it is that of lens.indices; without them
     lens.index + n(nm) - n(source.wavelength), with the dispersion n of the material.
 
-    Raises
-    ------
-    UserError : neither tells the index there.
+    Raises UserError : neither tells the index there.
     """
     if nm == own:
         return spec.known_index
@@ -154,9 +147,7 @@ def index_at(spec: Optic, nm: float, own: float) -> float:
 def absorption_at(spec: Optic, nm: float) -> float:
     """Return the absorption of a lens at a wavelength, 1/mm.  nm : of it.
 
-    Raises
-    ------
-    UserError : lens.absorptions has rows, but not around the wavelength.
+    Raises UserError : lens.absorptions has rows, but not around the wavelength.
     """
     return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
 

@@ -31,12 +31,12 @@ def bodies_of(
     """
     bodies = []
     for optic, lens in elements:
-        own = tuple(k for k, face in enumerate(met) if face.optic is optic)
+        own = {k: face.face for k, face in enumerate(met) if face.optic is optic}
         bodies.append(Body(made_of(optic, lens), pose_of(optic), own, optic.table))
     if isinstance(target.receiver, Plane):
         side = FreeformSurface(target.settings.half_width)
         plate = Lens(side, side, SCREEN * max(side.half_width), 1.0)
-        bodies.append(Body(plate, target.receiver.pose, (len(met),), "the screen"))
+        bodies.append(Body(plate, target.receiver.pose, {len(met): "front"}, "the screen"))
     return tuple(bodies)
 
 
@@ -58,9 +58,7 @@ def made_of(optic: Optic, lens: Lens) -> Solid:
 def moulded(lens: Lens, options: BodyOptions, clear: tuple[Outline, Outline] | None) -> MouldedBody:
     """Return the body that is made of a lens, proven.  Who asks again gets the same.
 
-    Raises
-    ------
-    UserError : as `MouldedBody.of`.
+    Raises UserError : as `MouldedBody.of`.
     """
     from thbcad.moulds import MouldedBody  # other lenses need none of its proofs
 

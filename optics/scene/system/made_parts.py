@@ -41,9 +41,7 @@ class MadePart:
 def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
     """Return the element that is designed.  lens : its shape.
 
-    Raises
-    ------
-    UserError : the lens has no such body for a mould.
+    Raises UserError : the lens has no such body for a mould.
     """
     return _part(system.problem.optic, lens, system.product)
 

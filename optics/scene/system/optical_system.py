@@ -10,7 +10,7 @@ from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import Backend, load_backend
+from optics.base.runtime import Backend, UserError, load_backend
 from optics.scene.materials import Material
 from optics.scene.paths import LightPath, Medium, Stop
 from optics.scene.photometry import Density, Units, units_of
@@ -54,9 +54,7 @@ class OpticalSystem:
     shapes : of other free elements than the one that is shaped by a transport map, by name, where they are
         not as prescribed.
 
-    Raises
-    ------
-    UserError : nothing is known of the material.
+    Raises UserError : nothing is known of the material.
     """
 
     problem: Problem
@@ -71,9 +69,7 @@ class OpticalSystem:
     def lens(self) -> Lens:
         """The lens before optimisation: sags of zeros on the level-0 meshes.
 
-        Raises
-        ------
-        UserError : the prescription makes no lens.
+        Raises UserError : the prescription makes no lens.
         """
         return base_lens(self.problem.optic)
 
@@ -81,9 +77,7 @@ class OpticalSystem:
     def fixed(self) -> tuple[tuple[Optic, Lens], ...]:
         """The other elements, with their lenses or blanks: the fixed ones, and those that have their shapes.
 
-        Raises
-        ------
-        UserError : a prescription makes no lens.
+        Raises UserError : a prescription makes no lens.
         """
         return tuple(
             (optic, self.shapes.get(optic.called) or base_lens(optic))
@@ -98,9 +92,7 @@ class OpticalSystem:
         Threads belong to the process, and other work sets them: so they are set whenever this is asked for,
         which takes less than 0.1 ms.
 
-        Raises
-        ------
-        ImportError, UserError, MemoryError : as `load_backend`.
+        Raises ImportError, UserError, MemoryError : as `load_backend`.
         """
         return load_backend("double", self.problem.run.threads)
 
@@ -124,6 +116,17 @@ class OpticalSystem:
     def shaped_face(self) -> FaceMet:
         """The face that a transport map shapes."""
         return next(face for face in self.own_faces.values() if face.face == self.shaped)
+
+    def number_of(self, side: str) -> int:
+        """Return the number along the path of "front" or "rear" of the element that is designed.
+
+        Raises UserError : light does not meet it, as the back of a mirror.
+        """
+        for number, face in self.own_faces.items():
+            if face.face == side:
+                return number
+        optic = self.problem.optic
+        raise UserError(f"light does not meet the {optic.face_name(side)} of {optic.table}; take its front")
 
     def held(self, path: LightPath, clear: tuple[Outline, Outline]) -> LightPath:
         """Return a path of which a holder of the designed element leaves these of front and rear free."""
@@ -169,9 +172,7 @@ class OpticalSystem:
     def with_sags(self, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
         """Return the system and the lens with other sags.
 
-        Raises
-        ------
-        ValueError : too few or too many sags.
+        Raises ValueError : too few or too many sags.
         """
         rest, shapes = iter(sags), dict[str, Lens]()
         for optic, shape in self.free_elements(lens):
@@ -249,9 +250,7 @@ class OpticalSystem:
     def wavelengths(self) -> tuple[Wavelength, ...]:
         """At which light is measured: the lines of the spectrum, or the source's own wavelength.
 
-        Raises
-        ------
-        UserError : the index or the absorption of the lens is not known at one of them.
+        Raises UserError : the index or the absorption of the lens is not known at one of them.
         """
         return wavelengths_of(self.problem)
 
@@ -263,9 +262,7 @@ class OpticalSystem:
     def media_at(self, nm: float) -> tuple[Medium, ...]:
         """Return the media of the path with indices at a wavelength, nm; they absorb as at the source's.
 
-        Raises
-        ------
-        UserError : an index is not known there.
+        Raises UserError : an index is not known there.
         """
         return media_at(self.problem, nm, self.problem.source.wavelength)
 
@@ -356,15 +353,6 @@ class OpticalSystem:
     def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
         """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
         return (self.problem.optic, lens), *self.fixed
-
-    def with_fixed(self, lenses: Sequence[Lens]) -> OpticalSystem:
-        """Return the system whose fixed elements have other lenses or blanks; itself, if they are its own."""
-        fixed = tuple((optic, lens) for (optic, _), lens in zip(self.fixed, lenses))
-        if all(new is old for (_, new), (_, old) in zip(fixed, self.fixed)):
-            return self
-        other = replace(self)
-        other.__dict__["fixed"] = fixed
-        return other
 
     def shaded_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, among the bodies of all elements and a plane screen.

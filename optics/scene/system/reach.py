@@ -29,9 +29,7 @@ POINTS = 33  # of a target in each direction, that are looked for in the box
 def require_clear_of_lens(system: OpticalSystem) -> None:
     """Refuse a target that cuts the lens: its rectangle meets lines through the box around the lens.
 
-    Raises
-    ------
-    UserError : names the box.
+    Raises UserError : names the box.
     """
     lens, receiver = system.lens, system.target.receiver.seen_from(system.pose)
     low, high = lens_heights(system.problem.optic, lens)
@@ -57,9 +55,7 @@ def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
 
     least : cosine of a beam's angle to the axis of the first.
 
-    Raises
-    ------
-    UserError : names the element.
+    Raises UserError : names the element.
     """
     met = system.problem.faces_met
     entered = [face.optic for k, face in enumerate(met) if not k or face.optic is not met[k - 1].optic]
@@ -85,9 +81,7 @@ def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
 def require_apart(system: OpticalSystem) -> None:
     """Refuse elements of which one holds points of the faces of another, before optimisation.
 
-    Raises
-    ------
-    UserError : names both.
+    Raises UserError : names both.
     """
     bodies = [(system.problem.optic, system.lens), *system.fixed]
     for (one, lens), (other, solid) in permutations(bodies, 2):
@@ -122,9 +116,7 @@ def _holds(lens: Lens, points: Floats) -> NDArray[np.bool_]:
 def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
     """Refuse an element elsewhere where only the lens of [lens] is known.  what : is not known of it.
 
-    Raises
-    ------
-    UserError : names the element.
+    Raises UserError : names the element.
     """
     if system.problem.element:
         raise UserError(
@@ -164,10 +156,8 @@ def require_reachable(system: OpticalSystem) -> None:
     front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
     vertex.
 
-    Raises
-    ------
-    UserError : names the share of the light, the angle needed and the one that the index allows, and the
-        nearest geometry that works.
+    Raises UserError : names the share of the light, the angle needed and the one that the index allows, and
+        the nearest geometry that works.
     """
     if fault := _fault(system):
         found = " or ".join(nearest_geometry(system, can_be_lit))
@@ -177,9 +167,7 @@ def require_reachable(system: OpticalSystem) -> None:
 def can_be_lit(system: OpticalSystem) -> bool:
     """Return whether light reaches all that is to be lit, and grazes neither the target nor the lens.
 
-    Raises
-    ------
-    UserError : the target cuts the lens, or light meets an element from behind, or elements overlap.
+    Raises UserError : the target cuts the lens, or light meets an element from behind, or elements overlap.
     """
     if system.problem.element:
         require_met(system, GRAZING)

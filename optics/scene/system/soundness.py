@@ -30,9 +30,7 @@ def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -
 
     changes : {dotted key: value}, in place of what the file says.
 
-    Raises
-    ------
-    UserError : see `load_problem` and `solvable_system`; it names the file.
+    Raises UserError : see `load_problem` and `solvable_system`; it names the file.
     """
     problem = load_problem(path, changes)
     with speaking_of(path):
@@ -42,12 +40,10 @@ def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -
 def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     """Return the OpticalSystem of a problem that can be solved.  own : see there.
 
-    Raises
-    ------
-    UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
-        read, a source or a target that lies in the lens, a target that no lens can light, from before or at
-        all, a material that is not known, a stop in the lens, before the source or behind the target, blur of
-        a row of elements.
+    Raises UserError : limits that contradict each other, a prescription that makes no lens, a picture that
+        cannot be read, a source or a target that lies in the lens, a target that no lens can light, from
+        before or at all, a material that is not known, a stop in the lens, before the source or behind the
+        target, blur of a row of elements.
     """
     require_limits(problem)
     told = source_of(problem).told
@@ -70,9 +66,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
 def require_light(system: OpticalSystem) -> None:
     """Refuse a beam whose picture is dark wherever it meets the front.
 
-    Raises
-    ------
-    UserError : names the picture and the half-widths.
+    Raises UserError : names the picture and the half-widths.
     """
     source, front = system.problem.source, system.lens.front
     if not system.source.collimated:
@@ -88,24 +82,20 @@ def require_light(system: OpticalSystem) -> None:
 def require_sharp(system: OpticalSystem) -> None:
     """Refuse blur of light that meets more than one lens or one mirror.
 
-    Raises
-    ------
-    UserError : names the faces that light meets.
+    Raises UserError : names the faces that light meets.
     """
     if system.blurred and not system.lone_lens and len(system.problem.faces_met) > 1:
         raise UserError(
             "the blur of a diverging beam and of rough surfaces is known of one lens or one mirror, and "
-            f"light meets {', '.join(system.problem.face_names)}; set source.divergence and every slope_rms "
-            'to 0, or take source.kind = "lambertian"'
+            f"light meets {', '.join(system.problem.face_names)}; take a source without divergence, "
+            'such as "lambertian", and set every slope_rms to 0'
         )
 
 
 def require_room(system: OpticalSystem) -> None:
     """Refuse a source that lies in the lens, and a target plane that cuts it.
 
-    Raises
-    ------
-    UserError : names the planes and the extent of the surfaces.
+    Raises UserError : names the planes and the extent of the surfaces.
     """
     problem, lens, source = system.problem, system.lens, system.problem.source
     if problem.element:

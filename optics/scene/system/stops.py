@@ -46,9 +46,7 @@ def require_places(
     bodies : the designed element with its lens, and then the others.
     start : z of parallel light, whose rays start nearer to the lens; -inf of other light.
 
-    Raises
-    ------
-    UserError : names the stop.
+    Raises UserError : names the stop.
     """
     source, distance, lens = -problem.source.distance, problem.target.distance, bodies[0][1]
     first = max(source, start)

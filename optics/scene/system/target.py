@@ -56,9 +56,7 @@ class LightTarget:
 
         Row 0 is at the greatest y, column 0 at the least x.
 
-        Raises
-        ------
-        UserError : see `read_picture` and `formula_light`.
+        Raises UserError : see `read_picture` and `formula_light`.
         """
         target = self.settings
         if target.kind == "tophat":
@@ -142,9 +140,7 @@ def target_irradiance(light: Floats, screen: Screen, fit: str, flux: float) -> F
 
     light : linear, of any size.  fit : as `fit_picture`.  flux : W.
 
-    Raises
-    ------
-    UserError : the light is 0 on all pixels.
+    Raises UserError : the light is 0 on all pixels.
     """
     aspect = screen.half_width[0] / screen.half_width[1]
     image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()

@@ -6,17 +6,17 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .allowed_errors import (
-        FORM_HEAD as FORM_HEAD,
-        BandCost as BandCost,
-        FormErrors as FormErrors,
-        SideCost as SideCost,
-        form_errors_of as form_errors_of,
-        form_rows as form_rows,
-        form_sentences as form_sentences,
-        height_text as height_text,
+        FORM_HEAD,
+        BandCost,
+        FormErrors,
+        SideCost,
+        form_errors_of,
+        form_rows,
+        form_sentences,
+        height_text,
     )
-    from .form_trace import form_obstacle as form_obstacle
-    from .local_formula import LocalFormula as LocalFormula, local_formula_of as local_formula_of
-    from .period_bands import BandFormula as BandFormula, pixel_mtf as pixel_mtf
+    from .form_trace import form_obstacle
+    from .local_formula import LocalFormula, local_formula_of as local_formula_of
+    from .period_bands import BandFormula, pixel_mtf
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -135,9 +135,8 @@ def form_errors_of(
     backend : of double precision.  rise : of rel_l2 that each band alone may bring, above 0.
     progress : called with the name of a side and a band, its number from 0, and how many there are.
 
-    Raises
-    ------
-    UserError : a rise that is not positive; an extended or blurred source; a lens that brings no light.
+    Raises UserError : a rise that is not positive; an extended or blurred source; a lens that brings no
+        light.
     """
     require_lens_on_axis(system, "errors of form")
     if not 0 < rise < np.inf:

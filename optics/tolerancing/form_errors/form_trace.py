@@ -132,9 +132,7 @@ def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tupl
     The cells end at the rim of what parallel light meets, so that none is cut.  Others that a rim cuts are
     left out.
 
-    Raises
-    ------
-    UserError : an extended source, a beam with divergence, rough surfaces.
+    Raises UserError : an extended source, a beam with divergence, rough surfaces.
     """
     if obstacle := form_obstacle(system):
         raise UserError(obstacle)

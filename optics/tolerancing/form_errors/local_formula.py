@@ -128,9 +128,7 @@ def local_formula_of(
 
     side : "front" or "rear".  backend : of double precision.  counts : (nx, ny) cells of the source.
 
-    Raises
-    ------
-    UserError : another side, an extended or blurred source.
+    Raises UserError : another side, an extended or blurred source.
     """
     if side not in SIDES:
         raise UserError(f'the side of a form error must be "front" or "rear", got {side!r}')

@@ -34,7 +34,6 @@ from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface
 from thbcad.tools import Cusps, ball_cusps, nose_cusps
 
-SURFACES = ("front", "rear")
 TILT = 1e-5  # of the central differences: their error is its square, 1e-10, times the third derivative
 CELLS_PER_PIXEL, LEAST_CELLS = 3, 257  # in each direction
 PHASES_PER_PIXEL, LEAST_PHASES, MOST_PHASES = 2, 4, 32  # of the blur where it is widest
@@ -64,14 +63,15 @@ def landing_response(
     Central differences of the exact trace; the surfaces stay where they are.
     """
     path, rays = system.path(lens), system.source.rays((side, side))
-    x, y = crossings(path, backend, name, rays)
+    surface = system.number_of(name)
+    x, y = crossings(path, backend, surface, rays)
     half_width = system.target.screen().half_width
     columns, alive = [], np.ones(len(x), bool)
     flux = np.zeros(len(x))
     for tilt in np.eye(2) * TILT:
         ends = []
         for sign in (1.0, -1.0):
-            errors = slope_errors(name, sign * tilt[:, None])
+            errors = slope_errors(path, surface, sign * tilt[:, None])
             points, flux = traced_points(path.with_slope_errors(errors), backend, rays)
             # light off the target blurs no picture; near total reflection it would outweigh all other
             alive &= (flux > 0) & (np.abs(points) <= np.array(half_width)[:, None]).all(axis=0)
@@ -93,9 +93,8 @@ def traced_points(path: LightPath, backend: Backend, rays: RayGrid | Rays) -> tu
     return np.stack([x, y]), flux
 
 
-def crossings(path: LightPath, backend: Backend, name: str, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
-    """Return x and y, (n,) each, where rays cross a surface, inside it."""
-    surface = SURFACES.index(name)
+def crossings(path: LightPath, backend: Backend, surface: int, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
+    """Return x and y, (n,) each, where rays cross a surface of a number, inside it."""
     tracer = Tracer(backend, path, rays if surface or isinstance(rays, Rays) else rays.rays(path.before))
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(surface)
@@ -107,9 +106,9 @@ def crossings(path: LightPath, backend: Backend, name: str, rays: RayGrid | Rays
     return x, y
 
 
-def slope_errors(name: str, error: Floats | None) -> SlopeErrors:
-    """Return errors of the slopes of one surface, None is none."""
-    return [error if name == surface else None for surface in SURFACES]
+def slope_errors(path: LightPath, surface: int, error: Floats | None) -> SlopeErrors:
+    """Return errors of the slopes of one surface of a number, None is none."""
+    return [error if k == surface else None for k in range(len(path.surfaces))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +214,11 @@ def _by_phase(
     cells = system.source.cells([max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels])
     rays = cells.rays()
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
-    field = slopes(*crossings(path, backend, name, rays))
+    surface = system.number_of(name)
+    field = slopes(*crossings(path, backend, surface, rays))
 
     def light(phase: float) -> Floats:
-        errors = slope_errors(name, phase * field if phase else None)
+        errors = slope_errors(path, surface, phase * field if phase else None)
         points, flux = traced_points(path.with_slope_errors(errors), backend, rays)
         x, y, passing = map(backend.array, (*points, flux))
         with backend.dr.suspend_grad():

@@ -33,12 +33,8 @@ class ToolOrder:
     rpm : revolutions for each minute.  acceleration : m/s^2, that the machine's z axis can do
     surface : "front" or "rear"; None is every surface that is no plane
 
-    Raises
-    ------
-    UserError : numbers that are not positive, options that do not go together.
+    Raises UserError : numbers that are not positive, options that do not go together.
 
-    Examples
-    --------
     >>> ToolOrder(nose=0.5, feed=0.02).pitch  # mm, from turn to turn
     0.02
     """

@@ -6,20 +6,9 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .alignment import best_fit as best_fit, by_datums as by_datums
-    from .as_built_light import (
-        AsBuilt as AsBuilt,
-        Side as Side,
-        Way as Way,
-        default_side as default_side,
-        light_as_built as light_as_built,
-        surface_of as surface_of,
-    )
-    from .as_built_text import as_built_data as as_built_data, as_built_lines as as_built_lines
+    from .as_built_light import AsBuilt, Side, Way, default_side, light_as_built, surface_of
+    from .as_built_text import as_built_data, as_built_lines
     from .corrected_surface import made_surface as made_surface
-    from .measured_points import (
-        FileFrame as FileFrame,
-        MeasuredPoints as MeasuredPoints,
-        read_measured as read_measured,
-    )
+    from .measured_points import FileFrame as FileFrame, MeasuredPoints, read_measured as read_measured
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -89,9 +89,7 @@ def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:
 
     points : (3, n) mm.
 
-    Raises
-    ------
-    UserError : the points leave the surface on the way; outliers are named.
+    Raises UserError : the points leave the surface on the way; outliers are named.
     """
     motion, before = Pose.at(), None
     least = KEPT * float(_near(surface, points, motion, RIM).sum())

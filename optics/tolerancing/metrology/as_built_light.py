@@ -12,7 +12,7 @@ import numpy as np
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, Verdict, contrast_error, delivery_checks, judged, measure
 from optics.scene.problem import Verify
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import landing_response
 from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, by_datums, outliers
 from optics.tolerancing.metrology.corrected_surface import RAYS, MadeSurface, made_surface, measured_light
@@ -102,9 +102,7 @@ def default_side(lens: Lens) -> Side:
 def surface_of(lens: Lens, side: Side) -> FreeformSurface:
     """Return the front or the rear of a lens.
 
-    Raises
-    ------
-    UserError : another word.
+    Raises UserError : another word.
     """
     if side not in ("front", "rear"):
         raise UserError(f"surface must be front or rear, got {side!r}")
@@ -133,12 +131,9 @@ def light_as_built(
     backend : of double precision.  nominal : what the designed lens delivers, where it is known.
     correct : also look for the re-positioning that gets most of the light back.
 
-    Raises
-    ------
-    UserError : another surface or alignment, points that do not determine the surface, or a best fit that is
-        asked for and does not exist.
+    Raises UserError : another surface or alignment, points that do not determine the surface, or a best fit
+        that is asked for and does not exist.
     """
-    require_lens_on_axis(system, "made lenses")
     designed = surface_of(lens, side)
     if way not in ("datums", "best fit"):
         raise UserError(f"align must be datums or best fit, got {way!r}")

@@ -43,9 +43,7 @@ FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
 def read_text(path: str | Path) -> str:
     """Return the text of a file.
 
-    Raises
-    ------
-    UserError : the file cannot be read, is too large, or holds no text.
+    Raises UserError : the file cannot be read, is too large, or holds no text.
     """
     path = Path(path)
     try:
@@ -72,9 +70,7 @@ def number_rows(text: str, name: str, columns: int = 3) -> Floats:
 
     Comments and the lines before the first row of numbers are left out.
 
-    Raises
-    ------
-    UserError : no row of numbers, too many of them, or one that is none.
+    Raises UserError : no row of numbers, too many of them, or one that is none.
     """
     rows = _rows(text)
     first = next((k for k, (_, row) in enumerate(rows) if _numbers(row, columns) is not None), None)
@@ -108,9 +104,7 @@ def grid_header(text: str) -> list[float] | None:
 def grid_rows(text: str, name: str, count: int) -> Floats:
     """Return the heights of a grid sag file, (count,), NaN where there is no data.
 
-    Raises
-    ------
-    UserError : more or fewer rows, or one that is none.
+    Raises UserError : more or fewer rows, or one that is none.
     """
     if count > MOST_POINTS:
         raise UserError(f"{name} announces more than {MOST_POINTS:,} points; thin it out")
@@ -211,9 +205,8 @@ def read_measured(
 ) -> MeasuredPoints:
     """Return the measured points of a surface from a file of rows x y z, or from a grid sag file.
 
-    Raises
-    ------
-    UserError : a file that cannot be read, is cut off, holds too few points, or does not fit the surface.
+    Raises UserError : a file that cannot be read, is cut off, holds too few points, or does not fit the
+        surface.
     """
     frame = frame or FileFrame()
     x, y, values = _values(path, frame)

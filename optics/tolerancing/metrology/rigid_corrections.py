@@ -95,12 +95,12 @@ def rigid_correction(system: OpticalSystem, lens: Lens, target: Floats, backend:
 def _motions(light: PerturbedLight) -> list[tuple[Tolerance, float]]:
     """Return the motions with amounts that move light by REACH, or FARTHEST where that is less.
 
-    Parallel light does not see where along z the lens stands but by the distance of the target.
+    Parallel light does not see where along z a lens on the axis stands but by the distance of the target.
     """
-    wanted = [f"lens.{motion}" for motion in ("decentre_x", "decentre_y", "tilt_x", "tilt_y", "tilt_z")]
-    wanted.append("target.defocus")
-    if not light.system.source.collimated:
-        wanted.append("lens.defocus")
+    problem, motions = light.system.problem, ["decentre_x", "decentre_y", "tilt_x", "tilt_y", "tilt_z"]
+    if problem.element or not light.system.source.collimated:
+        motions.append("defocus")
+    wanted = ["target.defocus", *(f"{problem.optic.called}.{motion}" for motion in motions)]
     pixel = float(np.mean(light.screen.pitch))
     rows = []
     for tolerance in tolerances_of(light.system):

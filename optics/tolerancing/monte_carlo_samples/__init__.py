@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .monte_carlo_result import MonteCarlo as MonteCarlo
-    from .random_errors import Draw as Draw, FormTolerance as FormTolerance, each_set as each_set
-    from .sample_batch import SampleBatch as SampleBatch
-    from .sampling import ErrorModel as ErrorModel, Sampled as Sampled, sample_lenses as sample_lenses
+    from .monte_carlo_result import MonteCarlo
+    from .random_errors import Draw, FormTolerance, each_set
+    from .sample_batch import SampleBatch
+    from .sampling import ErrorModel, Sampled, sample_lenses
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

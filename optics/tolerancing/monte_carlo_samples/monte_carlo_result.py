@@ -74,6 +74,7 @@ class MonteCarlo:
         batch = self.batch
         median, worst = (batch.quantile(part) for part in SHOWN[1:])
         passing, good = batch.passing(self.limit), batch.good
+        the = "" if self.model.system.problem.element else "the "
         lines = [
             f"{batch.rel_l2.size} lenses were traced, each with all errors at once. Half of them have a "
             f"rel_l2 of at most {median.value:.2%}, and {SHOWN[2]:.0%} of at most {worst.value:.2%}.",
@@ -84,7 +85,7 @@ class MonteCarlo:
             f"up to {self.expected:.2%}.",
         ]
         lines += [
-            f"The form of the {form.surface} is random, {1e6 * form.rms:.3g} nm rms with periods from "
+            f"The form of {the}{form.surface} is random, {1e6 * form.rms:.3g} nm rms with periods from "
             f"{form.band[0]:g} to {form.band[1]:g} mm."
             for form in self.model.forms
         ]

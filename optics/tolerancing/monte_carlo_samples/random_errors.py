@@ -30,9 +30,7 @@ class FormTolerance:
     surface : "front" or "rear" of a lens on the axis, a face that light meets of others, such as "L1.rear".
     rms : over the aperture, mm.  band : shortest and longest period, mm.
 
-    Raises
-    ------
-    UserError : an rms that is not a number from 0.
+    Raises UserError : an rms that is not a number from 0.
     """
 
     surface: str
@@ -54,9 +52,7 @@ class FormTolerance:
 
         lens : of the element that is designed.
 
-        Raises
-        ------
-        UserError : a surface that is not there; see `random_field`.
+        Raises UserError : a surface that is not there; see `random_field`.
         """
         faces = {face.name: face for face in system.problem.faces_met}
         if self.surface not in faces:
@@ -86,9 +82,7 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
 
     tolerances : how many there are.  samples : REPLICATES times a power of two.
 
-    Raises
-    ------
-    UserError : see `each_set`.
+    Raises UserError : see `each_set`.
     """
     each = each_set(samples)
     rng = np.random.default_rng(seed)
@@ -103,9 +97,7 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
 def each_set(samples: int) -> int:
     """Return the number of lenses of each set, of `samples` in all.
 
-    Raises
-    ------
-    UserError : a number that is not REPLICATES times a power of two.
+    Raises UserError : a number that is not REPLICATES times a power of two.
     """
     try:
         require_integer("the number of samples", samples, 2 * REPLICATES, MOST_SAMPLES)

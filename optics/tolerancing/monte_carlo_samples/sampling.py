@@ -59,9 +59,7 @@ class ErrorModel:
     def errors(self, draw: Draw) -> Perturbation:
         """Return the errors of a lens.
 
-        Raises
-        ------
-        UserError : see `FormTolerance.drawn`.
+        Raises UserError : see `FormTolerance.drawn`.
         """
         moved = (t.at(a * t.amount) for t, a in zip(self.tolerances, draw.amounts, strict=True))
         return reduce(add, chain(moved, (draw.sign * form for form in self.form(draw.seed))), NOMINAL)
@@ -114,9 +112,7 @@ def sample_lenses(
 
     samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
 
-    Raises
-    ------
-    UserError : another number of samples, a form error that the surface cannot have, or no workers.
+    Raises UserError : another number of samples, a form error that the surface cannot have, or no workers.
     """
     sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
     model.form(0)  # refuses bands before any worker starts

@@ -7,23 +7,19 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .height_errors import (
         HeightSum as HeightSum,
-        Power as Power,
+        Power,
         Sine as Sine,
-        SplineHeight as SplineHeight,
+        SplineHeight,
         random_field as random_field,
-        shortest_period as shortest_period,
+        shortest_period,
     )
-    from .light_limits import RISE as RISE
-    from .linear_light import LinearLight as LinearLight
-    from .perturbation import (
-        NOMINAL as NOMINAL,
-        ElementErrors as ElementErrors,
-        Perturbation as Perturbation,
-    )
-    from .shop_words import HEAD as HEAD, effect_rows as effect_rows, shop_sentences as shop_sentences
-    from .tolerance_effects import ToleranceBudget as ToleranceBudget, ToleranceEffect as ToleranceEffect
-    from .tolerance_names import Tolerance as Tolerance, tolerances_of as tolerances_of
-    from .tolerance_trials import tolerance_budget as tolerance_budget
+    from .light_limits import RISE
+    from .linear_light import LinearLight
+    from .perturbation import NOMINAL, ElementErrors, Perturbation as Perturbation
+    from .shop_words import HEAD, effect_rows, shop_sentences
+    from .tolerance_effects import ToleranceBudget, ToleranceEffect
+    from .tolerance_names import Tolerance, tolerances_of as tolerances_of
+    from .tolerance_trials import tolerance_budget
     from .traced_light import PerturbedLight as PerturbedLight
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

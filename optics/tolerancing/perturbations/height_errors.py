@@ -31,9 +31,7 @@ class Sine:
     amplitude : a, mm; the peak to valley is 2 a, the rms a / sqrt(2).  period : mm.  direction : degrees.
     phase : radians.
 
-    Raises
-    ------
-    UserError : a number that is not finite, a period that is not positive.
+    Raises UserError : a number that is not finite, a period that is not positive.
     """
 
     amplitude: float
@@ -59,9 +57,7 @@ class Sine:
 class Power:
     """The change of curvature dh = c (x^2 + y^2) / 2.  curvature : c, 1/mm.
 
-    Raises
-    ------
-    UserError : a curvature that is not finite.
+    Raises UserError : a curvature that is not finite.
     """
 
     curvature: float
@@ -84,9 +80,7 @@ class SplineHeight:
 
     net : (nx, ny), mm, at least 4 in each direction.  half_width : mm.
 
-    Raises
-    ------
-    UserError : a net of another shape or not finite, half-widths that are not positive.
+    Raises UserError : a net of another shape or not finite, half-widths that are not positive.
     """
 
     net: Floats
@@ -136,9 +130,7 @@ class HeightSum:
 
     parts : (factor, HeightError).
 
-    Raises
-    ------
-    UserError : a factor that is not finite.
+    Raises UserError : a factor that is not finite.
     """
 
     parts: tuple[tuple[float, HeightError], ...]
@@ -200,9 +192,7 @@ def random_field(
     band : shortest and longest period, mm.  rms : mm.  half_width : mm.  seed : of pseudo-random numbers
     (`numpy.random.default_rng`).  corners : mm, of the outline, see `thbcad.outlines.Outline`.
 
-    Raises
-    ------
-    UserError : bad numbers, a band that is too fine for the rectangle, or too long for it.
+    Raises UserError : bad numbers, a band that is too fine for the rectangle, or too long for it.
     """
     short, long = _band(band, half_width, rms, seed)
     size = [2 * h for h in half_width]

@@ -85,9 +85,7 @@ def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float
 def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:
     """Return limits by name.  asked : them, or one number, that rel_l2 may rise by; None is the usual ones.
 
-    Raises
-    ------
-    UserError : an unknown name, or a number that is no limit.
+    Raises UserError : an unknown name, or a number that is no limit.
     """
     if asked is None:
         return dict(usual)
@@ -109,9 +107,7 @@ def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:
 def bounds_of(limits: Limits, design: LightNumbers) -> dict[str, float]:
     """Return the limits as values that light must keep, by name; of two for rel_l2 the lower one.
 
-    Raises
-    ------
-    UserError : min_over_mean of a picture.
+    Raises UserError : min_over_mean of a picture.
     """
     bounds = {name: value for name, value in limits.items() if name != "rise"}
     if "rise" in limits:

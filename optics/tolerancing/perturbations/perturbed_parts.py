@@ -41,17 +41,15 @@ class PerturbedParts:
 
         shaded : among the bodies of all elements and the screen.
 
-        Raises
-        ------
-        UserError : no lens or no source is so wrong.
+        Raises UserError : no lens or no source is so wrong.
         """
         if p.source_size <= -1:
             raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
         on_axis = system.lens_on_axis
         back = Pose.at(p.lens_shift, p.lens_tilt).inverse() if on_axis else IDENTITY
         source = back @ Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
-        fixed = [_made(system, optic, blank, p) for optic, blank in system.fixed]
-        made, designed = system.with_fixed(fixed), _made(system, system.problem.optic, lens, p)
+        others = {optic.called: _made(system, optic, blank, p) for optic, blank in system.fixed}
+        made, designed = system.shaped_as(others), _made(system, system.problem.optic, lens, p)
         path = made.shaded_path(designed) if shaded else made.path(designed)
         own, faces = path.receiver.pose, system.problem.faces_met
         target = Pose.at(own.directions(p.target_shift), own.directions(p.target_tilt), own.shift)
@@ -116,9 +114,7 @@ def perturbed_lens(lens: Lens, p: ElementErrors, material: Material | None) -> L
 
     material : None has no known expansion, and no dn/dT.
 
-    Raises
-    ------
-    UserError : no lens is so wrong.
+    Raises UserError : no lens is so wrong.
     """
     try:
         if not any((p.front_power, p.rear_power, p.thickness, p.index, p.temperature)):

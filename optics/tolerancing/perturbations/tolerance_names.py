@@ -60,9 +60,8 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
 
     amounts : other amounts by name; "lens.tilt" stands for "lens.tilt_x", "lens.tilt_y" and "lens.tilt_z".
 
-    Raises
-    ------
-    UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number from 0.
+    Raises UserError : an unknown name, for which the nearest is proposed, or an amount that is not a number
+        from 0.
     """
     known = {t.name: t for t in _usual(system)}
     chosen = {name: t.amount for name, t in known.items()}
@@ -86,7 +85,7 @@ def _own(system: OpticalSystem, name: str) -> tuple[Optic | None, str]:
 def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -> str:
     """Return why there is no tolerance of a name."""
     optic, own = _own(system, name)
-    part = name.rpartition(".")[0]
+    part = name.rpartition(".")[0] if system.problem.element else f"the {name.rpartition('.')[0]}"
     if isinstance(optic, MirrorElement) and own in MEDIUM:
         return f"{optic.called} is a mirror, which has no {own}; leave {name} out"
     if optic is not None and own == "temperature":
@@ -96,9 +95,9 @@ def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -
             "one, such as PMMA"
         )
     if own in SOMETIMES and own.endswith(".power"):
-        return f"the {part} is plane, so that it has no radius; leave {name} out"
+        return f"{part} is plane, so that it has no radius; leave {name} out"
     if optic is not None and own.startswith(("front.decentre", "decentre")):
-        return f"the {part} is plane, so that it has no middle; leave {name} out"
+        return f"{part} is plane, so that it has no middle; leave {name} out"
     begins = [*(optic.called for optic in system.problem.optics), "source", "target"]
     if system.problem.element and name.partition(".")[0] not in begins:
         first = next(iter(known))

@@ -62,9 +62,7 @@ def tolerance_budget(
     progress : called with a tolerance's name, its number from 0, and how many there are.
     floats : light may shift as a whole: the target follows it, see `PerturbedLight.aimed`.
 
-    Raises
-    ------
-    UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture.
+    Raises UserError : see `tolerances_of` and `limits_of`; min_over_mean of a picture.
     """
     asked = limits if limits is None else limits_of(limits, {})
     chosen = tolerances_of(system, amounts)

@@ -78,9 +78,7 @@ def step_solid(path: str | Path) -> TopoDS_Shape:
 
     The text is read first by `parse_brep`: OCCT can end the process over a damaged file.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : as `parse_brep`, or OCCT cannot read it.
+    Raises OSError : the file cannot be read.  ValueError : as `parse_brep`, or OCCT cannot read it.
     """
     parse_brep(path)
     silence()
@@ -96,9 +94,7 @@ def face_hits(
     after : mm along the ray, from where meetings count; the default lets a ray leave the face that it starts
         on.
 
-    Raises
-    ------
-    OSError, ValueError : as `step_solid`; origins and directions that are not (n, 3) or not finite.
+    Raises OSError, ValueError : as `step_solid`; origins and directions that are not (n, 3) or not finite.
     """
     origins, directions = (np.asarray(a, dtype=np.float64) for a in (origins, directions))
     if origins.shape != directions.shape or origins.ndim != 2 or origins.shape[1] != 3:

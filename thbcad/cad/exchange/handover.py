@@ -41,11 +41,9 @@ def to_build123d(geometry: Any, name: str = "") -> Any:
         with points (x, y, z).  `build123d.Pos` and `Rot` move what is returned.
     name : the label; "" is "lens", "surface" or "curve".
 
-    Raises
-    ------
-    ImportError : build123d is not installed, or beside another OCP.
-    ValueError : something else; points without three components.
-    RuntimeError : OCCT refuses the surface or the curve.
+    Raises ImportError : build123d is not installed, or beside another OCP.
+    Raises ValueError : something else; points without three components.
+    Raises RuntimeError : OCCT refuses the surface or the curve.
     """
     bd = library("build123d")
     require_type("geometry", geometry, *GEOMETRY)
@@ -84,10 +82,8 @@ def named_faces(lens: Lens | Part) -> dict[str, build123d.Face]:
     Faces of a Part are those of `to_build123d` of the same Part, not copies: their edges can be
     chamfered on that solid, and planes and joints can be put on them.
 
-    Raises
-    ------
-    ImportError : build123d is not installed, or beside another OCP.
-    ValueError : something else than a Lens or a Part.
+    Raises ImportError : build123d is not installed, or beside another OCP.
+    Raises ValueError : something else than a Lens or a Part.
     """
     bd = library("build123d")
     part = _part(lens)

@@ -23,9 +23,7 @@ def iges_bytes(lens: Lens, product: Product | None = None) -> bytes:
     product : its name, author and organization stand in the file, in ASCII; None is Product().  IGES has no
         material.
 
-    Raises
-    ------
-    RuntimeError : OCCT refuses the solid.
+    Raises RuntimeError : OCCT refuses the solid.
     """
     return part_iges(lens_part(lens), Product() if product is None else product)
 
@@ -43,10 +41,8 @@ def brep_bytes(lens: Lens) -> bytes:
 def read_iges(path: str | Path) -> SolidFile:
     """Read an IGES file with a lens solid; lengths are converted to mm.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no IGES file, or does not hold two optical faces.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no IGES file, or does not hold two optical faces.
     """
     silence()
     IGESControl_Controller.Init_s()
@@ -56,10 +52,8 @@ def read_iges(path: str | Path) -> SolidFile:
 def read_brep(path: str | Path) -> SolidFile:
     """Read a BREP file with a lens solid.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no BREP file, or does not hold two optical faces.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no BREP file, or does not hold two optical faces.
     """
     silence()
     return solid_file(brep_shape(Path(path)), path)

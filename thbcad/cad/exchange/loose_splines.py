@@ -105,12 +105,10 @@ def write_faces(surfaces: Surface | Sequence[Surface], path: str | Path) -> None
 
     surfaces : one, or a list of them.  A THBSurface becomes one face, as by `to_faces(price=inf)`.
 
-    Raises
-    ------
-    OSError : the file cannot be written.
-    ValueError : another suffix; no surfaces; points without three components; IGES: a weight below 1e-9;
-        STEP and IGES: a surface whose points fit into a box with a diagonal below 1e-6 mm.
-    RuntimeError : OCCT refuses a surface.
+    Raises OSError : the file cannot be written.
+    Raises ValueError : another suffix; no surfaces; points without three components; IGES: a weight below
+        1e-9; STEP and IGES: a surface whose points fit into a box with a diagonal below 1e-6 mm.
+    Raises RuntimeError : OCCT refuses a surface.
     """
     _write("surfaces", surfaces, face_of, path)
 
@@ -120,11 +118,9 @@ def write_curves(curves: Curve | Sequence[Curve], path: str | Path) -> None:
 
     curves : one, or a list of them.
 
-    Raises
-    ------
-    OSError, RuntimeError : as `write_faces`.
-    ValueError : another suffix; no curves; points without three components; IGES: a weight or a span between
-        knots below 1e-9.
+    Raises OSError, RuntimeError : as `write_faces`.
+    Raises ValueError : another suffix; no curves; points without three components; IGES: a weight or a span
+        between knots below 1e-9.
     """
     _write("curves", curves, edge_of, path)
 
@@ -136,10 +132,8 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
     tori, extrusions and revolutions come as exact NURBS over the parameter rectangle of the face.
     Trimming curves and orientations are not read.  Polynomial surfaces are BSplineSurface.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : another suffix; no file of that format; no faces; a surface that is no exact NURBS
+    Raises OSError : the file cannot be read.
+    Raises ValueError : another suffix; no file of that format; no faces; a surface that is no exact NURBS
         or has a degree above 10.
     """
     return _read("face", faces_of, _surface_under, path)
@@ -151,9 +145,7 @@ def read_curves(path: str | Path) -> list[BSplineCurve | NURBSCurve]:
     A B-spline curve that is not trimmed comes with the numbers of the file; lines, conics and pieces of
     curves come as exact NURBS over the parameters of the edge.  Orientations are not read.
 
-    Raises
-    ------
-    OSError, ValueError : as `read_faces`.
+    Raises OSError, ValueError : as `read_faces`.
     """
     return _read("free edge", free_edges_of, _curve_under, path)
 
@@ -231,10 +223,7 @@ def _write(
 
 
 def _read(
-    what: str,
-    parts_of: Callable[[TopoDS_Shape], list[Any]],
-    spline_of: Callable[[Any], T],
-    path: str | Path,
+    what: str, parts_of: Callable[[TopoDS_Shape], list[Any]], spline_of: Callable[[Any], T], path: str | Path
 ) -> list[T]:
     """Return the splines under the parts of a shape; `what` they are, in the singular."""
     path = Path(path)

@@ -68,9 +68,7 @@ def silence() -> None:
 def step_text(shape: TopoDS_Shape, product: str) -> bytes:
     """Return the STEP file of a shape in mm, under the name `product`; the same shape gives the same bytes.
 
-    Raises
-    ------
-    RuntimeError : OCCT refuses the shape.
+    Raises RuntimeError : OCCT refuses the shape.
     """
     silence()
     STEPControl_Writer()  # the settings exist only once a writer has been made
@@ -89,9 +87,7 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
 def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
     """Return the file of an OCCT STEP model under the names of a Product, with a fixed time stamp.
 
-    Raises
-    ------
-    RuntimeError : OCCT cannot print the model.
+    Raises RuntimeError : OCCT cannot print the model.
     """
     header = APIHeaderSection_MakeHeader(model)
     header.SetName(TCollection_HAsciiString(product.name))
@@ -110,9 +106,7 @@ def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
 def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interface_Protocol) -> bytes:
     """Return what OCCT prints of a model, with every digit.
 
-    Raises
-    ------
-    RuntimeError : OCCT cannot print it.
+    Raises RuntimeError : OCCT cannot print it.
     """
     writer.FloatWriter().SetFormat(REALS)
     writer.SendModel(protocol)
@@ -175,9 +169,7 @@ def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequ
         other characters.
     face_names : of the faces of a SOLID in their order.
 
-    Raises
-    ------
-    RuntimeError : OCCT refuses the shape.
+    Raises RuntimeError : OCCT refuses the shape.
     """
     IGESControl_Controller.Init_s()
     silence()

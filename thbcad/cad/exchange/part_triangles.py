@@ -43,10 +43,8 @@ def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     chord : mm.  Fifteen points of every triangle are measured.
     single : round the vertices to float32.
 
-    Raises
-    ------
-    ValueError : a chord below 1e-5 mm, or one that OCCT does not keep with 100,000 triangles.
-    RuntimeError : OCCT leaves a face without triangles.
+    Raises ValueError : a chord below 1e-5 mm, or one that OCCT does not keep with 100,000 triangles.
+    Raises RuntimeError : OCCT leaves a face without triangles.
     """
     require_number("chord", chord, least=LEAST, finite=True)
     solid, faces = part.solid, part.faces
@@ -73,9 +71,7 @@ def face_triangles(faces: Sequence[TopoDS_Face], chord: float) -> Floats:
 
     chord : mm, that OCCT is asked for; for splines it is asked again where the measured error exceeds it.
 
-    Raises
-    ------
-    RuntimeError : OCCT leaves a face without triangles.
+    Raises RuntimeError : OCCT leaves a face without triangles.
     """
     found = [np.empty((0, 3, 3))]
     for face in faces:
@@ -144,9 +140,7 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
 def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tessellation:
     """Return the mesh of all faces, with one vertex where the points of neighbours agree.
 
-    Raises
-    ------
-    RuntimeError : neighbours that do not share the points of their common edges.
+    Raises RuntimeError : neighbours that do not share the points of their common edges.
     """
     points = np.concatenate([piece.points for piece in pieces])
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])

@@ -12,25 +12,13 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
-from OCP import Standard, TopoDS as Topology
+from OCP import Standard, StepGeom, StepRepr, StepShape, StepVisual, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.IGESControl import IGESControl_Reader
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
-from OCP.StepGeom import StepGeom_GeometricRepresentationItem
-from OCP.StepRepr import StepRepr_DefinitionalRepresentation
-from OCP.StepShape import StepShape_TopologicalRepresentationItem
-from OCP.StepVisual import (
-    StepVisual_FillAreaStyle,
-    StepVisual_FillAreaStyleColour,
-    StepVisual_PresentationStyleAssignment,
-    StepVisual_StyledItem,
-    StepVisual_SurfaceSideStyle,
-    StepVisual_SurfaceStyleFillArea,
-    StepVisual_SurfaceStyleUsage,
-)
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHAPE, TopAbs_ShapeEnum
@@ -50,18 +38,18 @@ EXCEPTIONS = [
 ]
 OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
 GEOMETRY = (
-    StepGeom_GeometricRepresentationItem,
-    StepRepr_DefinitionalRepresentation,
-    StepShape_TopologicalRepresentationItem,
+    StepGeom.StepGeom_GeometricRepresentationItem,
+    StepRepr.StepRepr_DefinitionalRepresentation,
+    StepShape.StepShape_TopologicalRepresentationItem,
 )
 STYLES = (
-    StepVisual_FillAreaStyle,
-    StepVisual_FillAreaStyleColour,
-    StepVisual_PresentationStyleAssignment,
-    StepVisual_StyledItem,
-    StepVisual_SurfaceSideStyle,
-    StepVisual_SurfaceStyleFillArea,
-    StepVisual_SurfaceStyleUsage,
+    StepVisual.StepVisual_FillAreaStyle,
+    StepVisual.StepVisual_FillAreaStyleColour,
+    StepVisual.StepVisual_PresentationStyleAssignment,
+    StepVisual.StepVisual_StyledItem,
+    StepVisual.StepVisual_SurfaceSideStyle,
+    StepVisual.StepVisual_SurfaceStyleFillArea,
+    StepVisual.StepVisual_SurfaceStyleUsage,
 )
 EMPTY = re.compile(rb"\(\s*+\)")
 NEVER_EMPTY = re.compile(  # OCCT takes the first item of such a list
@@ -146,9 +134,7 @@ def edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
 def step_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of a STEP file, in mm.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
+    Raises OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
     """
     reader = STEPControl_Reader()
     _transfer(path, reader, GEOMETRY, reader.TransferRoots)
@@ -158,9 +144,7 @@ def step_shape(path: Path) -> TopoDS_Shape:
 def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
     """Return a STEP file as read, in mm, with the document that holds its names and materials.
 
-    Raises
-    ------
-    OSError, ValueError : as `step_shape`.
+    Raises OSError, ValueError : as `step_shape`.
     """
     reader = STEPCAFControl_Reader()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
@@ -226,9 +210,7 @@ def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, .
 def iges_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of an IGES file, in mm.
 
-    Raises
-    ------
-    ValueError : it is not readable, or not whole.
+    Raises ValueError : it is not readable, or not whole.
     """
     reader = IGESControl_Reader()
     whole = IGES_END.search(path.read_bytes())  # OCCT reads what there is of a truncated file
@@ -241,9 +223,7 @@ def iges_shape(path: Path) -> TopoDS_Shape:
 def brep_shape(path: Path) -> TopoDS_Shape:
     """Return the shape of a BREP file, as it is.
 
-    Raises
-    ------
-    ValueError : it is not readable, or not whole.
+    Raises ValueError : it is not readable, or not whole.
     """
     shape = TopoDS_Shape()
     data = path.read_bytes()

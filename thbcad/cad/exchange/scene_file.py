@@ -142,9 +142,8 @@ def _quoted(text: str) -> str:
 def read_scene(path: str | Path) -> tuple[PlacedShape, ...]:
     """Return the parts of the assembly in a STEP file; lengths are converted to mm.
 
-    Raises
-    ------
-    OSError : the file cannot be read.  ValueError : it is no STEP file, or its one shape is no assembly.
+    Raises OSError : the file cannot be read.  ValueError : it is no STEP file, or its one shape is no
+        assembly.
     """
     path = Path(path)
     _, document = step_document(path)

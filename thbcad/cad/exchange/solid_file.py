@@ -46,9 +46,7 @@ def front_and_rear(
 
     names : of all faces in their order
 
-    Raises
-    ------
-    ValueError : there are not two, or a face of these names is another surface.
+    Raises ValueError : there are not two, or a face of these names is another surface.
     """
     faces = faces_of(shape)
     places = optical_places(names)
@@ -231,9 +229,7 @@ def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ())
 
     names : of its faces in their order; none where the file has none
 
-    Raises
-    ------
-    ValueError : as `front_and_rear`.
+    Raises ValueError : as `front_and_rear`.
     """
     front, rear = front_and_rear(shape, path, names)
     return SolidFile(shape, front, rear, names or ("",) * len(faces_of(shape)))

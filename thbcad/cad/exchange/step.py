@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
-from OCP.StepBasic import (
-    StepBasic_DerivedUnitElement,
-    StepBasic_SiUnitAndMassUnit,
-)
+from OCP.StepBasic import StepBasic_DerivedUnitElement, StepBasic_SiUnitAndMassUnit
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.StepRepr import StepRepr_NextAssemblyUsageOccurrence
@@ -65,10 +62,11 @@ def part_of(solid: Solid) -> Part:
 
 def product_of(solid: Solid, product: Product | None) -> Product:
     """Return the Product of a file of a lens; None is Product().  A material without an index gets that of
-    the lens."""
+    the lens; the blank of a mirror, of index 1, has none."""
     product = Product() if product is None else product
     require_type("product", product, Product)
-    return replace(product, index=solid.index) if product.material and product.index is None else product
+    unsaid = product.material and product.index is None and solid.index != 1
+    return replace(product, index=solid.index) if unsaid else product
 
 
 def part_step(
@@ -82,10 +80,8 @@ def part_step(
     Faces are named, where they have a name, and coloured; a material stands with its density in g/cm^3 and,
     as its description, "refractive index 1.5".
 
-    Raises
-    ------
-    ValueError : another schema than AP242 and AP214; a name of a face that is not one line.
-    RuntimeError : OCCT refuses the solid.
+    Raises ValueError : another schema than AP242 and AP214; a name of a face that is not one line.
+    Raises RuntimeError : OCCT refuses the solid.
     """
     if schema not in SCHEMAS:
         raise ValueError(f"schema must be {', '.join(SCHEMAS)}, got {schema!r}")
@@ -113,10 +109,8 @@ def part_step(
 def read_step(path: str | Path) -> SolidFile:
     """Read a STEP file with a lens solid; lengths are converted to mm.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no STEP file or damaged, or does not hold two optical faces.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no STEP file or damaged, or does not hold two optical faces.
     """
     path = Path(path)
     with path.open("rb"):

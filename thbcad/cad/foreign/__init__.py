@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .foreign_lens import ForeignLens as ForeignLens, read_lens_solid as read_lens_solid
+    from .foreign_lens import ForeignLens, read_lens_solid
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -37,8 +37,6 @@ class ForeignLens:
     frame : Pose of the lens in the file; z is the axis, the origin the front's point on it
     thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
 
-    Examples
-    --------
     >>> flat, ball = FreeformSurface((5.0, 4.0)), FreeformSurface((5.0, 4.0), Conic(-20.0))
     >>> path = Path(mkdtemp()) / "lens.step"
     >>> write_step(Lens(flat, ball, thickness=3.0, index=1.5), path)
@@ -74,10 +72,8 @@ class ForeignLens:
 
         index : refractive index; STEP files of other programs have none.  tolerance : mm, in z.
 
-        Raises
-        ------
-        ValueError : surfaces that are not centred on one axis; an outline that is no rectangle, unless the
-            surface is a conic or a spline in graph form; a surface that a fit does not meet; as `Lens`.
+        Raises ValueError : surfaces that are not centred on one axis; an outline that is no rectangle, unless
+            the surface is a conic or a spline in graph form; a surface that a fit does not meet; as `Lens`.
         """
         return refitted(self.frame, self.thickness, (self.front, self.rear), index, tolerance)
 
@@ -85,11 +81,9 @@ class ForeignLens:
 def read_lens_solid(path: str | Path) -> ForeignLens:
     """Read a STEP file of a lens by any program, and find its front and its rear by geometry.
 
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no STEP file or damaged; it does not hold one solid; the solid has no curved face that
-        can be optical, or none that faces it along the axis.
+    Raises OSError : the file cannot be read.
+    Raises ValueError : it is no STEP file or damaged; it does not hold one solid; the solid has no curved
+        face that can be optical, or none that faces it along the axis.
     """
     path = Path(path)
     entities = read_part21(path)

@@ -30,9 +30,7 @@ class LensPart(bd.BasePartObject):
     label : the name of the part
     rotation, align, mode : as those of `build123d.Box`
 
-    Raises
-    ------
-    ValueError : as `require_sound`.
+    Raises ValueError : as `require_sound`.
     """
 
     lens: Lens
@@ -75,9 +73,7 @@ class LensPart(bd.BasePartObject):
     def mounted(self, mount: Mount) -> LensPart:
         """Return the lens with a mount, moved as this part is; what was joined to this part is left out.
 
-        Raises
-        ------
-        ValueError : as `thbcad.mounts.require_mount`.
+        Raises ValueError : as `thbcad.mounts.require_mount`.
         """
         return self.with_shape(mounted_part(self.lens, mount), occt_shape(self).Location())
 

@@ -21,10 +21,8 @@ def workplane(lens: Lens) -> cadquery.Workplane:
     `workplane(lens).faces(tag="front")` is the front; so are rear, edge -y, edge +x, edge +y, edge -x.
     `join` and `cut` keep the tags; cadquery's own operations leave the tags at the solid before them.
 
-    Raises
-    ------
-    ImportError : cadquery is not installed, or beside another OCP.
-    ValueError : something else than a Lens; as `require_sound`.
+    Raises ImportError : cadquery is not installed, or beside another OCP.
+    Raises ValueError : something else than a Lens; as `require_sound`.
     """
     require_type("lens", lens, Lens)
     return tagged(lens_part(lens), lens)

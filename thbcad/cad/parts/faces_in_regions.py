@@ -10,7 +10,6 @@ from collections.abc import Collection
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box2d
 from OCP.BndLib import BndLib_Add2dCurve
 from OCP.BRep import BRep_Tool
@@ -26,7 +25,7 @@ from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.parts.face_enclosures import Pieces, edge_pieces, face_pieces, split
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.certified import ConvexRegion
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 HALVINGS = 24
 MOST = 4096  # pieces at once: what is not decided by then comes in for all that is known
@@ -62,7 +61,7 @@ def real_edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
     return [edge for edge in edges_of(face) if not BRep_Tool.Degenerated_s(edge)]
 
 
-def on_face(face: TopoDS_Face, points: Floats) -> NDArray[np.bool_]:
+def on_face(face: TopoDS_Face, points: Floats) -> Bools:
     """Return which points of the surface under a face lie in the face, (n,).  points : (n, 3), mm."""
     states = [BRepClass_FaceClassifier(face, gp_Pnt(*p), TOLERANCE).State() for p in points.tolist()]
     return np.array([state != TopAbs_OUT for state in states], dtype=bool)
@@ -150,7 +149,7 @@ class _Inside:
             return cells
         a, b = cells[:, None], self._boxes[None]
         apart = (a[..., 0::2] > b[..., 1::2]).any(axis=-1) | (a[..., 1::2] < b[..., 0::2]).any(axis=-1)
-        crossed: NDArray[np.bool_] = np.logical_not(np.all(apart, axis=1))
+        crossed: Bools = np.logical_not(np.all(apart, axis=1))
         crossed[~crossed] = [self._holds(u, v) for u, v in self._middles(cells[~crossed]).tolist()]
         return cells[crossed]
 

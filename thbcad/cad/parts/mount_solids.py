@@ -31,9 +31,7 @@ def mounted_part(lens: Lens, mount: Mount) -> Part:
     """Return the lens with its mount as one closed Part: front, rear, edges, and flange, hole, pin, boss,
     gate with their numbers.
 
-    Raises
-    ------
-    ValueError : as `require_mount`.
+    Raises ValueError : as `require_mount`.
     """
     return fused(lens_part(lens), mount_part(mount, require_mount(mount, lens), lens))
 

@@ -24,10 +24,8 @@ def join(part: Any, tool: Any, name: str = "") -> Any:
     tool : any shape of build123d, cadquery or OCP with solids, in the frame in which the part lies
     name : of the faces that come from the tool, "" for none
 
-    Raises
-    ------
-    ValueError : another kind of part; nothing left of the front or the rear, or pieces of it; a result of
-        several solids.
+    Raises ValueError : another kind of part; nothing left of the front or the rear, or pieces of it; a result
+        of several solids.
     """
     return _operated(fused, part, tool, name)
 

@@ -69,9 +69,7 @@ class PlacedLens:
     def forms(self) -> tuple[OpticalForm, OpticalForm]:
         """Front and rear as the part has them, in the lens's frame.
 
-        Raises
-        ------
-        ValueError : a surface that no lens has.
+        Raises ValueError : a surface that no lens has.
         """
         faces = faces_of(self.in_lens_frame())
         front, rear = (optical_form(faces[number]) for number in self.numbers)
@@ -98,9 +96,7 @@ def is_shape(part: object) -> bool:
 def occt_shape(part: object) -> TopoDS_Shape:
     """Return the OCCT shape of what `is_shape`.
 
-    Raises
-    ------
-    ValueError : it is none, or an empty one.
+    Raises ValueError : it is none, or an empty one.
     """
     shape = _wrapped(part)
     if not isinstance(shape, TopoDS_Shape) or shape.IsNull():
@@ -136,10 +132,8 @@ def placed_lens(part: object, lens: Lens) -> PlacedLens:
     """Return where a part has a lens: the faces whose surfaces are its front and its rear, wherever it is
     moved to.
 
-    Raises
-    ------
-    ValueError : not one solid; a front or a rear that is missing, grew beyond the lens or fell into pieces; a
-        mirrored part.
+    Raises ValueError : not one solid; a front or a rear that is missing, grew beyond the lens or fell into
+        pieces; a mirrored part.
     """
     solid = one_solid(part)
     own = lens_part(lens)

@@ -85,12 +85,10 @@ def write_step(
     schema : AP242 or AP214.
     lens : of the part; a `LensPart` and the Workplane of `workplane` know their own.
 
-    Raises
-    ------
-    OSError : the file cannot be written.
-    ValueError : a suffix other than .step and .stp; another schema; as `require_sound`; a part without its
-        lens; one whose front or rear is missing, merged with another face or cut into pieces.
-    RuntimeError : OCCT refuses the solid.
+    Raises OSError : the file cannot be written.
+    Raises ValueError : a suffix other than .step and .stp; another schema; as `require_sound`; a part without
+        its lens; one whose front or rear is missing, merged with another face or cut into pieces.
+    Raises RuntimeError : OCCT refuses the solid.
     """
     require_suffix(path, ".step", ".stp")
     if isinstance(part, Lens):

@@ -37,9 +37,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight points
     of every span.
 
-    Raises
-    ------
-    ValueError : as `trimmed_part` and `require_sound`; a rim less than 1e-6 mm away from the flange.
+    Raises ValueError : as `trimmed_part` and `require_sound`; a rim less than 1e-6 mm away from the flange.
     """
     require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()

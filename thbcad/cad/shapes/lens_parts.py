@@ -57,9 +57,8 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
 
     semi_axes : (a, b) float, mm
 
-    Raises
-    ------
-    ValueError : as `require_sound`; semi-axes that are not two positive numbers or exceed a half-width.
+    Raises ValueError : as `require_sound`; semi-axes that are not two positive numbers or exceed a
+        half-width.
     """
     return upright_part(lens, require_aperture(require_sound(lens), semi_axes))
 
@@ -69,9 +68,7 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
 
     corners : (x, y) float, mm, of a polygon as `Polygon`
 
-    Raises
-    ------
-    ValueError : as `require_sound` and `require_polygon`.
+    Raises ValueError : as `require_sound` and `require_polygon`.
     """
     return upright_part(lens, require_polygon(require_sound(lens), corners))
 
@@ -171,9 +168,7 @@ def lens_part(lens: Lens) -> Part:
     """Return the lens as a closed Part: front, rear and the edges, of a rectangle in the order of SIDES, else
     one on every piece of the outline.
 
-    Raises
-    ------
-    ValueError : as `require_sound`.
+    Raises ValueError : as `require_sound`.
     """
     planar = lens.taper == UPRIGHT
     outline = require_sound(lens).rear.outline

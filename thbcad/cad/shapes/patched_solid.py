@@ -52,9 +52,8 @@ def patched_part(lens: Lens) -> Part:
     """Return the lens as a closed Part with one face for each patch: "front 1", ..., "rear 1", ..., then the
     four edges.
 
-    Raises
-    ------
-    ValueError : as `require_sound`; a patch with an edge of 2e-7 mm or less, which CAD takes for a point.
+    Raises ValueError : as `require_sound`; a patch with an edge of 2e-7 mm or less, which CAD takes for a
+        point.
     """
     builder = BRep_Builder()
     whole = placed_surfaces(require_sound(lens))

@@ -7,8 +7,9 @@ from contextlib import closing
 
 import pytest
 
+from examples.thesis.chapter7.two_source_landscape import all_values
 from optics.base.runtime import NumericalError, UserError
-from optics.base.workers import all_values, run_tasks, worker_pool
+from optics.base.workers import run_tasks, worker_pool
 from optics.base.workers.task_loop import MOST_IN_FLIGHT
 from tests.optics.base.workers import tasks
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.transform import Rotation
 
 from optics.designing.etendue.silhouette import (
     _seen,
@@ -19,7 +20,7 @@ from optics.designing.etendue.silhouette import (
 from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Source, Target, load_problem
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
-from oracles.seen_envelope import sampled_etendue, sampled_lenses
+from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
 from tests.cases import ROOT, examples, slow_unless
 from tests.optics.cases import HOLLOW, hollow_lens
 
@@ -111,6 +112,43 @@ def test_pixels_get_no_more_than_their_bound_and_not_much_less(front, rear, free
         )
     )
     times = over_sampled(system, sampled_lenses(system, 48))
+    assert times.min() >= 1
+    assert times.max() < 1.5
+
+
+ANGLES = st.floats(-180, 180)
+
+
+@examples(12)
+@given(
+    any_faces(),
+    st.one_of(st.just(None), st.floats(1e-3, 2.0)),
+    st.tuples(ANGLES, ANGLES, ANGLES),
+    st.tuples(ANGLES, ANGLES, ANGLES),
+    st.one_of(st.floats(12.0, 300.0), st.just(np.inf)),
+    st.tuples(st.floats(0.01, 0.5), st.floats(0.01, 0.5)),
+)
+def test_mirrors_and_targets_anywhere_are_bounded_too(face, freedom, tilt, aside, distance, pitch):
+    """Any pose of a mirror before any pose of a target, as near as twice its size, by dense sampling.
+
+    The farthest point of a face lies 6 sqrt(2) mm from its vertex and 9 mm before or behind it at most.
+    """
+    size = {"half_width": (5, 5)}
+    row = [{"kind": "lens", "name": "L", "index": 1.5, "thickness": 5, "front": size, "rear": size}]
+    face |= {"radius": np.inf, "conic": 0.0} if freedom is None else {}
+    face |= {"freeform": None if freedom is None else {"spans": (2, 2), "z_freedom": freedom}}
+    row = [
+        *row[: freedom is None],
+        {"kind": "mirror", "name": "M", "tilt": tilt, "thickness": 9, "face": face},
+    ]
+    turn, far = tuple(np.add(tilt, aside)), distance == np.inf
+    middle = Rotation.from_euler("XYZ", turn, degrees=True).apply([0, 0, 1 if far else distance])
+    sides = tuple(3 * np.degrees(p) if far else 3 * p * distance for p in pitch)
+    place = {"surface": "far_field"} if far else {"position": tuple(middle)}
+    target = {"kind": "tophat", "tilt": turn, "half_width": sides, "pixels": (6, 6), **place}
+    source = {"kind": "lambertian", "half_width": (0.1, 0.1), "distance": 20.0}
+    system = OpticalSystem(Problem(source=source, element=row, target=target))
+    times = over_sampled(system, sampled_faces(system, 48))
     assert times.min() >= 1
     assert times.max() < 1.5
 

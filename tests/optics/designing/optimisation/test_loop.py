@@ -86,6 +86,22 @@ def test_cells_suffice_for_pixels_and_for_the_spans_that_are_lit(tmp_path, chang
     assert final.rays == tuple(n + 1 for n in cells)  # corners
 
 
+def test_most_steps_of_a_mesh_finer_than_the_pixels_are_taken_on_the_cells_of_the_pixels(tmp_path):
+    fine = {"lens.rear.freeform.max_level": 4, "optimizer.start": "transport", "optimizer.iterations": [70]}
+    found = {
+        name: [(s.name, s.iterations, s.rays) for s in stages(loaded(tmp_path, fine | changes), True)[-2:]]
+        for name, changes in {
+            "many steps": {},
+            "few steps": {"optimizer.iterations": [59]},
+            "coarse": {"lens.rear.freeform.max_level": 2},
+        }.items()
+    }
+    assert found["many steps"] == [("rough level 4", 50, (145, 145)), ("level 4", 20, (221, 221))]
+    assert found["few steps"][-1] == ("level 4", 59, (221, 221))
+    assert found["coarse"][-1] == ("level 2", 70, (145, 145))
+    assert not any(name.startswith("rough") for rows in list(found.values())[1:] for name, *_ in rows)
+
+
 def test_too_many_cells_are_refused(tmp_path):
     fine = {"lens.rear.freeform.max_level": 6, "lens.rear.freeform.spans": [8, 8]}
     system = loaded(tmp_path, fine | {"target.pixels": [2160, 2160]})

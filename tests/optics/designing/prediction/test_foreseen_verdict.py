@@ -82,3 +82,30 @@ def test_light_that_does_not_reach_the_target_is_said(backend, tmp_path):
 def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
     system = OpticalSystem(load_problem(EXAMPLES / "tophat_square.toml"))
     assert foreseen(system, backend) == []
+
+
+BODY = {
+    "lens.outline": "round",
+    "lens.body.draft": 3.0,
+    "lens.rear.freeform.max_level": 1,
+    "source.profile": "round",
+    "source.half_width": [7.0, 7.0],
+    "target.half_width": [10.0, 10.0],
+    "target.pixels": [24, 24],
+}
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"lens.body.parting": 9.0}, "the parting line at z = 9 mm must lie below the rear's rim"),
+        ({"lens.body.edge_radius": 0.3}, "OCCT cannot round the edges by 0.3 mm; "),
+    ],
+    ids=["parting", "roundings"],
+)
+def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
+    system = loaded(tmp_path, BODY | keys)
+    (said,) = (line for line in foreseen(system, backend) if "body" in line)
+    assert said.startswith("the body of this design may fail as that of its start does: ")
+    assert words in said
+    assert not any("body" in line for line in foreseen(loaded(tmp_path, BODY), backend))

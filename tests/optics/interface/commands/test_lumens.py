@@ -59,7 +59,7 @@ def test_light_in_lumens_is_exported_in_lumens(capsys, stored, tmp_path):
     out = tmp_path / "light.ray"
     command = "export", stored(FAR), "--light", "rear", "--rays", 1000, "--out", out
     text = printed(capsys, *command)
-    assert re.search(r"rays with \d+\.?\d* lm through front and rear", text)
+    assert re.search(r"rays with \d+\.?\d* lm over all faces", text)
     rays = read_rays(out)
     assert rays.unit == "lm"
     assert 700 < rays.total < 800
@@ -70,7 +70,7 @@ def test_etendue_bounds_lumens_and_lux(capsys, problem_file):
     changes = DOME | {"source.unit": "lm", "source.flux": 100.0}
     path = problem_file(changes, drop=("target.image",))
     out = printed(capsys, "etendue", path)
-    assert " lm  meet that front" in out
+    assert " lm  meet it" in out
     assert re.search(r"at most \S+ lm reach the target, at most \S+ lm the pixels .* more than \S+ lx", out)
     assert not WATTS.search(out)
     data = strict_json(printed(capsys, "etendue", path, "--json"))

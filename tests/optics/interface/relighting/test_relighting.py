@@ -11,9 +11,9 @@ from optics.base.runtime import load_backend
 from optics.interface.relighting import other_source, relit
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.cases import slow_unless
+from optics.scene.problem import Problem, load_problem
+from optics.scene.system import OpticalSystem, solvable_system
+from tests.cases import ROOT, slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
 
@@ -53,6 +53,24 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
         )
 
 
+def test_the_sun_covers_a_mirror_that_lies_elsewhere_from_before_it():
+    """The face is 50 mm by 80 mm, tilted by 45 degrees about x, and 40 mm before the origin; its sag is free
+    by 2 mm."""
+    face = {"half_width": (50, 80), "radius": np.inf, "freeform": {"z_freedom": 2.0}}
+    mirror = {"kind": "mirror", "name": "M1", "position": (3, 0, -40), "tilt": (45, 0, 0), "thickness": 9}
+    target = {"kind": "tophat", "position": (0, 90, 0), "tilt": (-90, 0, 0), "half_width": (9, 9)}
+    problem = Problem(source={"kind": "point"}, element=[mirror | {"face": face}], target=target)
+    sun = other_source("sun", problem)
+    assert sun.half_width == pytest.approx((53, 80 * np.sqrt(0.5)))
+    assert sun.distance == pytest.approx(2 + 40 + 80 * np.sqrt(0.5) + 2)
+
+
+def test_the_sun_on_a_row_is_refused_as_light_that_diverges():
+    problem = load_problem(ROOT / "examples" / "two_elements.toml")
+    with pytest.raises(UserError, match=r"light meets L1.front, L1.rear, M1.face; take a source without div"):
+        solvable_system(replace(problem, source=other_source("sun", problem)))
+
+
 @pytest.mark.parametrize("words", ["sun", "led:1mm", "lamp.ies"])
 def test_other_light_has_unit_and_wavelength_of_the_own(tmp_path, words):
     own = POINT | {"source.unit": "lm", "source.wavelength": 633.0}
@@ -65,7 +83,9 @@ def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
     sun = other_source("sun", problem)
-    fates = relit(problem, optics.System(problem).optical.lens, sun, backend).metrics["fates_w"]
+    fates = relit(OpticalSystem(problem), optics.System(problem).optical.lens, sun, backend).metrics[
+        "fates_w"
+    ]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -83,7 +103,7 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
     assert lamp == same
     assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
     lens = optics.System(problem).optical.lens
-    fates = relit(problem, lens, lamp, load_backend("double")).metrics["fates_w"]
+    fates = relit(OpticalSystem(problem), lens, lamp, load_backend("double")).metrics["fates_w"]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -106,7 +126,7 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
     problem = problem_of(tmp_path)
     lens = optics.System(problem).optical.lens
     with pytest.raises(UserError, match=sentence):
-        relit(problem, lens, other_source(words, problem), load_backend("double"))
+        relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
 
 
 @pytest.mark.every(2)
@@ -160,8 +180,10 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
     red = replace(problem.source, wavelength=650.0)
     made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
     wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
-    assert relit(resolved, lens, red, backend).irradiance == pytest.approx(wanted.irradiance, rel=1e-4)
-    white = relit(resolved, lens, replace(problem.source, spectrum="LED-B1"), backend)
+    assert relit(OpticalSystem(resolved), lens, red, backend).irradiance == pytest.approx(
+        wanted.irradiance, rel=1e-4
+    )
+    white = relit(OpticalSystem(resolved), lens, replace(problem.source, spectrum="LED-B1"), backend)
     assert white.colour.shape == (3, *wanted.irradiance.shape)
     assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
     assert white.metrics["fates_w"]["absorbed"] > 0
@@ -171,7 +193,7 @@ def test_an_index_without_a_known_material_stays(tmp_path):
     backend = load_backend("double", 1)
     problem = problem_of(tmp_path)
     lens = OpticalSystem(problem).lens
-    red = relit(problem, lens, replace(problem.source, wavelength=650.0), backend)
+    red = relit(OpticalSystem(problem), lens, replace(problem.source, wavelength=650.0), backend)
     assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
     with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
-        relit(problem, lens, replace(problem.source, spectrum="LED-B1"), backend)
+        relit(OpticalSystem(problem), lens, replace(problem.source, spectrum="LED-B1"), backend)

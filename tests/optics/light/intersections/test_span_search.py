@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.light.intersections.spline_table import Cells
+from optics.light.intersections.spans import Cells
 from tests.cases import examples
 
 

@@ -75,7 +75,7 @@ def test_pull_back_is_the_adjoint(backend, p, q):
     surface = BSplineSurface(kv_x, kv_y, net)
     forward = [surface(x, y, d) for d in DERIVATIVES[:3]]
     table = PolynomialTable(backend, (kv_x, kv_y))
-    back = table.pull_back(backend.Float(x), backend.Float(y), list(gradients))
+    back = table.pull_back(backend.Float(x), backend.Float(y), [*map(backend.array, gradients)])
     assert back.shape == net.shape
     scale = sum(np.abs(g) @ np.abs(f) for g, f in zip(gradients, forward))
     assert np.sum(back * net) == pytest.approx(
@@ -93,7 +93,7 @@ def test_pull_back_is_the_same_on_any_number_of_threads_and_in_any_order(backend
     def pulled(order):
         table = PolynomialTable(backend, (kv_x, kv_y))
         at = backend.array(x[order]), backend.array(y[order])
-        return table.pull_back(*at, [g[order] for g in gradients]).tobytes()
+        return table.pull_back(*at, [backend.array(g[order]) for g in gradients]).tobytes()
 
     orders = slice(None), slice(None, None, -1), rng.permutation(1 << 17)
     found = {on_threads(threads, pulled, order) for threads in THREADS for order in orders}

@@ -7,6 +7,8 @@ import optics
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import outgoing_rays
 from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem, pose_of
+from tests.cases import ROOT
 from tests.optics.cases import rough, write_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
@@ -37,6 +39,21 @@ def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes
     through = metrics["fates_w"]["on_target"] + metrics["fates_w"]["off_target"]
     assert rear.total == pytest.approx(through, rel=0.05)  # 600 of 4096 rays of the lamp
     assert (rear.wavelength == 550).all()
+
+
+def test_rays_of_a_row_start_on_its_last_face(tmp_path):
+    """The plane mirror z = 0 of its own frame; from there they go straight to those at the target."""
+    problem = load_problem(ROOT / "examples" / "folded.toml", {"element.L1.rear.radius": 300.0})
+    system = OpticalSystem(problem)
+    mirror, target = (
+        outgoing_rays(system, system.lens, load_backend("double"), 1024, place)
+        for place in ("rear", "target")
+    )
+    own = pose_of(problem.optics[1]).inverse().points(mirror.position.T.astype(float))
+    np.testing.assert_allclose(own[2], 0, atol=2e-5)  # single precision
+    way = np.linalg.norm(target.position.astype(float) - mirror.position, axis=1, keepdims=True)
+    np.testing.assert_allclose(mirror.position + way * mirror.direction, target.position, atol=2e-4)
+    assert len(mirror) > 900
 
 
 def test_no_rays_start_in_the_far_field(tmp_path):

@@ -135,6 +135,34 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
     assert COUNT / 25 < total < 0.6 * COUNT
 
 
+@pytest.mark.parametrize("name", ["deep mirror", "screen in the beam"])
+def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
+    """A ray that leaves the face of a STEP file and first meets that very face, before its end."""
+    system = SCENES[name]()
+    lens, rays, back = designed(system), beam(system, COUNT), system.pose.inverse()
+    tracer = Tracer(backend, system.shaded_path(lens), rays)
+    with backend.dr.suspend_grad():
+        (hits,), landing = tracer.trace()
+    start = np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])
+    end = system.target.receiver.points(landing.x.numpy(), landing.y.numpy())
+    way = back.points(np.array(np.broadcast_arrays(*end))) - start
+    length = np.linalg.norm(way, axis=0)
+    write_step(lens, tmp_path / "lens.step")
+    met = face_hits(read_step(tmp_path / "lens.step").shape, start.T, (way / length).T, after=1e-5).points.T
+    again = np.linalg.norm(met - start, axis=0) < length - 1e-5  # NaN of no meeting is none
+    x, y, z = np.nan_to_num(met)
+    on_face = (
+        np.abs(z - lens.front(*(np.clip(a, -h, h) for a, h in zip((x, y), lens.front.half_width)))) < 1e-6
+    )
+    twice = rays.flux[landing.passages[0].hit.numpy() & again & on_face].sum()
+    fates, counts = (f(landing, (1e3, 1e3)) for f in (tracer.fates, tracer.counts))
+    assert fates.by_name.get("M1.face hit twice", 0.0) == pytest.approx(twice, rel=1e-12)
+    assert (twice > 0) == (name == "deep mirror") == (counts.get("M1.face hit twice", 0) > 0)
+    assert fates.blocked >= twice
+    assert fates.total == pytest.approx(rays.total, rel=1e-12)
+    assert sum(counts.values()) == COUNT
+
+
 def test_a_screen_in_the_beam_takes_the_shadow_of_its_plate(backend):
     """Its corners in the plan tell the strip of the beam; all other light arrives."""
     system = SCENES["screen in the beam"]()

@@ -6,7 +6,7 @@ import pytest
 from optics.light.tracing import TargetArea, trace_paths
 from optics.reporting.view import scene_paths
 from optics.reporting.view.drawn_rays import sequential_paths
-from optics.scene.paths import AIR, LightPath, Stop, Surface
+from optics.scene.paths import AIR, Body, LightPath, Stop, Surface
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
 from optics.scene.sources import Rays
@@ -46,6 +46,15 @@ def test_a_plane_mirror_turns_rays_and_they_end_where_they_are_lost(backend):
     assert missing[0][1, 2] > 0  # it passes the mirror
     assert blocked[1] == "blocked"
     np.testing.assert_allclose(blocked[0], [(-3, 1, -20), (-3, 1, 1), (-3, 30, 1)], rtol=0, atol=1e-12)
+
+
+def test_rays_end_on_the_body_that_shades_them(backend):
+    """A plate from y = 30 mm on, below z = -2 mm: light at y = -6.5 mm meets it, at y = 2 mm it passes."""
+    plate = Body(PLATE, Pose.tilted((0, 30, -12), (-90, 0, 0)))
+    free, shaded = by_mirror(backend, [(1, 2, -20), (1, -5.5, -20)], bodies=(plate,))
+    assert (free[1], shaded[1]) == ("on_target", "blocked")
+    np.testing.assert_allclose(free[0][-1], (1, 50, 2), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(shaded[0][-1], (1, 30, -5.5), rtol=0, atol=1e-9)
 
 
 def test_what_goes_away_from_the_screen_ends_on_the_mirror(backend):

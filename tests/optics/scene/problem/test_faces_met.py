@@ -40,6 +40,18 @@ def test_an_element_of_a_row_is_not_named_like_another_file_of_the_result(name):
         problem([FIXED | {"name": name}, FREE])
 
 
+def test_names_that_some_file_systems_take_for_one_are_refused():
+    with pytest.raises(UserError, match=r"element\[1\].name = 'm1' differs from 'M1' only in case"):
+        problem([FREE, FIXED | {"name": "m1"}])
+
+
+def test_light_that_comes_back_through_a_lens_is_refused_as_such():
+    with pytest.raises(
+        UserError, match=r"faces\[3\]: light that comes back into a lens by its rear, \"L1.rear"
+    ):
+        _ = problem([FIXED, FREE], ["L1.front", "L1.rear", "M1", "L1.rear", "L1.front"]).faces_met
+
+
 def test_without_a_path_light_meets_all_elements_in_their_order():
     through = [("L1.front", False, False, True), ("L1.rear", False, False, False)]
     assert met([FIXED, FREE]) == [*through, ("M1.face", True, False, False)]

@@ -124,7 +124,7 @@ def test_a_row_that_light_cannot_go_through_is_one_sentence(elements, words):
 )
 def test_blur_of_a_row_is_refused_but_that_of_a_source_with_extent(changes):
     problem = row(LENS, MIRROR).with_(**changes)
-    with pytest.raises(UserError, match=r"light meets L1.front, L1.rear, M1.face; set source.divergence and"):
+    with pytest.raises(UserError, match=r"light meets L1.front, L1.rear, M1.face; take a source without"):
         solvable_system(problem)
     if "element" in next(iter(changes)):
         solvable_system(problem.with_(**{"source.kind": "lambertian", "source.half_angle": 5.0}))
