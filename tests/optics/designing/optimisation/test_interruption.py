@@ -61,6 +61,7 @@ def test_the_same_problem_on_one_thread_gives_the_same_bytes(repeated, start):
     assert repeated[0]["flat"] != repeated[0]["transport"]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(repeated, start):
     """Checkpoints hold everything: on one thread, going on from the first one gives the same bytes."""

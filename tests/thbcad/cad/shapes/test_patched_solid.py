@@ -163,6 +163,7 @@ def test_the_solid_is_closed_before_and_after_a_round_trip(written):
     assert count(shape, TopAbs_FACE) == len(part.faces) == len(part.names) == len(set(part.names))
 
 
+@pytest.mark.every(3)
 def test_one_face_for_each_patch(written):
     lens, part, _, _ = written
     wanted = []
