@@ -1,8 +1,8 @@
 # make demo   sets everything up and designs the lens of examples/pearl.toml
 # make test   sets everything up and runs the tests, on all cores
 # make quick  a fast part of the tests, of every room
-# make slow   the tests that `make test` leaves out: whole programs, statistical repetitions; and the
-#             property tests once more, with more examples
+# make slow   the tests that `make test` leaves out: whole programs, statistical repetitions, most cases of
+#             costly claims; and the property tests once more, with more examples
 # make all    every test once: as `make test` and `make slow` together, without the properties twice
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
@@ -29,7 +29,7 @@ demo:
 # Tests run side by side on all cores, each on one thread (tests/conftest.py).  The tests of a file stay
 # together, since they share costly fixtures (`loadgroup` does not: pytest-xdist 3.8 finds no group of a test
 # under pytest 9.2).  What several files share lies in one folder (tests/cases.py).
-PYTEST = .venv/bin/python -m pytest -n logical --dist loadfile
+PYTEST = .venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 test: setup
 	@$(PYTEST) -m "not slow"

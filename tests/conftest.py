@@ -7,7 +7,7 @@ every run, and without a time limit: the machine may be busy.  `make slow` tries
 import ctypes
 import gc
 import os
-from collections import defaultdict
+from collections import Counter, defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-for profile, examples in (("quick", 8), ("thorough", 60)):
+for profile, examples in (("quick", 4), ("thorough", 60)):
     settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
@@ -49,20 +49,42 @@ def narrow_kernels():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Of a product of parameters every second case is slow: `make test` has every value of each."""
+    """Of a product of parameters every second case is slow: `make test` has every value of each.
+
+    Of what is marked `every(n)` all but each n-th case are.
+    """
     decided = {item.function for item in items if item.get_closest_marker("slow")}
     places = defaultdict(dict)
+    quick = Counter()
     for item in items:
         axes = [mark.args[0] for mark in item.iter_markers("parametrize")]
-        if len(axes) == 1 or item.function in decided:
-            continue
-        place = 0
-        for axis in axes:
-            names = (axis,) if isinstance(axis, str) else tuple(axis)
-            seen = places[item.function, names]
-            place += seen.setdefault(tuple(id(item.callspec.params[name]) for name in names), len(seen))
-        if place % 2:
-            item.add_marker("slow")
+        if len(axes) > 1 and item.function not in decided:
+            place = 0
+            for axis in axes:
+                names = (axis,) if isinstance(axis, str) else tuple(axis)
+                seen = places[item.function, names]
+                place += seen.setdefault(tuple(id(item.callspec.params[name]) for name in names), len(seen))
+            if place % 2:
+                item.add_marker("slow")
+        every = item.get_closest_marker("every")
+        if every and not item.get_closest_marker("slow"):
+            if quick[item.function] % every.args[0]:
+                item.add_marker("slow")
+            quick[item.function] += 1
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Every second worker takes files from the end: neighbours load the same packages, most in one worker."""
+    from xdist.scheduler import LoadFileScheduling  # without workers there is none
+
+    class FromBothEnds(LoadFileScheduling):
+        def _assign_work_unit(self, node):
+            if self.nodes.index(node) % 2:
+                self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
+            super()._assign_work_unit(node)
+
+    return FromBothEnds(config, log)
 
 
 def pytest_collection_finish(session):

@@ -160,6 +160,7 @@ TENSOR_PRODUCT = (
 )
 
 
+@pytest.mark.slow
 def test_tensor_product_modules_do_not_load_the_hierarchy():
     imports = "; ".join(f"import thbcad.{module}" for module in TENSOR_PRODUCT)
     loaded = run("-c", f"import sys; {imports}; print(*sys.modules)").stdout.split()

@@ -1,6 +1,5 @@
 """What an installation holds: the base and its extras, the sentence about a missing one, sdist and wheel."""
 
-import ast
 import json
 import os
 import re
@@ -19,6 +18,7 @@ import yaml
 import thbcad
 from optics.interface.commands import main
 from tests.cases import DATA, ROOT
+from tests.source_tree import PACKAGE_FILES, packages
 from thbcad import FreeformSurface, Lens, write_lens
 from thbcad.doors import EXTRAS
 
@@ -115,17 +115,6 @@ def distribution(requirement):
     return re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
 
 
-def third_party(path):
-    """Return the packages that a file imports and that are neither Python's nor this project's."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and not node.level:  # a door names its own files as .file
-            found.add(node.module.partition(".")[0])
-    return found - {"thbcad", "optics", "_typeshed", *sys.stdlib_module_names}
-
-
 def test_the_bare_snippet_needs_numpy_and_scipy_only(tmp_path):
     done = run(BARE_HOOK + bare_program(), tmp_path)
     assert (done.stdout, done.stderr) == (BARE_OUTPUT, "")
@@ -178,6 +167,7 @@ for use in (Own, thbcad.ForeignLens, lambda: thbcad.ForeignLens.lens, thbcad.wri
 """
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("package", ["thbcad", "thbcad.cad", "optics"])
 def test_nothing_dies_of_a_missing_extra_by_being_looked_at(package, tmp_path):
     """`import *`, `hasattr`, `inspect.getmembers` and `help` work; what is used says what it lacks."""
@@ -244,9 +234,10 @@ def test_the_extras_bring_what_the_doors_say():
 
 
 def test_what_is_imported_is_asked_for():
-    asked = {"numpy", "scipy", *(p for packages in EXTRAS.values() for p in packages)}
-    files = [p for package in ("thbcad", "optics") for p in (ROOT / package).rglob("*.py")]
-    assert set().union(*map(third_party, files)) <= asked
+    asked = {"numpy", "scipy", *(p for extra in EXTRAS.values() for p in extra)}
+    imported = set().union(*map(packages, PACKAGE_FILES))
+    ours = {"thbcad", "optics", "benchmarks"}
+    assert imported - ours - {"_typeshed", *sys.stdlib_module_names} <= asked
     assert {distribution(r) for r in PROJECT["dependencies"]} == {"numpy", "scipy"}
 
 

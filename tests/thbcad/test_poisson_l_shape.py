@@ -53,6 +53,7 @@ def test_uniform_cells_have_the_rate_of_the_corner(solutions):
     assert np.log2(coarse / fine) == pytest.approx(2 / 3, abs=0.02)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("degree", [2, 3])
 def test_adapted_cells_have_the_rate_of_the_degree(solutions, degree):
     rows = np.log([(space.dim, error) for space, error in solutions(degree, 400, True) if space.dim > 60])

@@ -45,6 +45,7 @@ def test_the_twin_is_the_spline_by_definition(data):
 # ---- the table of `thbcad bench stability`, every 27th case; every third is slow ----
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("name", "cases"),
     [(name, cases) for name, cases, _ in STRESSES],
@@ -136,6 +137,7 @@ def test_short_walks(p, q, rng):
         surface = finer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", slow_unless((2,).__contains__, [1, 2, 3, 5]))
 def test_a_long_walk_changes_the_surface_only_where_cells_are_made_whole(degree):
     """Thirty steps with new detail in each.  Refining changes it nowhere; coarsening only where one space has
@@ -171,6 +173,7 @@ def touched(space, other, u, v):
 # ---- where input is refused ----
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("kv", "level", "sentence"),
     [

@@ -218,6 +218,7 @@ def test_occt_sees_the_same_curvature():
     assert -seen.min() <= 1 / radii.convex.lower
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("quantity", ["slope", "concave", "convex"])
 def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
     """With a huge tolerance the search ends at the given cells: their bounds err by O(h^2)."""

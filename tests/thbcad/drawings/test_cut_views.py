@@ -53,6 +53,7 @@ def least_height(cut, face, along, v, sign):
     return np.array(least)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("lens", "body", "along"), TURNED)
 def test_silhouettes_lie_within_their_bound_of_brute_force(lens, body, along):
     """A chord may be beside the silhouette by the bound in any direction, where it is steep."""
@@ -75,6 +76,7 @@ def test_silhouettes_lie_within_their_bound_of_brute_force(lens, body, along):
         assert (drawn <= np.max(exact, axis=0) + view.bound)[inner].all()
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("lens", "body", "across"), TURNED)
 def test_a_section_has_the_area_that_trimesh_cuts(lens, body, across):
     cut = cut_of(lens, body)
@@ -96,6 +98,7 @@ def test_a_section_has_the_area_that_trimesh_cuts(lens, body, across):
     assert by_trimesh == pytest.approx(area, abs=2 * CHORD * length)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("lens", "body"), CASES)
 def test_a_side_view_is_as_large_as_the_mesh(lens, body):
     low, high = to_trimesh(body_mesh(lens, CHORD, **body)).bounds
@@ -125,6 +128,7 @@ def test_corners_behind_glass_are_hidden():
     assert styles == {-4: Style.OUTLINE, -2: hidden, 2: hidden, 4: Style.OUTLINE}
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
 def test_everything_stands_on_the_paper_twice_the_same(body):
     sheet = lens_sheet(PLAIN, **body)

@@ -75,6 +75,7 @@ def test_the_same_lens_gives_the_same_bytes(name):
     assert drawing_bytes(lens_sheet(PLAIN), name) == drawing_bytes(lens_sheet(PLAIN), name)
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_dxf():
     """Whatever the order of its sets: of the seeds 0 and 4, ezdxf makes two orders of classes."""
     program = (

@@ -168,6 +168,7 @@ def test_a_plan_of_a_lens_with_an_outline_shows_its_rims(lens):
                 assert (curve.style is Style.OUTLINE) == beside
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
 @pytest.mark.parametrize(("axis", "at"), [("x", 0.0), ("x", -2.3), ("y", 3.1)])
 def test_a_section_of_a_lens_with_an_outline_has_the_area_that_trimesh_cuts(lens, axis, at):
@@ -207,6 +208,7 @@ def test_the_wall_of_an_outline_is_cut_where_its_rulings_pass(lens, axis, at):
     assert off.max() <= view.bound + step / 2
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_a_side_of_a_lens_with_an_outline_is_as_large_as_its_mesh(lens, axis):

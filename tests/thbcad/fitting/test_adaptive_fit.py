@@ -40,6 +40,7 @@ def uniform_dim(degree, spans, function, error):
         spans *= 2
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("degree", [2, 3])
 def test_an_adaptive_fit_of_a_bump_needs_far_fewer_functions(degree):
     found = fit(tensor(degree, 8), bump, 1e-4)
@@ -241,6 +242,7 @@ def test_a_robust_fit_reaches_the_tolerance_beside_outliers(spiked):
     assert plain.error > 0.5
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("tolerance", [3e-2, 1e-2, 3e-3])
 def test_a_robust_fit_that_is_wild_in_a_gap_has_reached_nothing(spiked, tolerance):
     """Where a cell is left with hardly a sample the surface may differ from good samples by far."""

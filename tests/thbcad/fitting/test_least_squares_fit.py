@@ -70,6 +70,7 @@ METHODS = {
 }
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize("degree", slow_unless((1, 2, 3, 4).count, range(1, 6)))
 @pytest.mark.parametrize("method", METHODS)
 def test_the_error_falls_with_order_p_plus_1(method, degree):

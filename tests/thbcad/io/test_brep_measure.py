@@ -51,6 +51,7 @@ def scaled(text, factor):
     return out
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize("factor", [2.0, 1e-200, 1e200, 1.5e308])
 @pytest.mark.parametrize("name", ["plano", "cone with a bore", "cylinder cut aslant"])
 def test_only_the_ratios_of_a_direction_count(name, factor, tmp_path):
@@ -109,6 +110,7 @@ def test_a_frustum_with_ruled_edges(front, rear):
     assert areas(solid) == pytest.approx([4 * a * b, 4 * c * d, *sides], rel=1e-13)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", CASES)
 def test_round_lenses_and_round_flanges(name):
     """Against Green's theorem over the lens's own graphs; rims lie within 1e-9 mm of the ellipse, to either
@@ -187,6 +189,7 @@ def test_the_area_of_a_paraboloid_and_of_the_edges_under_it():
     assert at_y == pytest.approx(6 * (2 + 16 / 20) + 2 * 27 / 60, rel=1e-13)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", LENSES)
 def test_areas_against_occt(name):
     """Its adaptive Gauss quadrature reports 1e-6 as its own relative error."""

@@ -144,6 +144,7 @@ def test_paraboloid_graph_is_exact(degree, radius):
     assert abs(graph(X, Y) - R2 / (2 * radius)).max() <= float(gamma(20 * degree + degree**2)) * scale
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("conic", "half_width", "degree"),
     [
@@ -214,6 +215,7 @@ STEEP = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("degree", [2, 3])
 @pytest.mark.parametrize(("half_width", "conic"), STEEP.values(), ids=STEEP)
 def test_steep_conics_with_a_sag_become_splines_of_degree_five(half_width, conic, degree):

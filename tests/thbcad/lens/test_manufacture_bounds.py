@@ -220,6 +220,7 @@ def test_no_sample_lies_outside_the_bounds(lens, seed):
     assert found.thickness.lower <= min(found.edge_thickness.upper, found.centre_thickness.upper)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("rear_size", [(5.0, 4.0), (6.0, 3.0)])
 def test_minimisation_finds_the_same_extremes(rear_size):
     """The best of a dense grid, polished by scipy, meets the value of every certified extreme of a rough

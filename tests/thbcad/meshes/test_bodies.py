@@ -159,6 +159,7 @@ def test_any_ellipse_keeps_any_chord(a, b, chord):
     assert to_trimesh(mesh).is_watertight
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(  # every polygon of every lens, in one of both precisions often
     ("corners", "lens", "single"),
     [
@@ -229,6 +230,7 @@ def test_to_trimesh_has_units_names_and_colours():
     assert len(np.unique(made.visual.face_colors, axis=0)) == 3
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("chord", [2e-2, 5e-3])
 def test_a_part_is_meshed_by_occt_within_the_measured_chord(chord):
     part = trimmed_part(WAVY, APERTURE)

@@ -162,6 +162,7 @@ def test_bounds_of_the_examples_are_within_three_per_cent(name):
     assert times.max() < 1.03
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("pixels", [4, 256])
 def test_bounds_of_wide_pixels_are_within_one_and_a_half_times(problem_file, pixels):
     """Pixels of 10 mm, 20 mm away, which see the lens at very different depths."""

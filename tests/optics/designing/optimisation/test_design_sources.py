@@ -29,6 +29,7 @@ KINDS = {
 }
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("start", ["flat", "transport"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_problem_gets_better(tmp_path, backend, start, kind):
@@ -82,6 +83,7 @@ GLOWING = HOLLOW | {
 }
 
 
+@pytest.mark.slow
 def test_two_surfaces_do_better_than_one(tmp_path, backend):
     """The lens of Table 6.3: the dome around the source directs light that the rear alone cannot."""
     free = {

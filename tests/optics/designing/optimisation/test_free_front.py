@@ -26,6 +26,7 @@ SOURCES = {
 }
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("window", ["cells", "pixel"])
 @pytest.mark.parametrize("rear", REARS.values(), ids=REARS)
 def test_gradient_is_that_of_the_loss(tmp_path, rear, window):

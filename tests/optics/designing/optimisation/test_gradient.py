@@ -73,6 +73,7 @@ def worst(function, at, gradient, step, count=20):
     return max(errors) / (np.linalg.norm(gradient) / np.sqrt(len(at)))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("front", "sagged"), [(PLANE, False), (PLANE, True), (Conic(60.0), False), (Conic(60.0), True)], ids=str
 )
@@ -115,6 +116,7 @@ CASES = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("lens", "rays", "target_z", "screen"), CASES.values(), ids=CASES.keys())
 def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target_z, screen):
     """Every ray passes both surfaces within their rims, so that the loss is smooth: differences err as

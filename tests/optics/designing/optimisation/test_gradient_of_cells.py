@@ -91,6 +91,7 @@ CHARGED = (
 )  # in `make test`
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("case", "charges"),
     [

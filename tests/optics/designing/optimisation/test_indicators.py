@@ -74,6 +74,7 @@ def test_refined_once_cuts_every_cell_below_a_level(space, max_level):
     assert (space.prolongation(finer) @ c).shape == (finer.dim,)
 
 
+@pytest.mark.every(3)
 @EACH
 def test_the_promise_of_a_new_function_goes_to_the_cell_around_its_middle(space):
     """One function's gradient at a time: g^2 / (4 mean(probes^2)), all of it to cells that touch the middle;
@@ -198,6 +199,7 @@ OFTEN = (
 )  # a rule that knows one corner alone fails at half of them
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("start", "indicator", "more", "place"),
     [
@@ -228,6 +230,7 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
         assert np.hypot(*(centre - spot)) < 5
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "more",
     [

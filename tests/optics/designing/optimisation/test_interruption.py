@@ -54,12 +54,14 @@ def repeated(tmp_path_factory):
     return [dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out in results]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_the_same_problem_on_one_thread_gives_the_same_bytes(repeated, start):
     assert repeated[0][start] == repeated[1][start]
     assert repeated[0]["flat"] != repeated[0]["transport"]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(repeated, start):
     """Checkpoints hold everything: on one thread, going on from the first one gives the same bytes."""
@@ -80,6 +82,7 @@ def interrupted_at(done, backend, evaluation):
     return caught.value.state
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_an_interrupted_run_goes_on_to_the_end(small, backend, level):
     evaluation = rows_of(small.state.history, level)[3].evaluation
@@ -116,6 +119,7 @@ def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backen
     assert final.history[before].loss == pytest.approx(best[state.stage], rel=1e-11)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("row", [0, 1])
 def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     """Also while a level is only marked, not optimised."""

@@ -67,6 +67,7 @@ def beyond(found):
     }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "key",
     slow_unless(
@@ -129,6 +130,7 @@ def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, 
     assert done.notes == []
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("passes", range(1, PASSES))
 def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch, unlimited, passes):
     limit = beyond(found_in(unlimited))["radius"]

@@ -200,6 +200,7 @@ def rows_by_name(rows, values):
     return dict(zip((tuple(int(n) for n in row) for row in rows), values))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("source", slow_unless(("flat", "transport", "front free").count, SOURCES))
 def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_threads, source):
     problem = load_problem(write_problem(tmp_path, TOPHAT | SOURCES[source]))

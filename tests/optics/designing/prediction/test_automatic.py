@@ -49,6 +49,7 @@ def board_level(folder, backend, degrees):
     return system.problem.lens.rear.freeform.max_level
 
 
+@pytest.mark.slow
 def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     """Squares of 6 pixels: a spot of a third of a pixel leaves them, one of 17 pixels does not."""
     sharp, hardly, much = (board_level(tmp_path, backend, degrees) for degrees in (0.0, 0.03, 1.5))
@@ -158,6 +159,7 @@ def test_a_target_out_of_reach_is_refused_with_what_to_do(tmp_path, backend):
         based(tmp_path, backend, {"target.half_width": [70.0, 70.0]})
 
 
+@pytest.mark.slow
 def test_an_element_whose_target_lies_out_of_reach_is_told_where_it_would_serve(tmp_path, backend):
     """A part lies 50 degrees aside, beyond arccos(1 / 1.5): the place that is named has a base lens."""
     automatic = {

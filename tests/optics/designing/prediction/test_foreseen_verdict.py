@@ -29,6 +29,7 @@ def foreseen(system, backend, limits=None):
     return foreseen_misses(system, found, limits, backend)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("pixels", [96, 160])
 def test_nothing_is_predicted_where_the_bound_of_the_sag_cuts_the_map_off(backend, pixels):
     """With 1.2 % of the coefficients cut off the map had started the design, and 0.01 was promised."""
@@ -48,6 +49,7 @@ def test_bad_light_on_a_square_is_not_called_good():
     assert "uniformity U0" in made.verdict.sentence
 
 
+@pytest.mark.slow
 def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     """The blur alone keeps rel_l2 above the limit, whatever the lens."""
     image = np.zeros((48, 48), np.uint8)

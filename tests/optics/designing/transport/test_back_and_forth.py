@@ -66,6 +66,7 @@ def test_uniform_light_needs_no_transport(backend, aspect, level):
     assert largest_error(found, *centres((48, 64))) < 1e-16 * 40 * 32 * 64**2
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("aspect", [1.0, 1.7])
 def test_product_densities_are_met_axis_by_axis_with_order_two(backend, aspect):
     """Densities 1 + cos(pi x) / 2 and 1 - 0.6 cos(pi y): the map is the inverse of each integral.

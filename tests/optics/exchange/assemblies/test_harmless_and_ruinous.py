@@ -92,6 +92,7 @@ CASES = [
 ]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("system", "added", "removed", "harmless"), CASES)
 def test_a_part_is_judged_by_its_light(system, added, removed, harmless, tmp_path):
     part = LensPart(system.lens)

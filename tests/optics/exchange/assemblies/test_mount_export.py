@@ -29,6 +29,7 @@ def exported(tmp_path_factory):
     return made
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", [*SOLIDS, *MESHES])
 def test_every_format_reads_back(name, exported):
     path, files, checks = exported(name)
@@ -39,12 +40,14 @@ def test_every_format_reads_back(name, exported):
     assert differing == ([0, 0] if name in SOLIDS else [])
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ["step", "stl"])
 def test_the_same_mount_gives_the_same_bytes(name, tmp_path, exported):
     export_mounted(FLAT, mount_of(SQUARE), name, str(tmp_path / f"again.{name}"), 0.05, Labels())
     assert exported(name)[0].read_bytes() == (tmp_path / f"again.{name}").read_bytes()
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("table", [ROUND, changed(ROUND, flange__seat=1.0), PLAIN])
 def test_mounted_lenses_are_proven(table, tmp_path):
     export_mounted(FLAT, mount_of(table), "step", str(tmp_path / "part.step"), 0.05, Labels())

@@ -95,6 +95,7 @@ def wrong_files(lens):
     }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("tracer", "wrong"),
     [

@@ -47,6 +47,7 @@ def moments(rays):
     return mean, np.sqrt(((rows - mean[:, None]) ** 2).mean(axis=1))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("changes", SOURCES.values(), ids=SOURCES)
 def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
     """Means of n independent rays are off by a standard deviation / sqrt(n); five of these are allowed."""

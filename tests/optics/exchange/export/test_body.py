@@ -60,6 +60,7 @@ def given(request, tmp_path):
 CASES = [(word, name) for word, name in product(BODIES, SOLIDS) if word != "patches" or name == "step"]
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(("word", "name"), CASES)
 def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_path, word, name):
     out, options = tmp_path / f"body.{name}", given.options[word]
@@ -78,6 +79,7 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
     assert names(tmp_path) == sorted([out.name, f"{out.name}.json", "lens.json"])
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
 @pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
 def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
@@ -92,6 +94,7 @@ def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     assert out.read_bytes() == first
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", DRAWINGS)
 @pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
 def test_drawings_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
@@ -158,6 +161,7 @@ def test_a_mesh_of_a_flange_on_slanted_edges_is_refused(capsys, tmp_path):
     assert "the edges of a flange are meshed where front and rear have one size" in done.err
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("word", BODIES)
 def test_the_bare_step_file_of_every_body_is_sound(capsys, given, tmp_path, word):
     out = tmp_path / "body.step"
@@ -167,6 +171,7 @@ def test_the_bare_step_file_of_every_body_is_sound(capsys, given, tmp_path, word
     assert "text of the file: unit of length that is not mm: 0" in done.out
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, BODIES))
 def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word):
     """Without a lens at hand a unit shows in the text only: OCCT would scale the whole solid."""
@@ -183,6 +188,7 @@ def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, [w for w in BODIES if w != "patches"]))
 def test_a_face_missing_from_a_bare_file_is_caught(capsys, tmp_path, word):
     write_lens(EQUAL, tmp_path / "lens.json")

@@ -106,6 +106,7 @@ def test_an_insert_is_the_negative_of_its_surface(capsys, native, tmp_path, outl
     assert (name == "step") == any("text of the file" in check["name"] for check in stored["checks"])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("options", OUTLINES.values(), ids=OUTLINES)
 def test_inserts_and_lens_fill_a_block(capsys, native, tmp_path, options):
     """16 mm high over the outline, each volume by OCCT to the 1e-6 that is asked of its integral."""
@@ -145,6 +146,7 @@ def dome(tmp_path):
     return stored
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("radius", "name"), [*((0.0, name) for name in SOLIDS), (0.3, "step")])
 def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, name, radius):
     """Also enlarged: front and rear bit for bit, with sharp edges the volume of the closed form."""
@@ -159,6 +161,7 @@ def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, 
         assert any(word.startswith("radius") for word in named) == bool(radius)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("name", "radius"), [("stl", 0.0), ("glb", 0.3)])
 def test_the_mesh_of_a_result_is_that_of_its_body(capsys, dome, tmp_path, name, radius):
     """trimesh finds it closed, on front and rear and on walls and land within the chord, and its volume."""

@@ -61,6 +61,7 @@ def error(found, wanted):
     return np.linalg.norm(found - wanted) / np.linalg.norm(wanted)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", CASES)
 def test_light_and_derivatives_are_near_the_exact_ones(tmp_path, backend, name):
     """Slopes err by h^2 / 8 of their second derivative: 1e-4 of them with 40 vertices per knot span.

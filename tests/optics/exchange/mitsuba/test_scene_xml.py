@@ -83,6 +83,7 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
             np.testing.assert_allclose(rows[0] * (brighter if light else 1), rows[1], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_files_render_visibly_by_both_cameras_and_name_a_sampler(mi, make):
     """1 is the target's brightest light; the overview has the lit screen, and the lens dark before it."""
     system, _, out = make({"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.75, 0.75]})

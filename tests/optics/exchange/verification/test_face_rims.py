@@ -11,6 +11,7 @@ from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("front", [(10.0, 8.0), (7.0, 8.0)])
 @pytest.mark.parametrize("share", [(1.0, 1.0), (0.3, 0.5), (0.0, 0.0)])
 def test_points_within_a_rim_are_those_within_the_outline(front, share):

@@ -72,6 +72,7 @@ def failed(good, folder, text, backend):
     }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", slow_unless(EVERY_SHAPE.__contains__, LENSES))
 def test_a_good_file_passes(tmp_path, backend, name):
     problem, lens = shaped(tmp_path, LENSES[name])
@@ -132,6 +133,7 @@ def test_a_file_cut_off_is_refused(good, tmp_path, backend, tenth):
         bare_checks(StepFile(tmp_path / "lens.step"))
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize(("face", "name"), [(0, FRONT), (1, REAR)])
 def test_a_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend, face, name, axis):
@@ -186,12 +188,14 @@ def test_an_edge_face_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
     assert failures - {IMAGES} == {EDGES, VOLUME}
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("which", range(0, 12, 3))
 def test_an_edge_turned_round_is_caught(good, tmp_path, backend, which):
     place = [m.end() for m in re.finditer(r"=EDGE_CURVE\([^;]*,\.(?=T\.\);)", good.text)][which]
     assert failed(good, tmp_path, good.text[:place] + "F" + good.text[place + 1 :], backend) >= {RIMS}
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("which", range(0, 12, 3))
 def test_an_edge_to_another_corner_is_caught(good, tmp_path, backend, which):
     corners = re.findall(r"#(\d+)=VERTEX_POINT", good.text)
@@ -202,6 +206,7 @@ def test_an_edge_to_another_corner_is_caught(good, tmp_path, backend, which):
     ) >= {GAPS, RIMS}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("prefix", [".CENTI.", ".MICRO.", "$"])
 def test_another_unit_is_caught(good, tmp_path, backend, prefix):
     text = good.text.replace("SI_UNIT(.MILLI.", f"SI_UNIT({prefix}")
@@ -215,6 +220,7 @@ def test_a_prefix_taken_away_is_refused(good, tmp_path, backend):
         failed(good, tmp_path, good.text.replace("SI_UNIT(.MILLI.", "SI_UNIT("), backend)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("which", range(6))
 def test_a_face_missing_is_caught(good, tmp_path, backend, which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)[1]

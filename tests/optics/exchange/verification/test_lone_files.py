@@ -40,6 +40,7 @@ def round_lens(pair, radius=-50.0):
     )
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("pair", OUTLINES.values(), ids=OUTLINES)
 def test_front_and_rear_of_a_file_are_proven_apart_within_their_outline(tmp_path, pair):
     """2.3 to 2.6 mm apart at x = 10 mm, and 4 in the middle; with a rear 2.8 mm lower the text tells."""

@@ -61,6 +61,7 @@ def test_the_file_holds_the_body_by_all_checks(made, backend, name):
     assert abs(file.solid.volume / lens.volume() - 1) > 0.01
 
 
+@pytest.mark.slow
 def test_rounded_edges_take_volume_away(made):
     """Their file is read by OCCT alone."""
     system, lens, path = made(DRAFT | ROUNDED | {"lens.body.edge_radius": 0.3})

@@ -52,6 +52,7 @@ def rough_hollow(height=0.1, spans=4):
     return hollow_lens(*waves, spans=(spans, spans))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "name", slow_unless(lambda name: name in EVERY_SHAPE and name != "sphere front", LENSES)
 )
@@ -114,6 +115,7 @@ def test_far_field_points_are_angles():
     np.testing.assert_allclose(np.tan(np.radians(far)), near / 1e9, rtol=0, atol=2e-8)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("height", "spans"), [(0.1, 4), (0.8, 8)])
 def test_steep_rays_in_a_hollow_meet_as_ours_do(tmp_path, height, spans):
     """Every ray has the fate of scipy's trace, lands where that says and carries what that says."""

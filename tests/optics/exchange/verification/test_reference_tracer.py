@@ -112,6 +112,7 @@ def require_first(backend, lens, origin, direction):
     return clear, clear & found.several
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "wave",
     slow_unless(
@@ -156,6 +157,7 @@ def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
     assert np.flatnonzero(found.clear & (off > 1e-6)).tolist() == []
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("index", [1.05, 1.3])
 def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, index):
     """By the kernel's normal at the first fall and Snell's law in vectors; the optimiser's tracer says the

@@ -53,6 +53,7 @@ def failed(good, folder, text, backend):
     return names
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)

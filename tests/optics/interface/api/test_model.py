@@ -237,6 +237,7 @@ COPIES = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("name", "way"),  # each once in `make test`
     [

@@ -38,6 +38,7 @@ def designed(problem, threads, folder):
     return (folder / "lens.json").read_bytes()
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "changes",
     [{}, GLOWING, pytest.param(POINT, marks=pytest.mark.slow)],

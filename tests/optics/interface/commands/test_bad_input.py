@@ -110,6 +110,7 @@ def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     assert "problem.toml: it is a folder" in message
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "changes",
     [

@@ -102,6 +102,7 @@ def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
 ASIDE = {"target.distance": False, "target.position": [44.0, 0.0, 66.0], "target.tilt": [0.0, 45.0, 0.0]}
 
 
+@pytest.mark.slow
 def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, capsys):
     """Up to 46 degrees behind a plane front, where a surface of index 1.5 bends by less than 48.2."""
     free = {"lens.rear.radius": math.inf, "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}

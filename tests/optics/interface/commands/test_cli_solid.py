@@ -251,6 +251,7 @@ def test_another_unit_is_caught(copy, capsys):
     assert "text of the file: unit of length that is not mm" in failures(capsys, copy)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("which", [2, 3, 4, 5])
 def test_a_missing_edge_is_caught(copy, capsys, which):
     path = copy / "lens.step"

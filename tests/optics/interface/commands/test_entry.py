@@ -146,6 +146,7 @@ def test_an_error_that_cannot_be_told_keeps_its_exit_code(tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
 
 
+@pytest.mark.slow
 def test_messages_that_nobody_reads_take_no_result_away(tmp_path):
     reader, writer = os.pipe()
     os.close(reader)
@@ -155,6 +156,7 @@ def test_messages_that_nobody_reads_take_no_result_away(tmp_path):
     assert "the problem is valid" in done.stdout
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("file", ["problem.toml", "none.toml"])
 def test_with_stderr_closed_nothing_of_it_goes_to_stdout(tmp_path, file):
     write_problem(tmp_path)

@@ -153,6 +153,7 @@ def operations(golden, replayed, tmp_path, capsys):
     return disk.count
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "fault",
     ["SIGINT", "SIGKILL", *(pytest.param(fault, marks=pytest.mark.slow) for fault in ("SIGTERM", "ENOSPC"))],

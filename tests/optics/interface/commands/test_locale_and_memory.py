@@ -54,6 +54,7 @@ def test_a_title_that_an_ascii_locale_cannot_print_is_written_by_codes(tmp_path)
     assert b"Gr\\xf6\\xdfe" in found.stdout
 
 
+@pytest.mark.slow
 def test_a_backend_for_windows_that_is_not_there_does_not_matter():
     """matplotlib would refuse to be loaded, after all work."""
     program = "from optics.interface.commands import main; main(['check', 'none.toml']); import matplotlib"
@@ -63,6 +64,7 @@ def test_a_backend_for_windows_that_is_not_there_does_not_matter():
     assert b"none.toml" in found.stderr
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("room", [100, 200, 300])
 def test_a_lack_of_memory_is_called_so(tmp_path, room):
     """Dr.Jit would say that there is no LLVM library, or end the process."""

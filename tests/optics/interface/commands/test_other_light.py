@@ -41,6 +41,7 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path)
         assert picture.width > 3 * 300
 
 
+@pytest.mark.slow
 def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
     """Similarity has no window on two columns of pixels."""
     problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))
@@ -109,6 +110,7 @@ def test_bad_ray_files_are_one_sentence_before_light_is_traced(
     assert {*tmp_path.iterdir()} == before
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("suffix", [".ies", ".LDT"])
 def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suffix):
     light = 1 + np.sin(np.arange(48 * 48)).reshape(48, 48) ** 2

@@ -95,6 +95,7 @@ def test_the_source_of_another_file_is_taken(tmp_path):
     assert other_source(str(path), problem_of(tmp_path)).half_width == (3.0, 2.0)
 
 
+@pytest.mark.slow
 def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(tmp_path):
     write_ies(asymmetric(Opening((3.0, 2.0), round=True)), tmp_path / "lamp.ies")
     problem = problem_of(tmp_path, POINT | {"target.pixels": [12, 12]})
@@ -128,6 +129,7 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
         relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "kind", slow_unless(("sun", "gaussian").count, ["sun", "uniform", "gaussian", "theta_uniform"])
 )

@@ -56,6 +56,7 @@ def found(request, tmp_path_factory, backend):
     return system, lens, other, metrics
 
 
+@pytest.mark.slow
 def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     """Every branch followed to 1e-4 of its ray's flux; both are samples, so that their errors add up."""
     system, lens, other, _ = found
@@ -109,6 +110,7 @@ def test_where_next_to_nothing_comes_by_other_ways_a_few_rays_say_so(tmp_path, b
     assert metrics["rel_l2_error"] == metrics["rel_l2_sequential_error"]
 
 
+@pytest.mark.slow
 def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     """A cone three times as wide as the lens: what passes beside it would meet the target too."""
     wide = {"source.distance": 20.0, "target.half_width": [3000.0, 3000.0], "target.distance": 300.0}
@@ -119,6 +121,7 @@ def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     assert on_pixels == pytest.approx(other.light.on_target, rel=1e-9)  # which the fates tell
 
 
+@pytest.mark.slow
 def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     system, again, other = (system_of(tmp_path, NARROW | {"run.seed": seed}) for seed in (0, 0, 1))
@@ -161,6 +164,7 @@ def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, 
     assert ("nonsequential" in metrics) is (paths == "all")
 
 
+@pytest.mark.slow
 def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_it(tmp_path, backend):
     """Parallel light up to the rear leaves by it within the foot of the walls alone, but for what inner
     reflections bring: a hundredth of the light."""

@@ -94,6 +94,7 @@ def cut(request, made):
     return made(request.param)
 
 
+@pytest.mark.every(3)
 def test_the_error_falls_with_the_square_of_the_cells_size(whole):
     """Over a factor of 4 in size: 16, within the factor of 1.6 that pixels as large as few cells leave.
 
@@ -116,6 +117,7 @@ def test_whole_cells_keep_all_flux(whole):
     assert fates.transmitted > 0.5 * flux
 
 
+@pytest.mark.every(3)
 def test_a_rim_keeps_all_flux(cut):
     """Cells that it cuts are split, and at last cut along it: none is lost, none counted twice."""
     image, fates = cut.light(61, 67)
@@ -126,6 +128,7 @@ def test_a_rim_keeps_all_flux(cut):
     assert cut.flux(image) == pytest.approx(fates.on_target, rel=1e-12)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("sigma", [None, 0.4])
 @pytest.mark.parametrize("half_width", RIMS)
 def test_what_passes_a_straight_rim_is_known(tmp_path, backend, half_width, sigma):
@@ -143,6 +146,7 @@ def test_what_passes_a_straight_rim_is_known(tmp_path, backend, half_width, sigm
     assert fates.missed_rear == pytest.approx(0.96 * (1 - prod(within)), rel=1e-6)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("rear", [(2.9, 2.6), (3.0, 2.0)])
 def test_what_passes_a_bent_rim_is_known(tmp_path, backend, rear):
     """A point in the middle of a spherical front: its rays go straight on to a plane rear 7 mm away, whose
@@ -157,6 +161,7 @@ def test_what_passes_a_bent_rim_is_known(tmp_path, backend, rear):
     assert fates.missed_rear == pytest.approx(0.96 * (1 - seen), abs=389**-2)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("outline", "radius"), [("round", 0.0), ("rounded", 3.0)])
 def test_what_passes_an_outline_is_known(tmp_path, backend, outline, radius):
     """A beam through a plate: 0.96^2 of what lies before the outline.  Chords of the cells' pieces miss up to
@@ -177,6 +182,7 @@ def test_a_rim_beside_a_round_beam_cuts_nothing(tmp_path, backend, monkeypatch):
     assert made.light(201, 199)[1].transmitted == pytest.approx(0.96**2, rel=1e-14)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("radius", [1.9, 2.6])
 def test_what_passes_a_round_rear_is_its_cone(tmp_path, backend, radius):
     """As above, a point in the middle of a spherical front: rays go straight on to the rim of a cone."""
@@ -187,6 +193,7 @@ def test_what_passes_a_round_rear_is_its_cone(tmp_path, backend, radius):
     assert fates.missed_rear == pytest.approx(0.96 * missed, abs=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("name", "order", "scale"),
     [("small rear", 2, 1.0), ("wide cone", 2, 1.0), ("total reflection", 1.5, 2.0)],
@@ -202,6 +209,7 @@ def test_what_arrives_does_not_depend_on_the_cells(made, name, order, scale):
     assert few != many
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ["point", "small rear", "total reflection", "far field"])
 def test_rays_land_where_the_light_of_cells_is(made, name):
     """Rays on a grid of n^2 in a pixel: sqrt(4 n) or so count for the wrong side of its borders."""
@@ -215,6 +223,7 @@ def test_rays_land_where_the_light_of_cells_is(made, name):
     assert fates.flux == pytest.approx(by_rays.flux, abs=4 / rays * case.system.problem.source.flux)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "name", slow_unless("wide cone".__ne__, ["beam", "point", "wide cone", "small rear"])
 )

@@ -117,6 +117,7 @@ def test_white_light_without_dispersion_is_white(tmp_path, backend, name):
     assert measurement.metrics["rel_l2"] == pytest.approx(measurement.metrics["rel_l2_design_wavelength"])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [{}, POINT, pytest.param(DIVERGING, marks=pytest.mark.slow), GLOWING],

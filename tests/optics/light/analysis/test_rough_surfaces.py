@@ -35,6 +35,7 @@ PLATES = list(product(("front", "rear"), (0.01, 0.02), SOURCES))
 OFTEN = [plate for k, plate in enumerate(PLATES) if k in (1, 2, 4, 7)]  # every pair
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("case", slow_unless(OFTEN.__contains__, PLATES), ids=str)
 def test_a_rough_plate_spreads_light_by_its_slopes(tmp_path, case):
     """Small errors d of the slope turn light by (n - 1) d behind the rear, by (n - 1) d / n behind the front.

@@ -37,6 +37,7 @@ def landings(blur, rng):
     return moved
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("blur", [*blurs()])
 def test_the_transfer_function_is_the_mean_wave_of_random_rays(blur):
     moved = landings(blur, np.random.default_rng(1))

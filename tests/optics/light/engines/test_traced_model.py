@@ -139,6 +139,7 @@ def test_the_derivatives_of_mirrored_halves_are_transposes(tmp_path, backend, ax
     assert np.vdot(forward, weights) == pytest.approx(backward[0] @ directions[0], abs=1e-12 * scale)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", CASES)
 def test_light_and_derivatives_are_the_same_on_any_number_of_threads(tmp_path, backend, name):
     """Image, gradient and change along a direction, with 9 and more rays or cells on a pixel."""

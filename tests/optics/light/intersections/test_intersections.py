@@ -95,6 +95,7 @@ STEEP = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", slow_unless(("steeper rim", "narrow rim", "fine bumps").count, STEEP))
 def test_no_ray_that_crosses_a_steep_surface_is_lost(backend, name):
     surface = STEEP[name]

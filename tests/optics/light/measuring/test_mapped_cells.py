@@ -37,6 +37,7 @@ def test_pixels_hold_the_light_of_shuffled_cells(backend, made):
     assert_exact(made, backend)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("case", slow_unless(lambda case: case[0] < 2, product(range(4), (0.3, 0.9, 2.3))))
 def test_pixels_that_no_cell_meets_are_exactly_dark(backend, case):
     """Not what rounding leaves of bright ones beside them; and no pixel is darker than dark.  Slivers leave

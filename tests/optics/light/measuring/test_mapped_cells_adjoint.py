@@ -46,6 +46,7 @@ def test_slopes_are_exact_on_shuffled_cells(backend, made, seed):
 CELLS = list(product((0.6, 1.3, 4.0), (False, True)))  # size, fold
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("case", slow_unless(((0.6, False), (1.3, True), (4.0, False)).__contains__, CELLS))
 def test_slopes_are_exact_where_areas_exceed_a_thousandth(backend, case):
     """Smooth cells: 1e-8 of the greatest slope, as is claimed."""
@@ -115,6 +116,7 @@ def test_a_uniform_weight_leaves_the_corners_alone(backend):
     np.testing.assert_allclose(by_flux[1:-1, 1:-1], 1.0, rtol=1e-12)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("size", slow_unless((0.7, 1.3).count, (0.7, 1.3, 2.5)))
 def test_slopes_of_even_light_are_exact(backend, size):
     """Neighbours of one density: their edge adds nothing to the image, and yet both have it as a border."""

@@ -63,6 +63,7 @@ def test_windows_that_reach_over_the_border_deposit_what_lies_inside(backend, wi
     )
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
 def test_light_near_the_edge_of_the_target_is_measured(backend, sigma):
     """With the design's margin and a Gaussian that a problem may ask for, light on the target's edge is

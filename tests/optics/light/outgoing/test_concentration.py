@@ -111,6 +111,7 @@ def test_the_far_field_is_followed_ten_metres(concentrated):
     assert found.times == pytest.approx(BEAM / (pi / 4), rel=1e-3)
 
 
+@pytest.mark.slow
 @examples(3)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.4))
 def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):

@@ -51,6 +51,7 @@ def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_p
     np.testing.assert_allclose(by_gamma[-2:-13:-1], on * (1 - t), rtol=0.25)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [{}, {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}, LAMP],

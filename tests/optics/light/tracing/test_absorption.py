@@ -141,6 +141,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
     assert result.by_ray[FATES.index("absorbed"), 0] == result.fates.absorbed
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [

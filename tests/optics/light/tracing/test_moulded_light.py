@@ -91,6 +91,7 @@ def compared(backend, body, rays, path, absorbing=(), within=1e-8):
     return result
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in BODIES]
 )
@@ -112,6 +113,7 @@ def test_every_branch_of_a_lens_is_that_of_the_file(backend, tmp_path, name):
     assert fates.edges_on_target + fates.edges_off_target > 1
 
 
+@pytest.mark.slow
 def test_rounded_edges_absorb_what_meets_them_from_within(backend, tmp_path):
     """A point source before the middle: no ray passes between the rounded and the sharp edge."""
     body = body_of(10.0, 10.0, 0.3, 0.002, draft=5.0, edge_radius=0.4)

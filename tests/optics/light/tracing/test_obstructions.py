@@ -105,6 +105,7 @@ def met_before(solid, starts, ends):
     return np.linalg.norm(hits.points.T - o, axis=0) < length - 1e-5  # NaN of no meeting is none
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, tmp_path):
     system = SCENES[name]()

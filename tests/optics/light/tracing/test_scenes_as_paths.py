@@ -181,6 +181,7 @@ def cells_of_slopes(count, widest):
     return SourceCells(s, s, solid_angles_of_cells(borders), at, lambda s, t: (1 + s * s + t * t) ** -1.5)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("receiver", SCREENS.values(), ids=SCREENS)
 def test_bare_light_in_cells_is_intensity_times_solid_angle_to_second_order(backend, receiver):
     """Solid angles are those of 64 x 64 flat parts of every pixel: a radius of 40 mm bends them by 1e-7."""

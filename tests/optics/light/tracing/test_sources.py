@@ -144,6 +144,7 @@ RAYS = {
 }
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("target_z", [TARGET_Z, FAR])
 @pytest.mark.parametrize("rays", RAYS)
 @pytest.mark.parametrize("lens", LENSES)

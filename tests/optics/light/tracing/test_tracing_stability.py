@@ -42,11 +42,13 @@ def asked(names, often):
     ]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("name", "step"), asked([*HARD, *QUICK], lambda name: not name.startswith(SAMPLED)))
 def test_rays_are_exact_to_the_rounding_of_their_data(backend, name, step):
     require_exact(backend, name, step)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("name", "step"), asked(HARD, HARD[::3].__contains__))
 def test_rays_in_single_precision_are_exact_to_its_rounding(single, name, step):
     require_exact(single, name, step)

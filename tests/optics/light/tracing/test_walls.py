@@ -56,6 +56,7 @@ SHAPES = {
 QUICK = "crossing ellipses", "rounded, one side upright"
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("shape", "absorbing"),
     [

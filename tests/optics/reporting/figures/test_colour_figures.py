@@ -44,6 +44,7 @@ def test_invisible_light_has_no_colour_but_a_shift(tmp_path, backend):
     assert found["shift"] > 0
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("unit", ["W", "lm"])
 def test_light_half_as_bright_as_asked_for_is_half_of_white(tmp_path, backend, unit):
     """A diagonal of pixels has the colour of the source: the picture is black and grey.

@@ -83,6 +83,7 @@ def test_fine_pixels_are_merged_where_they_are(drawn):
     np.testing.assert_allclose((vertices.max(axis=0) + vertices.min(axis=0)) / 2, [6, 3], atol=0.02)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("half_width", [(1.5, 1.0), (15.0, 15.0), (40.0, 80.0), (89.0, 89.0)])
 def test_nothing_is_cut_off(half_width):
     screen = Screen(half_width, (40, 40), receiver=FarField())

@@ -87,6 +87,7 @@ def plane(name):
     return png, plt.get_cmap("gray")(values, bytes=True)[..., 0]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", PLANES)
 def test_no_label_of_a_picture_is_cut_off(name, monkeypatch):
     monkeypatch.setattr(plt, "close", lambda figure: None)

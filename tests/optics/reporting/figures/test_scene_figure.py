@@ -51,6 +51,7 @@ def red(png):
     return np.count_nonzero((r - g > 60) & (np.abs(g - b) < 30))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", SOURCES)
 def test_every_kind_of_source_has_its_picture(backend, made, name):
     problem, lens = made(SOURCES[name])
@@ -87,6 +88,7 @@ def test_rays_go_straight_through_a_plate(backend, made):
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -129,6 +131,7 @@ PLACES = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", PLACES)
 def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
     """One lit quarter lies from the middle of the picture as the receiver's own points do: within 15 degrees,

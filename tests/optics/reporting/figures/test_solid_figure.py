@@ -79,6 +79,7 @@ def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
     assert np.array_equal(before[PANELS["front"]], after[PANELS["front"]])
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(("face", "panel", "side"), [("rear", "rear", 1), ("front", "front", -1)])
 def test_relief_is_drawn_where_it_is(face, panel, side):
     """Ripples between 0.3 and 1 of high x lie at the right in the view from the rear, and at the left in that
@@ -109,6 +110,7 @@ def picture_of(name):
     return picture(SIZES[name])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", SIZES)
 def test_outlines_have_the_proportions_of_the_lens(name):
     """Width, height and depth of the three outlines at one scale, to the two pixels that lines of ink take at
@@ -128,6 +130,7 @@ def test_outlines_have_the_proportions_of_the_lens(name):
     assert found["side"] == pytest.approx((scale * depth, scale * height), abs=4)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", SIZES)
 def test_no_paper_shines_through(name):
     """In every row of the three outlines each pixel between the first and the last of the solid is drawn."""

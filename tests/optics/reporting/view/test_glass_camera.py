@@ -39,6 +39,7 @@ def seen(room, point):
     return column, (top - up / forward) / (top - bottom) * PIXELS[1]
 
 
+@pytest.mark.slow
 def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_bytes(made, backend):
     """One bright pixel out of 8 x 8, to the right and above: nothing else in the room is as bright there."""
     problem, lens = made({})

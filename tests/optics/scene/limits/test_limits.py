@@ -280,6 +280,7 @@ def test_no_limits_need_no_advice(tmp_path):
     assert advice(tmp_path, {}) == []
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("key", "kept", "broken", "sentence"),
     [
@@ -351,6 +352,7 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_advice_does_not_load_the_cad_kernel(tmp_path):
     write_problem(tmp_path, {"limits.radius": 50.0})
     program = (

@@ -149,6 +149,7 @@ def read_or_refused(folder, text):
         return str(error)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("values", [MINIMAL, SMALL, EXTENDED], ids=["minimal", "small", "extended"])
 def test_a_line_that_is_lost_is_refused_or_leaves_the_default_of_its_key(tmp_path, values):
     problem = load_values(tmp_path, values)

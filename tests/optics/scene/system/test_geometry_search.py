@@ -49,6 +49,7 @@ def refused(problem):
     return str(caught.value)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("case", [*OF_LENS, *OF_MIRROR])
 def test_what_a_refusal_proposes_is_not_refused(tmp_path, case):
     if case in OF_LENS:

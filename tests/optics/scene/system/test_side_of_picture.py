@@ -65,6 +65,7 @@ def test_nothing_else_changes(tmp_path, fit, far):
     )
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("seen_from", "words"),
     [

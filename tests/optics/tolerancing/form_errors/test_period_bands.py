@@ -86,6 +86,7 @@ def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
     assert "Peak to valley alone misleads on the rear" in " ".join(form_sentences(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spectrum", [pytest.param({}, marks=SLOW), {"lens.material": "PC", "source.spectrum": "LED-B3"}]
 )
@@ -111,6 +112,7 @@ def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
         form_errors_of(system, lens, backend, rise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("band", [(1.0, 2.0), pytest.param((2.0, 5.0), marks=SLOW)])
 def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend, band):
     """As many cells as a band asks for, and what they leave of it, against four times as many."""
@@ -140,6 +142,7 @@ def test_light_that_ends_before_the_rim_starts_from_the_same_rel_l2_as_the_repor
     assert rel_l2(own.irradiance / own.shown, target) == pytest.approx(report, rel=1e-3)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("period", [1.05, 1.4, 1.9])
 def test_no_regular_ripple_of_the_allowed_height_brings_more_than_the_rise(tmp_path, backend, period):
     """Of any period and direction of the band, each with 25 cells on it."""

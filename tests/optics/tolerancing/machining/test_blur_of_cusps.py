@@ -107,6 +107,7 @@ def test_the_picture_with_cusps_is_the_sharp_one_spread_by_the_blur(tmp_path, ba
     assert light.without != light.with_cusps
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("spectrum", [{}, {"lens.material": "PC", "source.spectrum": "LED-B3"}])
 def test_without_cusps_rel_l2_is_that_of_the_far_field_in_all_colours(tmp_path, backend, spectrum):
     system = system_of(tmp_path, WIDE | spectrum)

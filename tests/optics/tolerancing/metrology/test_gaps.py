@@ -101,6 +101,7 @@ def measured(surface, count=6000, part=1.0, errors=ripple):
     return MeasuredPoints(np.stack([x, y, surface(x, y) + errors(x, y)]))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("part", [0.02, 0.5, 0.93])
 def test_what_was_not_measured_carries_no_error(system, backend, part: float) -> None:
     points = measured(system.lens.rear, 8000, part)

@@ -56,6 +56,7 @@ def even(tmp_path_factory):
     return even_system(tmp_path_factory.mktemp("even"))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("limits", "reached"),
     [
@@ -134,6 +135,7 @@ def test_made_lenses_float_as_their_budget_does(even) -> None:
     assert moved[1] < 1e-3 * moved[0]
 
 
+@pytest.mark.slow
 def test_what_floats_is_not_what_is_held(even, backend) -> None:
     system, lens = even
     stands = budget_of(system, lens, backend, **DECENTRE)
@@ -146,6 +148,7 @@ def test_what_floats_is_not_what_is_held(even, backend) -> None:
     assert "may shift as a whole" in shop_sentences(floats)[0]
 
 
+@pytest.mark.slow
 def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even, backend) -> None:
     system, lens = even
     chosen = {t.name: t.amount for t in tolerances_of(system) if t.name.startswith(("target.", "lens.tilt"))}

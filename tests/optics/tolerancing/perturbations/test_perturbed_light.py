@@ -168,6 +168,7 @@ def nominal(light):
     return light(NOMINAL)
 
 
+@pytest.mark.every(2)
 @given(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), st.floats(-0.05, 0.25))
 def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(
     wide_light, wide_nominal, shift, size
@@ -181,6 +182,7 @@ def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(
     assert fates.total == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.every(2)
 @given(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.floats(-0.5, 0.5))
 def test_as_much_of_a_moved_beam_misses_the_lens_as_lies_beside_it(wide_light, shift, size):
     """What two rectangles share; of rays, give or take a row of them at a border."""
@@ -205,6 +207,7 @@ def test_nothing_changes_where_everything_moves_together(light, nominal, tilt, s
 WIDER = {"source.half_width": [14.0, 14.0], "lens.rear.half_width": [11.0, 11.0]}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("changes", [{}, pytest.param(WIDER, marks=pytest.mark.slow), POINT])
 @pytest.mark.parametrize("p", [EVERYTHING, Perturbation(lens_shift=(0.4, 0.0, 0.0), source_size=0.02)])
 def test_the_fates_sum_to_the_flux(tmp_path, backend, changes, p):

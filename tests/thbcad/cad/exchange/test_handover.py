@@ -239,6 +239,7 @@ def test_other_things_are_refused(make, message):
         make("lens.json")
 
 
+@pytest.mark.slow
 def test_the_module_loads_neither_library():
     program = "import sys, thbcad.cad.exchange.handover; print(*{'build123d', 'cadquery'} & set(sys.modules))"
     done = subprocess.run(

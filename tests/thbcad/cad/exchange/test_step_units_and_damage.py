@@ -69,6 +69,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 def test_values_that_are_missing_or_huge_are_refused(text, tmp_path):
     """OCCT ends the process over every one of these, so that another one reads them."""
     edits = [

@@ -25,6 +25,7 @@ MOUNTS = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", MOUNTS)
 def test_a_mounted_lens_is_one_closed_solid_with_its_own_front_and_rear(name):
     lens, table = MOUNTS[name]
@@ -84,6 +85,7 @@ def test_draft_and_chamfer_give_the_prismatoid_of_their_sections(outline):
     assert whole - body == pytest.approx(factor * 400 * 2 - volume, rel=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", ["square", "round", "frame"])
 @pytest.mark.parametrize("single", [False, True])
 def test_meshes_are_closed_and_keep_the_chord_error(name, single):

@@ -158,6 +158,7 @@ def test_front_and_rear_keep_every_pole(written):
         assert same_bits(found, wanted)
 
 
+@pytest.mark.every(3)
 def test_volumes_agree(written):
     """As built and as read; the signed volume of the raw solid also tells that all normals point outward."""
     lens, semi_axes, part, _, read = written

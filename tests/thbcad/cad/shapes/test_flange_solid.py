@@ -55,6 +55,7 @@ def written(request, tmp_path_factory):
 # ---- solids ----
 
 
+@pytest.mark.every(3)
 def test_the_solid_is_closed_and_precise(written):
     _, semi_axes, part, _, read = written
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (
@@ -92,6 +93,7 @@ def test_front_and_rear_keep_every_pole(written):
         assert same_bits(found, wanted)
 
 
+@pytest.mark.every(3)
 def test_volumes_agree(written):
     """As built and as read; the signed volume of the raw solid also tells that all normals point outward."""
     lens, semi_axes, part, _, read = written

@@ -63,6 +63,7 @@ def kind_of(adaptor):
     return str(adaptor.GetType()).rpartition("_")[2]
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(("front", "size"), [*product(CONICS, SIZES)])
 def test_faces_and_rims_are_what_they_are(front, size):
     """Valid and closed before any reader heals; by build123d."""
@@ -101,6 +102,7 @@ def test_every_edge_lies_on_its_faces():
                     assert curve.Value(t).Distance(surface.Value(flat.X(), flat.Y())) <= 2e-9
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize("size", ["equal", pytest.param("mixed", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("front", CONICS)
@@ -116,6 +118,7 @@ def test_every_number_reads_back(tmp_path, front, size, name):
         assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(  # often: every conic cut to an ellipse, and one of each kind of face otherwise
     ("front", "semi_axes", "name"),
     [

@@ -61,6 +61,7 @@ def moulded(request):
     return body, part, part_step(part, Product(), "AP242")
 
 
+@pytest.mark.every(3)
 def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
     body, part, _ = moulded
     state = SolidState(part.solid)
@@ -70,12 +71,14 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
         assert same_bits(optical_form(face), form)
 
 
+@pytest.mark.every(3)
 def test_the_text_of_its_file_holds_the_volume(moulded):
     """By quadrature without OCCT, to the 1e-9 of edges that lie within 1e-9 mm."""
     body, _, file = moulded
     assert volume(brep_of_text(file.decode("latin-1"))) == pytest.approx(body.volume(), rel=1e-9)
 
 
+@pytest.mark.every(3)
 def test_build123d_finds_the_draft_in_the_file(moulded, tmp_path):
     """Every wall face to 1e-6 degrees: cones by their half-angle, planes by their normal."""
     body, part, file = moulded
@@ -148,6 +151,7 @@ def radii(points):
     return a * b * c / (2 * np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0]), axis=1))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ROUNDED)
 def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear(name, tmp_path):
     """In the file, read by build123d: arcs across every rounding through three points to 1e-6 mm, and every

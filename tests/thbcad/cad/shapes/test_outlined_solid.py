@@ -79,6 +79,7 @@ def test_a_lens_within_an_ellipse_is_the_rectangle_with_that_aperture():
         assert part_step(lens_part(oval), Product()) == part_step(trimmed_part(square, half), Product())
 
 
+@pytest.mark.every(3)
 def test_the_solid_is_closed_and_keeps_every_pole(written):
     lens, part, _, read = written
     faces = 2 + len(lens.rear.outline.pieces)
@@ -89,6 +90,7 @@ def test_the_solid_is_closed_and_keeps_every_pole(written):
         assert same_bits(found, wanted)
 
 
+@pytest.mark.every(3)
 def test_volumes_agree(written):
     """Rims on spheres lie within 1e-9 mm: 4 / (2 x 8) of that in the volume, and twice that of both rims."""
     lens, part, text, read = written

@@ -155,6 +155,7 @@ def value(surface, vertex, x, y):
     return vertex + surface(*(np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width)))
 
 
+@pytest.mark.every(3)
 def test_the_solid_is_closed_before_and_after_a_round_trip(written):
     _, part, _, shape = written
     assert_closed(part.solid)
@@ -162,6 +163,7 @@ def test_the_solid_is_closed_before_and_after_a_round_trip(written):
     assert count(shape, TopAbs_FACE) == len(part.faces) == len(part.names) == len(set(part.names))
 
 
+@pytest.mark.every(3)
 def test_one_face_for_each_patch(written):
     lens, part, _, _ = written
     wanted = []
@@ -171,6 +173,7 @@ def test_one_face_for_each_patch(written):
     assert list(part.names) == [*wanted, "edge -y", "edge +x", "edge +y", "edge -x"]
 
 
+@pytest.mark.every(3)
 def test_the_volume_is_the_lens_volume(written):
     lens, part, _, shape = written
     for solid in (part.solid, shape):
@@ -235,6 +238,7 @@ def test_vertices_are_the_corners_of_patches(written):
         assert vertices.Extent() == len(corners)
 
 
+@pytest.mark.every(3)
 def test_build123d_reads_a_valid_solid(written):
     lens, part, path, _ = written
     solid = build123d.import_step(path)
@@ -297,6 +301,7 @@ def test_patches_have_the_parameters_of_the_one_face(lens):
             )
 
 
+@pytest.mark.every(3)
 def test_the_deviation_is_what_was_moved(written):
     lens, _, path, _ = written
     moved = Lens(lens.front, lens.rear, lens.thickness + 0.25, lens.index)

@@ -44,6 +44,7 @@ def written(request, tmp_path_factory):
     return lens, corners, part, brep_of_text(path.read_text()), read_step(path)
 
 
+@pytest.mark.every(3)
 def test_the_solid_is_closed_and_precise(written):
     _, corners, part, text, read = written
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (
@@ -78,6 +79,7 @@ def test_edges_lie_on_their_faces(written):
     assert turned_faces(text) == 0
 
 
+@pytest.mark.every(3)
 def test_volumes_agree(written):
     """Over the lens's graphs, over the text of the file, and by OCCT as built."""
     lens, corners, part, text, _ = written
