@@ -16,8 +16,8 @@ THOROUGH = os.environ.get("HYPOTHESIS_PROFILE") == "thorough"  # in `make slow`,
 
 
 def examples(most, **options):
-    """Return the settings of a property of so many examples; an eighth of them, or 4, in `make test`."""
-    return settings(max_examples=most if THOROUGH else max(min(most, 4), most // 8), **options)
+    """Return the settings of a property of so many examples; a quarter of them, or 8, in `make test`."""
+    return settings(max_examples=most if THOROUGH else max(min(most, 8), most // 4), **options)
 
 
 def slow_unless(often, cases):

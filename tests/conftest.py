@@ -19,7 +19,7 @@ from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-for profile, examples in (("quick", 4), ("thorough", 60)):
+for profile, examples in (("quick", 8), ("thorough", 60)):
     settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 

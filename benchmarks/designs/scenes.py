@@ -2,7 +2,7 @@
 
 A mirror in a beam at 45 degrees; the same before a point; a lens whose screen is turned towards it and away
 from it, where it meets total reflection unless both of its faces bend the light; a column as screen; and a
-fixed element before the mirror, or behind the lens.
+fixed element before the mirror, or behind the lens; and a lens and a mirror that are both free.
 Seconds are those of the whole command `thbcad design`, with its checks.
 
 Run: thbcad bench scenes
@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
 from benchmarks.checkout import EXAMPLES
@@ -109,6 +110,21 @@ ROWS = {
         },
     ),
 }
+# of a lens and a mirror, one or both free; the one that is fixed has the base that the program chose for it
+LONG = {"optimizer.iterations": [100]}
+OF_LENS = {"element.L1.rear.conic": -1.0, "element.L1.rear.freeform": {"z_freedom": 2.0}}
+TOGETHER = {
+    "two elements, mirror free": LONG,
+    "two elements, lens free": LONG
+    | OF_LENS
+    | {
+        "element.L1.rear.radius": "auto",
+        "element.L1.rear.freeform": {"z_freedom": "auto"},
+        "element.M1.face.radius": -880.0,
+        "element.M1.face.freeform": False,
+    },
+    "two elements, both free": LONG | OF_LENS,
+}
 TOTAL = Scene("pearl", 0.0, ASIDE | THICK | {"target.tilt": [0, 45, 0]})
 
 
@@ -119,7 +135,7 @@ def rows() -> list[Row]:
         designed = [
             row for title, scene in (SCENES | ROWS).items() for row in _designed(title, scene, folder)
         ]
-        return [*designed, *_refused(folder)]
+        return [*designed, *_together(folder), *_refused(folder)]
 
 
 def _problem(scene: Scene, folder: Path) -> Path:
@@ -137,6 +153,16 @@ def _designed(title: str, scene: Scene, folder: Path) -> list[Row]:
         rel_l2_row(f"{title}: rel_l2", run.metrics, limit=scene.wanted),
         Row("  whole design", run.seconds, "s"),
     ]
+
+
+def _together(folder: Path) -> list[Row]:
+    """Return error and time of one free element, of the other, and of both, and what both bring."""
+    found = [
+        _designed(title, Scene("two_elements", inf, changes), folder) for title, changes in TOGETHER.items()
+    ]
+    mirror, lens, both = (rows[0].value for rows in found)
+    gain = Row("  rel_l2 over that of the better one alone", both / min(mirror, lens), limit=1.0)
+    return [*(row for rows in found for row in rows), gain]
 
 
 def _refused(folder: Path) -> list[Row]:
