@@ -1,5 +1,6 @@
 """The pictures of chapter 7: the program draws what the package computes."""
 
+import matplotlib.pyplot as plt
 import pytest
 from PIL import Image
 
@@ -19,6 +20,7 @@ def test_a_landscape_and_a_comparison_are_drawn(tmp_path, capsys):
     for name, figure in figures.items():
         path = tmp_path / f"{name}.png"
         figure.savefig(path)
+        plt.close(figure)  # tests of other figures count those that are open
         with Image.open(path) as picture:
             assert min(picture.size) > 500
             assert len(set(picture.convert("L").resize((64, 64)).tobytes())) > 20  # it shows something
