@@ -37,7 +37,7 @@ def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
     if not system.source.symmetric:
         return ()
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
-    poses = [system.pose, *(pose_of(optic) for optic, _ in system.fixed)]
+    poses = [system.pose, *(pose_of(optic) for optic, _ in system.others)]
     poses += [system.target.receiver.pose, *(stop.pose for stop in system.stops)]
     return tuple(axis for axis in axes if all(axis in pose.mirror_axes for pose in poses))
 

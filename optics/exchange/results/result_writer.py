@@ -57,15 +57,14 @@ class ResultWriter:
         self.write("problem.toml", self.problem_text.encode())
         write_lens(lens, folder.lens)
         self._written.add(folder.lens.name)
-        *others, _ = system.free_elements(lens)
-        for optic, shape in others:
+        for optic, shape in system.free_others:
             self.write(shape_file(optic.called), json_text(lens_to_dict(shape)).encode())
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
         writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
         self.write("history.csv", text.getvalue().encode())
-        self.run = {"run_id": run_id(problem, lens, (shape for _, shape in others))}
+        self.run = {"run_id": run_id(problem, lens, (shape for _, shape in system.free_others))}
 
     def staged(self, name: str) -> Path:
         """Return where another process may write a solid; `place_steps` puts it into its place."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .independent_checks import fixed_part_checks, text_and_occt_checks, tracer_by_occt
+    from .independent_checks import other_part_checks, text_and_occt_checks, tracer_by_occt
     from .lone_file import bare_checks
     from .occt_tracer import occt_trace
     from .optiland_tracer import optiland_available, optiland_checks, optiland_trace, tracer_by_optiland

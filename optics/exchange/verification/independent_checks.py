@@ -58,7 +58,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     return [*_own_checks(file, system.solid(lens)), fates, landing]
 
 
-def fixed_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
+def other_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
     """Return the Checks of the STEP file of a fixed element, by its text and by OCCT, under its name.
 
     Raises OSError, ValueError : as `text_and_occt_checks`.

@@ -43,7 +43,7 @@ class DesignFigures:
         """Draw what needs no measurement."""
         others = [
             (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
-            for optic, shape in system.free_elements(lens)[:-1]
+            for optic, shape in system.free_others
         ]
         self._lens = self.process.ask(
             "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others

@@ -32,7 +32,7 @@ from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.problem import Problem
-from optics.scene.system import MadePart, OpticalSystem, designed_part, fixed_parts, other_limit_checks
+from optics.scene.system import MadePart, OpticalSystem, designed_part, other_limit_checks, other_parts
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
@@ -66,7 +66,7 @@ class _Exports:
     def __init__(
         self, solids: HelperProcess, system: OpticalSystem, lens: Lens, place: Callable[[str], Path]
     ) -> None:
-        parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in fixed_parts(system)}
+        parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in other_parts(system)}
         self.files = [*parts]
         self._own, *self._fixed = (
             _Export(solids, part, system.problem, place(file)) for file, part in parts.items()
@@ -191,7 +191,7 @@ def write_result(
         background=etendue.background,
         run=writer.run,
         view=figures.view(),
-        parts=[*export.files[1:], *(shape_file(o.called) for o, _ in system.free_elements(lens)[:-1])],
+        parts=[*export.files[1:], *(shape_file(o.called) for o, _ in system.free_others)],
     )
     metrics = writer.write_claims("metrics.json", metrics | verdict.data())
     writer.write("report.html", report_html(page, writer.problem_text).encode())
@@ -217,5 +217,5 @@ def _checks(
         *light_checks(system, lens, step, file, system.backend),
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
-        *other_limit_checks(system, lens),
+        *other_limit_checks(system),
     ]

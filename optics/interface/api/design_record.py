@@ -75,7 +75,7 @@ class DesignRecord:
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
             checks += limit_checks(problem, self.system.manufactured(self.lens))
-            checks += other_limit_checks(self.system, self.lens)
+            checks += other_limit_checks(self.system)
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property

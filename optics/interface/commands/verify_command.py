@@ -15,7 +15,7 @@ from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
-from optics.scene.system import OpticalSystem, fixed_parts, other_limit_checks
+from optics.scene.system import OpticalSystem, other_limit_checks, other_parts
 from thbcad.doors import pip_command
 from thbcad.io import json_text, write_bytes, write_text
 from thbcad.lens import Lens
@@ -183,10 +183,10 @@ def _folder_checks(
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
     from optics.exchange.verification import (  # OCCT
         StepFile,
-        fixed_part_checks,
         fresh_export_checks,
         optiland_available,
         optiland_checks,
+        other_part_checks,
         prescription_checks,
         text_and_occt_checks,
         verify as run,
@@ -202,17 +202,17 @@ def _folder_checks(
     checks += prescription_checks(problem, lens)
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
-    for part in fixed_parts(system):
+    for part in other_parts(system):
         own = StepFile(folder.path / part.file)
         with reading(own.path):
             own.read_lens()
-        checks += fixed_part_checks(part, own, problem.verify)
-    if system.fixed:
+        checks += other_part_checks(part, own, problem.verify)
+    if system.others:
         from optics.exchange.assemblies import scene_checks  # few runs ask
 
         with reading(folder.path / SCENE):
             checks += scene_checks(system, lens, folder.path / SCENE)
-    checks += limit_checks(problem, system.manufactured(lens)) + other_limit_checks(system, lens)
+    checks += limit_checks(problem, system.manufactured(lens)) + other_limit_checks(system)
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")
     elif by_optiland and optiland_available():

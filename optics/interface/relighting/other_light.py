@@ -27,8 +27,8 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
     """
     other = replace(system.problem, source=source)
     index = _index_at(system, source.wavelength)
-    relit = solvable_system(other if other.optic.index == index else other.with_optic(index=index))
-    return measure(relit.shaped_as(system.shapes), replace(lens, index=index), backend)
+    moved = solvable_system(other if other.optic.index == index else other.with_optic(index=index))
+    return measure(moved.shaped_as(system.shapes), replace(lens, index=index), backend)
 
 
 def _index_at(system: OpticalSystem, nm: float) -> float:

@@ -21,7 +21,7 @@ from optics.reporting.view.solid_renderer import (
 )
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane, Receiver
-from optics.scene.system import OpticalSystem, designed_part, fixed_parts
+from optics.scene.system import OpticalSystem, designed_part, other_parts
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
@@ -114,7 +114,7 @@ def drawn_elements(
     samples, fixed : across the faces of that which is designed, and of the others.
     """
     own = designed_part(system, lens)
-    parts = {part.name: part for part in (own, *fixed_parts(system))}
+    parts = {part.name: part for part in (own, *other_parts(system))}
     met = dict.fromkeys(face.optic.called for face in system.problem.faces_met)
     return tuple(
         DrawnElement(

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from optics.scene.system.made_parts import (
         MadePart,
         designed_part,
-        fixed_parts,
         other_limit_checks,
+        other_parts,
         scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem

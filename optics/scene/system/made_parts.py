@@ -45,24 +45,24 @@ def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
     return _part(system.problem.optic, lens, system.product)
 
 
-def fixed_parts(system: OpticalSystem) -> tuple[MadePart, ...]:
+def other_parts(system: OpticalSystem) -> tuple[MadePart, ...]:
     """Return the elements that are not designed; raise as `designed_part`."""
-    return tuple(_part(optic, lens, lens_product(system.problem, optic)) for optic, lens in system.fixed)
+    return tuple(_part(optic, lens, lens_product(system.problem, optic)) for optic, lens in system.others)
 
 
 def scene_parts(system: OpticalSystem, lens: Lens) -> tuple[MadePart, ...]:
     """Return all elements as the parts of an assembly, each under its own name; raise as `designed_part`."""
     designed = designed_part(system, lens)
     designed = replace(designed, product=replace(designed.product, name=designed.name))
-    fixed = {part.name: part for part in fixed_parts(system)}
-    return tuple(fixed.get(optic.called, designed) for optic in system.problem.optics)
+    others = {part.name: part for part in other_parts(system)}
+    return tuple(others.get(optic.called, designed) for optic in system.problem.optics)
 
 
-def other_limit_checks(system: OpticalSystem, lens: Lens) -> list[Check]:
-    """Return the checks of the limits of manufacture of the free elements other than a lens."""
+def other_limit_checks(system: OpticalSystem) -> list[Check]:
+    """Return the checks of the limits of manufacture of the free elements before the last."""
     return [
         replace(check, name=f"{optic.called}: {check.name}")
-        for optic, shape in system.free_elements(lens)[:-1]
+        for optic, shape in system.free_others
         for check in limit_checks(
             system.problem.about(optic), manufacturability(shape, optic.density or None)
         )

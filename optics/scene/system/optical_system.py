@@ -62,7 +62,7 @@ class OpticalSystem(Prescribed):
         return base_lens(self.problem.optic)
 
     @cached_property
-    def fixed(self) -> tuple[tuple[Optic, Lens], ...]:
+    def others(self) -> tuple[tuple[Optic, Lens], ...]:
         """The other elements, with their lenses or blanks: the fixed ones, and those that have their shapes.
 
         Raises UserError : a prescription makes no lens.
@@ -107,6 +107,11 @@ class OpticalSystem(Prescribed):
         lenses = {optic.called: shape for optic, shape in self.elements(lens)}
         return tuple((optic, lenses[optic.called]) for optic in self.problem.free_optics)
 
+    @property
+    def free_others(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The elements with free surfaces that light meets before the last, in the order of the light."""
+        return self.free_elements(self.lens)[:-1]
+
     def free_surfaces(self, lens: Lens) -> list[FreeformSurface]:
         """Return the free surfaces of all elements in the order of the light."""
         return [surface for _, shape in self.free_elements(lens) for surface in shape.free_surfaces]
@@ -130,7 +135,7 @@ class OpticalSystem(Prescribed):
         """Return the system with other `shapes`; what does not depend on them is not made again."""
         other = copy(self)
         other.__dict__["shapes"] = shapes
-        for made in ("fixed", "sharp"):
+        for made in ("others", "sharp"):
             other.__dict__.pop(made, None)
         return other
 
@@ -257,7 +262,7 @@ class OpticalSystem(Prescribed):
 
     def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
         """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
-        return (self.problem.optic, lens), *self.fixed
+        return (self.problem.optic, lens), *self.others
 
     def shaded_path(self, lens: Lens) -> LightPath:
         """Return the path through a lens, among the bodies of all elements and a plane screen.

@@ -83,7 +83,7 @@ def require_apart(system: OpticalSystem) -> None:
 
     Raises UserError : names both.
     """
-    bodies = [(system.problem.optic, system.lens), *system.fixed]
+    bodies = [(system.problem.optic, system.lens), *system.others]
     for (one, lens), (other, solid) in permutations(bodies, 2):
         x, y = (
             h * np.linspace(-1, 1, POINTS) for h in np.maximum(lens.front.half_width, lens.rear.half_width)

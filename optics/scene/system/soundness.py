@@ -56,7 +56,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     )  # built now, so that errors come now
     require_room(system)
     start = system.path(system.lens).before if system.source.collimated else -np.inf
-    require_places(problem, ((system.problem.optic, system.lens), *system.fixed), system.stops, start)
+    require_places(problem, ((system.problem.optic, system.lens), *system.others), system.stops, start)
     require_light(system)
     require_sharp(system)
     require_reachable(system)

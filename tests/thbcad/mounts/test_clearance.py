@@ -79,7 +79,7 @@ def test_the_bounds_hold_in_exact_arithmetic(circles, clearance):
 
 def test_rounding_never_lifts_a_bound():
     """Half of all distances are rounded up in float64; the bound stays below the exact one."""
-    for x, y, d in np.random.default_rng(5).uniform((11, 9, 0.1), (13, 11, 1.5), (100, 3)).tolist():
+    for x, y, d in np.random.default_rng(5).uniform((11, 9, 0.1), (13, 11, 1.5), (300, 3)).tolist():
         table = {"flange": {"size": [40, 40], "thickness": 2}, "holes": [{"at": [[x, y]], "diameter": d}]}
         bound = require_mount(mount_of({**table, "wall": 0.1}), FLAT).clearance
         exact = (Fraction(x) - 10) ** 2 + (Fraction(y) - 8) ** 2

@@ -106,7 +106,7 @@ def test_impossible_corners_are_refused(half_width, corners, words):
 @pytest.mark.parametrize("corners", [(2.0, 2.0), (5.0, 4.0), (0.3, 1.5)])
 def test_a_chord_ends_where_the_gauge_is_one(corners):
     outline, rng = Outline((5.0, 4.0), corners), np.random.default_rng(3)
-    origin, direction = rng.uniform(-7, 7, (2, 500)), rng.normal(size=(2, 500))
+    origin, direction = rng.uniform(-7, 7, (2, 2000)), rng.normal(size=(2, 2000))
     direction[:, :20], direction[0, 20:40], direction[1, 40:60] = 0.0, 0.0, 0.0
     start, stop = outline.chord(origin, direction)
     met = start < stop

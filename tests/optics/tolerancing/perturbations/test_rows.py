@@ -61,7 +61,7 @@ def posed(own, errors):
 def by_numpy(system, lens, p, origin, direction):
     """Return x and y on the moved target of one ray through SPREAD, in the frame of the scene."""
     one, mirror = system.problem.element
-    of, (_, fixed) = p.others["L1"], system.fixed[0]
+    of, (_, fixed) = p.others["L1"], system.others[0]
     frames, index = posed(one, of), fixed.index + of.index
     front = (Rotation.from_rotvec(of.front_tilt), np.array(of.front_shift))
     behind = (Rotation.identity(), np.array([0.0, 0.0, fixed.thickness + of.thickness]))
