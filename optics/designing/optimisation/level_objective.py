@@ -102,7 +102,7 @@ def stage_objective(
     axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
-    return penalised_objective(system, lens, model, target, background)
+    return penalised_objective(system, lens, model, target, background, stage.far_sighted)
 
 
 def background(
@@ -130,6 +130,7 @@ def penalised_objective(
     model: LightModel,
     target: NDArray[np.float64],
     background: NDArray[np.float64] | None = None,
+    far_sighted: bool = False,
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
     options, limits, parts = system.problem.optimizer, system.problem.limits, []
@@ -144,6 +145,7 @@ def penalised_objective(
         dark_flux_weight=options.dark_flux_weight,
         shape=shape_penalty(parts, options.roughness_weight),
         background=background,
+        far_sighted=far_sighted,
     )
 
 
@@ -156,6 +158,8 @@ def marked_cells(
     if stage.level == last_level(problem):
         return [{}] * len(sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
+    if system.source.several:  # a map of one source does not tell where their light needs detail
+        alpha = 0.0
     for surface, sag, finest, indicator in zip(
         system.free_surfaces(lens), sags, feature_levels(problem), indicators(lens, stage)
     ):

@@ -104,7 +104,7 @@ def expected(
     plan = stages(traced, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
-    flux = system.problem.source.flux
+    flux = system.problem.flux
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
     density = system.problem.optic.density

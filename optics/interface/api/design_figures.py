@@ -55,7 +55,7 @@ class DesignFigures:
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        placed = system.lens_on_axis and not (system.source.from_afar or system.source.from_file)
+        placed = system.lens_on_axis and not (system.source.from_afar or system.source.by_rays)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance

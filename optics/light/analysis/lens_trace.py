@@ -64,7 +64,7 @@ def sequential_metrics(
         "rays": sum(counts.values()),
         "counts": counts,
         system.units.key("fates"): fates.by_name,
-        "efficiency": fates.on_target / system.problem.source.flux,
+        "efficiency": fates.on_target / system.problem.flux,
         **passing_share(system.path(lens)),
     }
 

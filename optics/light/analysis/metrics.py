@@ -94,14 +94,14 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
-    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
     other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
     target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
-    irradiance, flux = light.irradiance / shown, system.problem.source.flux
+    irradiance, flux = light.irradiance / shown, system.problem.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)
     metrics |= contrast_error(metrics, target) if system.target.uniform_region is None else {}
@@ -246,7 +246,7 @@ def delivered(
     shown_light, error : as of a Measurement, and as standard deviations, None for none.
     on_target, off_target : W.  blur : see `optics.light.blur.spot_rms`.
     """
-    screen, flux = system.target.screen(), system.problem.source.flux
+    screen, flux = system.target.screen(), system.problem.flux
     shown = screen.projection()
     target = system.target.irradiance(screen, 1.0) / shown
     noise = np.zeros_like(shown_light) if error is None else error

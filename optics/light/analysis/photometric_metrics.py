@@ -67,7 +67,7 @@ def _beam(system: OpticalSystem, screen: Screen, intensity: Floats) -> dict[str,
     peak = density.factor * float(intensity.max())
     found: dict[str, float | None] = {f"peak_{density.suffix}": peak}
     if units.luminous:
-        found["peak_cd_per_klm"] = KILO * peak / system.problem.source.flux
+        found["peak_cd_per_klm"] = KILO * peak / system.problem.flux
     curves = plane_curves(intensity, *screen.centres)
     for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD)):
         for plane, curve in curves.items():

@@ -47,12 +47,36 @@ SOURCES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
-    """The light that comes in, as the table [source] of a problem file.
+class SourceArray:
+    """Sources of one kind side by side, as the table [source.array].
 
-    >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
-    0.2665
+    >>> SourceArray(columns=2, rows=2, pitch=(6, 6)).places
+    ((-3.0, -3.0), (3.0, -3.0), (-3.0, 3.0), (3.0, 3.0))
     """
+
+    columns: int = option(low=1, high=100, note="along own x")
+    rows: int = option(low=1, high=100, note="along own y")
+    pitch: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm, from middle to middle")
+
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Own x and y of every source, mm; the array's middle is 0."""
+        x, y = (
+            [(k - (n - 1) / 2) * step for k in range(n)]
+            for n, step in zip((self.columns, self.rows), self.pitch)
+        )
+        return tuple((a, b) for b in y for a in x)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneSource:
+    """A source of light, or an array of like ones.
+
+    >>> OneSource(kind="lambertian", half_width=(1, 1), position=(5, 0, -20)).placed
+    True
+    """
+
+    name: str = option("", note="another of each, where there are several")
 
     kind: str = option(
         choices=tuple(SOURCES),
@@ -61,10 +85,18 @@ class Source:
     half_width: tuple[float, float] = option(
         (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
     )
+    position: tuple[float, float, float] | None = option(
+        None, size=(0, FARTHEST), note="mm, of its middle, in place of distance"
+    )
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
     flux: float = option(
-        1.0, low=LEAST_FLUX, high=1e12, zero=True, note="of the whole source; 0 is that of a luminaire's file"
+        1.0,
+        low=LEAST_FLUX,
+        high=1e12,
+        zero=True,
+        note="of the whole source, of each in an array; 0 is that of the file",
     )
+    weight: float = option(1.0, low=0, high=1e6, note="times flux: how bright it is driven; 0 is off")
     unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
     profile: str = option(
         "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
@@ -87,7 +119,7 @@ class Source:
     tilt: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
         size=(0, 360),
-        note="right-handed degrees about own x, then own y, then own z, of a file's light around its origin",
+        note="right-handed degrees about own x, then own y, then own z, around its middle or a file's origin",
     )
     turn: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
@@ -121,6 +153,23 @@ class Source:
         note="light to measure with: [[nm, radiant weight], ...] or a CIE illuminant; [] is wavelength alone",
     )
 
+    array: SourceArray | None = option(None, note="like sources side by side; false is one")
+
+    @property
+    def placed(self) -> bool:
+        """Whether it is one that stands elsewhere than on the axis, or an array."""
+        return self.position is not None or self.array is not None or any(self.own_tilt)
+
+    @property
+    def own_tilt(self) -> tuple[float, float, float]:
+        """Its tilt, unless a file's light turns by itself."""
+        return (0.0, 0.0, 0.0) if SOURCES[self.kind].file else self.tilt
+
+    @property
+    def total(self) -> float:
+        """The flux of it all, in its unit."""
+        return self.flux * self.weight * (len(self.array.places) if self.array else 1)
+
     @property
     def data(self) -> str:
         """The key of the file that the source is read from, where it names one."""
@@ -130,6 +179,26 @@ class Source:
     def half_divergence(self) -> float:
         """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
         return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source(OneSource):
+    """The light that comes in, as the table [source] of a problem file, or as a list of them, [[source]].
+
+    >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
+    0.2665
+    """
+
+    others: tuple[OneSource, ...] = option((), note="the second and further tables of a list [[source]]")
+
+    @property
+    def each(self) -> tuple[OneSource, ...]:
+        return self, *self.others
+
+    @property
+    def lone(self) -> bool:
+        """Whether there is one source, on the axis."""
+        return not (self.placed or self.others)
 
 
 @dataclass(frozen=True, kw_only=True)

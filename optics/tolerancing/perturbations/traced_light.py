@@ -147,7 +147,7 @@ class PerturbedLight:
         if self.by_cells:
             return None
         rays = RAYS_PER_PIXEL * irradiance.size
-        quantum = self.system.problem.source.flux / rays / self.screen.pixel_area / self._shown
+        quantum = self.system.problem.flux / rays / self.screen.pixel_area / self._shown
         return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
 
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
