@@ -18,6 +18,7 @@ from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 REPLICATES = 8  # independent ones, whose spread is the noise
@@ -32,12 +33,14 @@ class OutgoingIntensity:
     luminaire : its intensity, W/sr, with the rear as its opening.  flux : W, that left the lens.
     steps : of C and gamma, degrees; the intensity is smoothed over them.
     noise : the L2 error of the intensity over the sphere, relative to its L2 norm.
+    parts : (n, k, m) W/sr, by independent parts of the rays alone; their mean is the intensity.
     """
 
     luminaire: Luminaire
     flux: float
     steps: tuple[float, float]
     noise: float
+    parts: Floats
 
 
 def outgoing_intensity(
@@ -73,6 +76,7 @@ def outgoing_intensity(
     hx, hy = lens.rear.half_width
     luminaire = grid.luminaire(np.mean(total, axis=0), Opening((2 * hx, 2 * hy)))
     error = grid.intensity(np.std(total, axis=0, ddof=1) / np.sqrt(REPLICATES))
+    each = np.stack([grid.intensity(nodes) for nodes in total])
     weights = luminaire.node_solid_angles
     noise = np.sqrt((weights * error**2).sum() / (weights * luminaire.candela**2).sum())
-    return OutgoingIntensity(luminaire, flux, grid.steps, float(noise))
+    return OutgoingIntensity(luminaire, flux, grid.steps, float(noise), each)
