@@ -22,7 +22,7 @@ from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import cell_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
-from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
+from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
@@ -104,7 +104,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     irradiance, flux = light.irradiance / shown, system.problem.source.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)
-    metrics |= contrast_error(metrics, target) if system.target.uniform_region is None else {}
+    metrics |= contrast_error(metrics, target) if system.target.as_picture else {}
     sequential = direct.over(shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
@@ -254,9 +254,12 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    if system.target.uniform_region is None:
-        return found | contrast_error(found, target)
-    return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
+    found |= zone_metrics(system, shown_light, noise)
+    if system.target.as_picture:
+        found |= contrast_error(found, target)
+    if system.target.uniform_region is not None:
+        found["uniformity"] = uniformity_metrics(system, shown_light, error, blur)
+    return found
 
 
 def unit_mean(image: Floats) -> Floats:
