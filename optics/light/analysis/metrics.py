@@ -88,9 +88,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
-    screen, path = system.target.screen(), system.shaded_path(lens)
-    # by beams of cells for all that blurs it, or by rays
-    estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
+    screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
@@ -143,6 +141,18 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
+    """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
+    screen, path = system.target.screen(), system.shaded_path(lens)
+    light = spectral_light(system, path, screen, backend, ESTIMATES[_estimator(system)])
+    return light.estimate.irradiance / screen.projection()
+
+
+def _estimator(system: OpticalSystem) -> str:
+    """Return how light is measured: by beams of cells for all that blurs it, or by rays."""
+    return "beams" if system.blurred else "rays" if system.source.extended else "cells"
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:

@@ -74,7 +74,7 @@ class ZoneRow:
     readings : (places, pixels) to be multiplied with light, (rows x columns,).
     least, greatest : of that light; least_of_peak : least, of the greatest on the target.
     brightest : the light is that of the brightest place, else of the darkest.
-    margin : that a design aims at.
+    margin : that a design aims at.  correction : factor on the limits that it aims at.
     """
 
     name: str
@@ -84,6 +84,7 @@ class ZoneRow:
     least_of_peak: float
     brightest: bool
     margin: float
+    correction: float = 1.0
 
     def aims(self, light: Floats) -> tuple[float, float]:
         """Return the limits that a design aims at: within those of the row by its margin, or in the middle.
@@ -94,7 +95,8 @@ class ZoneRow:
         margin = min(self.margin, middle) if self.greatest < inf else self.margin
         share = min(self.least_of_peak * (1 + self.margin), (1 + self.least_of_peak) / 2)
         of_peak = share * float(light.max()) if self.least_of_peak else 0.0
-        return max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
+        least, greatest = max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
+        return self.correction * least, self.correction * greatest
 
     def reading(self, light: Floats, error: Floats) -> ZoneReading:
         """Return what the row says.  light : (rows, columns); error : of its pixels, a standard deviation."""

@@ -51,11 +51,13 @@ class LightTarget:
 
     settings : of the problem file.  receiver : of the light, in the frame of the scene.
     flux : that may arrive, which the smoothest light of zones needs.
+    corrections : of what a design aims at in every row of the zones, factors; none are 1.
     """
 
     settings: Target
     receiver: Receiver
     flux: float = 1.0
+    corrections: tuple[float, ...] = ()
 
     @cached_property
     def light(self) -> Floats:
@@ -136,7 +138,8 @@ class LightTarget:
             for called, part in parts:
                 at = zone_places(shape, part, screen, right)
                 rows += zone_rows(called, at, screen, limits, zone.margin, zone.peak)
-        return rows
+        factors = self.corrections or (1.0,) * len(rows)
+        return [replace(row, correction=factor) for row, factor in zip(rows, factors, strict=True)]
 
     @property
     def unit(self) -> str:
