@@ -73,22 +73,20 @@ UB2 = {  # a sharp beam of 19 mm, on pixels of half a degree
 CD = units_of("lm").density(True).factor
 
 
-def steepest(light, asked):
-    """Return by what log10 I changes most over 0.5 degrees where 1000 cd and more are asked for."""
-    inner = np.where(CD * asked > 1000, np.log10(CD * light + 1e-9), np.nan)
-    return max(np.nanmax(np.abs(np.diff(inner, axis=axis))) for axis in (0, 1))
+def steepest(light):
+    """Return by what log10 I changes most over 0.5 degrees along H from -12 to 12, at V from 0.5 to -1.5."""
+    return np.abs(np.diff(np.log10(light[15:19, 8:56]), axis=1)).max()
 
 
-def test_half_the_flux_keeps_all_of_ub2_by_a_fifth_and_bumps_nowhere_between_its_points():
-    """The smoothest light changes by a factor of 1.9 over 0.5 degrees at most; the lens by 1.5 times that."""
+def test_half_the_flux_keeps_all_of_ub2_by_a_fifth_and_does_not_bump_between_its_points():
+    """A bump by half on a point, gone 1 degree aside, adds 0.09 to the change of log10 I."""
     design = optics.design(optics.Problem(**UB2))
     margins = [row["margin"] for row in design.measurement.metrics["zones"]]
     assert len(margins) == 19
     assert min(margins) > 0.2
     assert design.verdict.grade == "made"
     made, asked = design.measurement.irradiance, design.measurement.target
-    print(steepest(made, asked), steepest(asked, asked))
-    assert steepest(made, asked) < 1.5 * steepest(asked, asked)
+    assert steepest(made) < steepest(asked) + 0.05
 
 
 @pytest.mark.slow
