@@ -20,6 +20,7 @@ from optics.designing.optimisation.indicators import (
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
+from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
@@ -102,7 +103,8 @@ def stage_objective(
     axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
-    return penalised_objective(system, lens, model, target, background, stage.far_sighted)
+    zones = None if stage.aimed else ZoneLoss.of(system.target, model.screen)
+    return penalised_objective(system, lens, model, target, background, stage.far_sighted, zones)
 
 
 def background(
@@ -131,6 +133,7 @@ def penalised_objective(
     target: NDArray[np.float64],
     background: NDArray[np.float64] | None = None,
     far_sighted: bool = False,
+    zones: ZoneLoss | None = None,
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
     options, limits, parts = system.problem.optimizer, system.problem.limits, []
@@ -146,6 +149,7 @@ def penalised_objective(
         shape=shape_penalty(parts, options.roughness_weight),
         background=background,
         far_sighted=far_sighted,
+        zones=zones,
     )
 
 

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
+from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import ShapePenalty
 from optics.light.engines import Light, LightModel
 from thbcad.splines import KnotVector
@@ -39,11 +40,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The loss, its gradients by each sag's coefficients, and fit = ||E + B - T|| / ||T||."""
+    """The loss, its gradients by each sag's coefficients, fit = ||E + B - T|| / ||T||, and what zones add."""
 
     loss: float
     gradients: list[Floats]
     fit: float
+    zones: float = 0.0
 
 
 class Objective:
@@ -54,6 +56,7 @@ class Objective:
     model : of the light.
     target, background : irradiance on the screen's pixels without margin, W/mm^2.
     far_sighted : it takes the norm of H^-1.
+    zones : what those of the target add.
     """
 
     def __init__(
@@ -65,7 +68,9 @@ class Objective:
         shape: ShapePenalty | None = None,
         background: Floats | None = None,
         far_sighted: bool = False,
+        zones: ZoneLoss | None = None,
     ) -> None:
+        self._zones = zones
         self._model, self._shape, self._dark = model, shape, dark_flux_weight
         self._weights = _of_h_minus_1(model.screen.padded) if far_sighted else None
         screen = model.screen
@@ -81,11 +86,15 @@ class Objective:
         """Return the Evaluation at the coefficients of every sag, front first."""
         light = self._model.light(coefficients)
         loss, fit, by_image = self._penalised(light)
+        missed = 0.0
+        if self._zones:
+            missed, by_zones = self._zones(light.image + self._target - self._missing)
+            loss, by_image = loss + missed, by_image + by_zones
         gradients = light.pull_back(by_image, self._lost_weight)
         if self._shape is None:
-            return Evaluation(loss, gradients, fit)
+            return Evaluation(loss, gradients, fit, missed)
         more, slopes = self._shape(coefficients)
-        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
+        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit, missed)
 
     @property
     def target(self) -> Floats:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         contrast_error,
         dark_fraction,
         delivered,
+        fresh_light,
         measure,
         rel_l2,
         unit_mean,

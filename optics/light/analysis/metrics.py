@@ -22,7 +22,7 @@ from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import cell_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
-from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
+from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
@@ -88,9 +88,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
     error does to rel_l2.
     """
-    screen, path = system.target.screen(), system.shaded_path(lens)
-    # by beams of cells for all that blurs it, or by rays
-    estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
+    screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
     spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
@@ -104,7 +102,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     irradiance, flux = light.irradiance / shown, system.problem.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)
-    metrics |= contrast_error(metrics, target) if system.target.uniform_region is None else {}
+    metrics |= contrast_error(metrics, target) if system.target.as_picture else {}
     sequential = direct.over(shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
@@ -143,6 +141,18 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
+    """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
+    screen, path = system.target.screen(), system.shaded_path(lens)
+    light = spectral_light(system, path, screen, backend, ESTIMATES[_estimator(system)])
+    return light.estimate.irradiance / screen.projection()
+
+
+def _estimator(system: OpticalSystem) -> str:
+    """Return how light is measured: by beams of cells for all that blurs it, or by rays."""
+    return "beams" if system.blurred else "rays" if system.source.extended else "cells"
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
@@ -254,9 +264,12 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    if system.target.uniform_region is None:
-        return found | contrast_error(found, target)
-    return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
+    found |= zone_metrics(system, shown_light, noise)
+    if system.target.as_picture:
+        found |= contrast_error(found, target)
+    if system.target.uniform_region is not None:
+        found["uniformity"] = uniformity_metrics(system, shown_light, error, blur)
+    return found
 
 
 def unit_mean(image: Floats) -> Floats:

@@ -218,6 +218,11 @@ def _require_partners(problem: Problem) -> None:
             raise UserError(str(error)) from None
     optic, spectrum = problem.optic, problem.source.spectrum
     require_target(problem.target)
+    if problem.target.zones and problem.source.unit != "lm":
+        raise UserError(
+            f"zones have limits in cd or lx, and source.unit is {problem.source.unit!r}; set it to "
+            '"lm", and source.flux in lumens'
+        )
     _require_sources(problem.source)
     if not isinstance(spectrum, str):
         require_rows("source.spectrum", spectrum, 0.0, 1e12)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import inf, isinf
 from typing import ClassVar, NamedTuple
 
-from optics.scene.photometry import ILLUMINANTS
-from optics.scene.problem.toml_records import option
+from optics.scene.photometry import ILLUMINANTS, REGULATIONS, regulation
+from optics.scene.problem.toml_records import option, record
 
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
@@ -225,6 +226,43 @@ class StopSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Limits of the light at places of the target, as a table [[target.zone]]; each of its points is a row.
+
+    Places are (H, V): in the far field the angles of a goniometer, on other targets x and y in mm.
+
+    >>> Zone(box=((-9, -4), (9, -1.7)), greatest=12000).shape
+    ('box', ((-9, -4), (9, -1.7)))
+    """
+
+    name: str = option("", note="another of each; --set target.zone.NAME.least=5000 changes a key of it")
+    points: Rows = option((), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), each by itself")
+    box: Rows = option((), size=(0, FARTHEST), note="two opposite corners; limits hold everywhere within")
+    line: Rows = option((), size=(0, FARTHEST), note="from corner to corner; limits hold all along")
+    polygon: Rows = option((), size=(0, FARTHEST), note="corners; limits hold everywhere within")
+    least: float = option(0.0, low=0, note="cd, on other targets than the far field lx; 0 is none")
+    greatest: float = option(inf, above=0, infinite=True, note="the same; inf is none")
+    least_of_peak: float = option(0.0, low=0, high=1, note="least, of the greatest on the target; 0 is none")
+    peak: bool = option(False, note="limits are those of its brightest place; alone: of the whole target")
+    margin: float = option(0.3, low=0, high=10, note="that the design aims at, of each limit")
+    unit: str = option("", choices=("", "cd", "lx"), note="of the limits; empty is that of the target")
+
+    @property
+    def shape(self) -> tuple[str, Rows]:
+        """What it covers, with its corners; the whole target where it names nothing."""
+        shapes = ((name, getattr(self, name)) for name in ("points", "box", "line", "polygon"))
+        return next((shape for shape in shapes if shape[1]), ("whole", ()))
+
+
+@cache
+def regulated(name: str) -> tuple[tuple[str, Zone], ...]:
+    """Return the zones of a regulation, each with what its rows are called."""
+    table = regulation(name)
+    zones = (record(Zone, {"unit": table.unit} | row) for row in table.zone)
+    return tuple((f"{name} {zone.name}".rstrip(), zone) for zone in zones)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Target:
     """The light that is asked for, as the table [target].
 
@@ -233,7 +271,8 @@ class Target:
     """
 
     kind: str = option(
-        choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula"
+        choices=("image", "tophat", "function", "zones"),
+        note="a picture, a region of uniform light, a formula, or the smoothest light that keeps the zones",
     )
     image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
     formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
@@ -281,8 +320,16 @@ class Target:
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
     )
     crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
+    regulation: str = option("", choices=("", *REGULATIONS), note="its table, as zones before those below")
+    zone: tuple[Zone, ...] = option((), note="limits of the light at places; any number of them")
 
     data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
+
+    @property
+    def zones(self) -> tuple[tuple[str, Zone], ...]:
+        """The zones of the regulation and its own, each with what its rows are called."""
+        own = ((zone.name or f"zone {k}", zone) for k, zone in enumerate(self.zone))
+        return *(regulated(self.regulation) if self.regulation else ()), *own
 
     @property
     def placing(self) -> str:

@@ -194,7 +194,7 @@ class OpticalSystem(Prescribed):
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
         receiver = self.own.receiver or receiver_of(target, self.problem.optic.thickness)
-        return (LightTarget(target, receiver),)
+        return (LightTarget(target, receiver, self.passing if target.kind == "zones" else 1.0),)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:

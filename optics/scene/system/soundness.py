@@ -146,6 +146,11 @@ def advice(system: OpticalSystem) -> list[str]:
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
+    if problem.target.kind == "zones" and (missed := system.target.forbidden):
+        sentences.append(
+            f"the flux forbids what is asked: of the {system.passing:.4g} lm that pass all faces even the "
+            f"smoothest light misses {', '.join(missed)}; raise source.flux"
+        )
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
     thrown = CONIC_SLOPE * system.path(system.lens).lever
