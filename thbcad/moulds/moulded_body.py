@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
@@ -284,11 +283,3 @@ class MouldedBody:
                 f"the land at z = {self.inner.level:.9g} mm must lie outside of the {FACES[1 - small]}, "
                 f"which reaches z = {nearest:.9g} mm; raise lens.thickness or change lens.body.annulus"
             )
-
-
-Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as
-
-
-def lens_of(solid: Solid) -> Lens:
-    """Return the lens that is made as a solid."""
-    return solid if isinstance(solid, Lens) else solid.lens

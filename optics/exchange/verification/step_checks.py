@@ -58,7 +58,7 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
     backend : of double precision.
     """
     return [
-        *occt_checks(system.solid(lens), file, system.problem.verify),
+        *occt_checks(system.made(lens), file, system.problem.verify),
         *light_checks(system, lens, file.solid, file, backend),
     ]
 

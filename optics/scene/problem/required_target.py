@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, isinf, pi
 
 from optics.base.runtime import UserError
-from optics.scene.problem.schema import Target
+from optics.scene.problem.schema import StopSpec, Target
 
 
 def require_target(target: Target) -> None:
@@ -24,6 +25,22 @@ def require_target(target: Target) -> None:
         )
     _require_place(target)
     _require_surface(target)
+
+
+def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:
+    """Refuse what keeps the light of a plate from being that of one lens, shifted.
+
+    Raises UserError : names the key.
+    """
+    if stops:
+        raise UserError(
+            "lens.array has no stops, which would stand beside one lens alone; leave out [[stop]]"
+        )
+    if not target.far_field and (target.curved or any(target.tilt) or target.position is not None):
+        raise UserError(
+            "lens.array shifts the light of one lens over a plane across the axis, or adds it in the far "
+            "field: leave out target.position, target.tilt and target.radius"
+        )
 
 
 def _require_place(target: Target) -> None:

@@ -17,7 +17,7 @@ from optics.scene.problem import Optic, Problem
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.elements import base_lens, surface_of
 from optics.scene.system.lens_material import Wavelength, wavelengths_of, with_material
-from optics.scene.system.made_bodies import bodies_of, made_of
+from optics.scene.system.made_bodies import bodies_of, made_of, whole_of
 from optics.scene.system.prescribed import Prescribed
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
@@ -202,13 +202,18 @@ class OpticalSystem(Prescribed):
         return stops_of(self.problem)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
+        """Return what one lens is made as: itself, or a body as `moulded`, which also raises."""
         return made_of(self.problem.optic, lens)
 
+    def made(self, lens: Lens) -> Solid:
+        """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""
+        return whole_of(self.problem.optic, lens)
+
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
+        """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
-        return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
+        made = self.made(lens)
+        return metrics if made is lens else replace(metrics, volume=made.volume())
 
     @property
     def source(self) -> LightSource:

@@ -52,12 +52,13 @@ def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP24
 
 
 def part_of(solid: Solid) -> Part:
-    """Return a lens or its body as a Part."""
+    """Return a lens, its body or a plate as a Part."""
     if isinstance(solid, Lens):
         return lens_part(solid)
-    from thbcad.cad.shapes import moulded_part  # plain lenses need none of its roundings
+    from thbcad.cad.shapes import moulded_part, plate_part  # plain lenses need none of their walls
+    from thbcad.moulds import Plate
 
-    return moulded_part(solid)
+    return plate_part(solid) if isinstance(solid, Plate) else moulded_part(solid)
 
 
 def product_of(solid: Solid, product: Product | None) -> Product:
