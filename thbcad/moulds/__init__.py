@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from .body_walls import BodyOptions
     from .drafted_walls import DraftedWall, Foot
     from .inserts import FACES, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
-    from .moulded_body import MouldedBody
-    from .plates import Plate, Solid, lens_of, named_on_plate
+    from .moulded_body import MouldedBody, Solid
+    from .plates import Made, Plate, lens_of, named_on_plate
     from .rounded_edges import rounded_off
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

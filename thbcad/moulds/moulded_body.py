@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -283,3 +284,6 @@ class MouldedBody:
                 f"the land at z = {self.inner.level:.9g} mm must lie outside of the {FACES[1 - small]}, "
                 f"which reaches z = {nearest:.9g} mm; raise lens.thickness or change lens.body.annulus"
             )
+
+
+Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 from typing import TypeAlias
 
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.lens import Flange, Lens, edge_names, flanged_volume, require_sound, rim_gap
-from thbcad.moulds.moulded_body import MouldedBody
+from thbcad.lens import Flange, Lens, edge_names, flanged_volume, require_sound, rim_gap, walls_of
+from thbcad.moulds.moulded_body import Solid
 from thbcad.outlines import LEAST_SIZE, Outline
 
 BESIDE = 0.25  # of the room between the rims: what the land leaves to the walls on either side
@@ -26,14 +27,13 @@ class Plate:
     """Like lenses on one plate, proven apart.
 
     lens : the first of them, in its own frame, which is that of the plate.
-    places : (n, 2), mm, of the axes of all lenses, the first at (0, 0).
-    outline : of the land, round the middle of all lenses.
+    counts, pitch : of all lenses, and mm between their axes, in x and y.
     low, high : z of the planes of the land, mm.
     """
 
     lens: Lens
-    places: Floats
-    outline: Outline
+    counts: tuple[int, int]
+    pitch: tuple[float, float]
     low: float
     high: float
 
@@ -60,11 +60,20 @@ class Plate:
                 f"the land needs room between the rims: the front's reaches up to z = {top:.6g} mm, the "
                 f"rear's down to {bottom:.6g} mm; make the lens thicker by more than {top - bottom:.6g} mm"
             )
-        x, y = (step * (np.arange(n) - (n - 1) // 2) for n, step in zip(counts, pitch))
+        return cls(lens, counts, pitch, top + beside, bottom - beside)
+
+    @cached_property
+    def places(self) -> Floats:
+        """The axes of all lenses, (n, 2), mm; the first at (0, 0), the others by their distance from it."""
+        x, y = (step * (np.arange(n) - (n - 1) // 2) for n, step in zip(self.counts, self.pitch))
         places = np.array([(a, b) for b in y for a in x])
-        order = np.argsort(np.hypot(*places.T), kind="stable")
-        outline = Outline((counts[0] * pitch[0] / 2, counts[1] * pitch[1] / 2))
-        return cls(lens, places[order], outline, top + beside, bottom - beside)
+        return np.asarray(places[np.argsort(np.hypot(*places.T), kind="stable")])
+
+    @property
+    def outline(self) -> Outline:
+        """The outline of the land, round `middle`."""
+        (columns, rows), (x, y) = self.counts, self.pitch
+        return Outline((columns * x / 2, rows * y / 2))
 
     @property
     def index(self) -> float:
@@ -79,8 +88,8 @@ class Plate:
     @property
     def middle(self) -> tuple[float, float]:
         """The middle of all lenses, mm."""
-        x, y = (self.places.min(axis=0) + self.places.max(axis=0)) / 2
-        return float(x), float(y)
+        x, y = (step * ((n - 1) / 2 - (n - 1) // 2) for n, step in zip(self.counts, self.pitch))
+        return x, y
 
     @property
     def rounded(self) -> tuple[int, ...]:
@@ -96,14 +105,15 @@ class Plate:
         """Return the volume, mm^3: that of every lens without what lies in the land, and the land."""
         flange = Flange(1.0, self.low, self.high)
         depth = self.high - self.low
-        outside = flanged_volume(self.lens, flange) - depth * flange.around(self.lens.rear.outline).area
+        around = flange.around(walls_of(self.lens, None)).area
+        outside = flanged_volume(self.lens, flange) - depth * around
         return len(self.places) * outside + depth * prod(2 * h for h in self.outline.half_width)
 
 
-Solid: TypeAlias = Lens | MouldedBody | Plate  # what a lens is made as
+Made: TypeAlias = Solid | Plate  # the solid of a file
 
 
-def lens_of(solid: Solid) -> Lens:
+def lens_of(solid: Made) -> Lens:
     """Return the lens that is made as a solid, the first of a plate."""
     return solid if isinstance(solid, Lens) else solid.lens
 

@@ -34,7 +34,7 @@ from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
@@ -66,7 +66,7 @@ def other_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Ch
     return [replace(check, name=f"{part.name}: {check.name}") for check in checks]
 
 
-def _own_checks(file: StepFile, made: Solid) -> list[Check]:
+def _own_checks(file: StepFile, made: Made) -> list[Check]:
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0]]
 
 
@@ -82,7 +82,7 @@ def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[Rays
     return partial(occt_through, file.solid.shape, optical, crossed=crossed)
 
 
-def text_checks(solid: Brep, made: Solid) -> list[Check]:
+def text_checks(solid: Brep, made: Made) -> list[Check]:
     """Return the Checks of the text of a STEP file against a lens or its body in memory."""
     pair, optical = optical_forms(lens_of(made)), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]

@@ -20,7 +20,7 @@ from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.moulds import Plate, Solid
+    from thbcad.moulds import Made, Plate
 
 
 @dataclass(frozen=True)
@@ -120,24 +120,24 @@ MISCOUNTED = "optical faces where a lens has 2, front and rear"
 COUNTS = {4: "four", 6: "six", 8: "eight", 10: "ten"}
 
 
-def faces_besides(made: Solid, found: int) -> tuple[str, int]:
+def faces_besides(made: Made, found: int) -> tuple[str, int]:
     """Return what is counted, in words, and how many faces a solid has besides those of a lens, which are
     front, rear and one for every edge, or of its body."""
     expected = 2 + len(edge_names(made)) if isinstance(made, Lens) else made.face_count
     return f"faces besides the {COUNTS.get(expected, expected)} expected", abs(found - expected)
 
 
-def has_closed_form(made: Solid) -> bool:
+def has_closed_form(made: Made) -> bool:
     """Return whether a closed form says the volume: not of a body with rounded edges."""
     return isinstance(made, Lens) or not made.rounded
 
 
-def text_volume_check(solid: Brep, made: Solid) -> Check:
+def text_volume_check(solid: Brep, made: Made) -> Check:
     """Return the Check of the volume by quadrature over the text against a lens or its body in memory."""
     return volume_check(solid, made.volume(), EXACT_VOLUME if isinstance(made, Lens) else FITTED_VOLUME)
 
 
-def text_solid_checks(solid: Brep, made: Solid) -> list[Check]:
+def text_solid_checks(solid: Brep, made: Made) -> list[Check]:
     """Return the Checks of what the text says of a whole solid: its volume, and the lenses of a plate."""
     volumes = [text_volume_check(solid, made)] if has_closed_form(made) else []
     if isinstance(made, Lens):

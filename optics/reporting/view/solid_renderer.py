@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt, grey_closing
 
 from thbcad.checks import Floats, Integers
 from thbcad.lens import SIDES, FreeformSurface, Lens
-from thbcad.moulds import MouldedBody, Plate, Solid, lens_of
+from thbcad.moulds import Made, MouldedBody, Plate, lens_of
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
@@ -79,7 +79,7 @@ def oblique(turn: float, rise: float) -> Floats:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def solid_faces(solid: Solid, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
+def solid_faces(solid: Made, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
     """Return the faces, front and rear first, and by name how many times steeper their relief is.
 
     The edge of a lens that is no rectangle is one face; so is each wall of a body, whose edges are sharp.

@@ -17,7 +17,7 @@ from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 if TYPE_CHECKING:
-    from thbcad.moulds import MouldedBody, Plate, Solid
+    from thbcad.moulds import Made, MouldedBody, Plate, Solid
 
 SCREEN = 1e-3  # of its half-width: the thickness of a screen
 
@@ -54,7 +54,7 @@ def made_of(optic: Optic, lens: Lens) -> Solid:
     return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
 
 
-def whole_of(optic: Optic, lens: Lens) -> Solid:
+def whole_of(optic: Optic, lens: Lens) -> Made:
     """Return the solid of an element's file: its plate, or as `made_of`.
 
     Raises UserError : there is no such plate, or no such body.

@@ -15,7 +15,7 @@ from thbcad.lens import Lens, Product, manufacturability
 from thbcad.poses import Pose
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class MadePart:
     """
 
     name: str
-    made: Solid
+    made: Made
     product: Product
     pose: Pose
 

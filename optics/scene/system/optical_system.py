@@ -28,7 +28,7 @@ from thbcad.outlines import Outline
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made, Solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,7 @@ class OpticalSystem(Prescribed):
         """Return what one lens is made as: itself, or a body as `moulded`, which also raises."""
         return made_of(self.problem.optic, lens)
 
-    def made(self, lens: Lens) -> Solid:
+    def made(self, lens: Lens) -> Made:
         """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""
         return whole_of(self.problem.optic, lens)
 

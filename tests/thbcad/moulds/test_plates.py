@@ -22,9 +22,10 @@ def test_a_plate_of_blocks_has_the_volume_of_blocks_and_of_the_land_between_them
     assert plate.volume() == pytest.approx(6 * 80.0 * 4.0 + 2.0 * land, rel=1e-14)
 
 
-def test_slanted_edges_leave_the_land_what_a_frustum_does_not_fill():
-    narrow = Lens(FreeformSurface((4.0, 3.0)), FLAT, 4.0, 1.5)
-    plate = Plate.of(narrow, (2, 1), (11.0, 9.0))
+@pytest.mark.parametrize("turned", [False, True])
+def test_slanted_edges_leave_the_land_what_a_frustum_does_not_fill(turned):
+    sides = FreeformSurface((4.0, 3.0)), FLAT
+    plate = Plate.of(Lens(*sides[:: 1 - 2 * turned], 4.0, 1.5), (2, 1), (11.0, 9.0))
     area = np.polynomial.Polynomial([8.0, 0.5]) * np.polynomial.Polynomial([6.0, 0.5])  # at z
     inside = area.integ()(3.0) - area.integ()(1.0)
     assert plate.volume() == pytest.approx(2 * (area.integ()(4.0) - inside) + 2.0 * 22.0 * 9.0, rel=1e-13)
