@@ -90,8 +90,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
-    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
-    error does to rel_l2.
+    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what
+    the estimate's own error does to rel_l2.
     """
     system = system.with_all_sources
     screen, path = system.target.screen(), system.shaded_path(lens)

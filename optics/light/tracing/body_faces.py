@@ -280,7 +280,8 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
     land = [*(PartOfPlane(backend, plane, between) for plane in (below, above)), *sides]
     heights = np.concatenate([g.coefficients.ravel() + z for g, z in zip(lens.graphs(), (0, lens.thickness))])
     half, more = np.max([lens.front.half_width, lens.rear.half_width], axis=0), 1e-6 * size
-    box = np.array([[*-half, heights.min()], [*half, heights.max()]]) + [[-more], [more]]
+    box = np.array([[*-half, heights.min()], [*half, heights.max()]])
+    box += [[-more], [more]]
     ends = np.array([*flat.half_width, plate.high - plate.low])
     wide = np.array([ends * (-1, -1, 0) - more, ends + more])
     return [
@@ -290,7 +291,10 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
 
 
 def _between_lenses(backend: Backend, plate: Plate, slanted: Sequence[GraphFace]) -> Callable[[Jet], DrArray]:
-    """Return the mask of points of the land, in its own frame, that no lens fills.  slanted : walls of one."""
+    """Return the mask of points of the land, in its own frame, that no lens fills.
+
+    slanted : walls of one.
+    """
     dr = backend.dr
     opaque = partial(dr.opaque, backend.Float)
     lens, level = plate.lens, opaque(plate.low)

@@ -76,7 +76,8 @@ class Branches:
 class Meetings:
     """What branches meet next, (m,) or (3, m).
 
-    face : FRONT, REAR, EDGE, NEIGHBOUR, NEVER where they leave, or UNDECIDED.  absorbed : (m,), at a rounded edge.
+    face : FRONT, REAR, EDGE, NEIGHBOUR, NEVER where they leave, or UNDECIDED.
+    absorbed : (m,), at a rounded edge.
     """
 
     face: NDArray[np.int8]
@@ -153,8 +154,8 @@ class ClosedLens:
         return DeviceRays((ox, oy, oz), (dx, dy, dz), inside=backend.array(branches.inside) > 0)
 
     def _first(self, rays: DeviceRays, faces: Iterable[Face]) -> tuple[DrArray, ...]:
-        """Return the path to what rays meet first of front, rear and edges, the normal there, which of them it
-        is, and from where on that is in doubt."""
+        """Return the path to what rays meet first of front, rear and edges, the normal there, which of them
+        it is, and from where on that is in doubt."""
         backend, dr = self._backend, self._backend.dr
         path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
         face, doubt = backend.Float(NEVER), backend.Float(dr.inf)

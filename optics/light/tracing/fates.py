@@ -217,8 +217,8 @@ class Fates:
 
     @property
     def by_name(self) -> dict[str, float]:
-        """The flux by the name of its fate; what is absorbed or blocked, or a neighbour's, only where there is
-        some."""
+        """The flux by the name of its fate; what is absorbed or blocked, or a neighbour's, only where there
+        is some."""
         rare = {field.name for field in fields(self) if field.default == 0.0}
         return {name: f for name, f in asdict(self).items() if f or name not in rare}
 

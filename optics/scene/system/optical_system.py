@@ -318,7 +318,7 @@ class OpticalSystem(Prescribed):
             return self
         if self.own.source is not None:
             raise UserError(
-                "lens.array repeats the source of a problem, and this one is of a script; take one lens"
+                "lens.array repeats the source of the problem, and this one is a script's; leave it out"
             )
         return self.elsewhere(replace(self.problem, source=replace(source, flux=array.count * source.flux)))
 
