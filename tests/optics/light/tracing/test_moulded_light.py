@@ -125,7 +125,7 @@ def test_rounded_edges_absorb_what_meets_them_from_within(backend, tmp_path):
     assert compared(backend, body, rays, tmp_path / "s.step", ("radius",)).fates.blocked > 1
 
 
-PLATES = {"upright": (10.0, 10.0, 20.7), "slanted": (7.0, 10.0, 20.7), "larger front": (10.0, 6.0, 22.0)}
+PLATES = {"upright": (10.0, 10.0, 20.7), "slanted": (7.0, 10.0, 20.7), "larger front": (9.0, 6.5, 19.0)}
 
 
 @pytest.mark.every(2)
