@@ -149,7 +149,7 @@ def text_solid_checks(solid: Brep, made: Made) -> list[Check]:
 
 def _like_lenses_check(solid: Brep, plate: Plate) -> Check:
     """Return the Check of the fronts and rears of a plate: each the first one's numbers, plus its place."""
-    from thbcad.moulds import FACES, named_on_plate
+    from thbcad.moulds import FACES, named_on_plate  # as above
 
     faces, off = {face.name: face for face in solid.faces}, 0
     for number, (x, y) in enumerate(plate.places.tolist()):

@@ -282,8 +282,8 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
     half, more = np.max([lens.front.half_width, lens.rear.half_width], axis=0), 1e-6 * size
     box = np.array([[*-half, heights.min()], [*half, heights.max()]])
     box += [[-more], [more]]
-    ends = np.array([*flat.half_width, plate.high - plate.low])
-    wide = np.array([ends * (-1, -1, 0) - more, ends + more])
+    top = np.array([*flat.half_width, plate.high - plate.low])
+    wide = np.array([top * (-1, -1, 0) - more, top + more])
     return [
         *(PlateFaces(faces, np.array([x, y, 0.0]), box) for x, y in plate.places),
         PlateFaces(land, np.array([mx, my, plate.low]), wide),

@@ -108,11 +108,12 @@ class ClosedLens:
             raise ValueError("non-sequential tracing needs a backend in double precision")
         self._backend = backend
         self._plate = plate_faces(backend, solid) if isinstance(solid, Plate) else []
+        self._faces: Sequence[Face] = ()
         if isinstance(solid, MouldedBody):
-            self._faces, self._rounded = body_faces(backend, solid), solid if solid.rounded else None
-        else:
-            self._faces = [] if isinstance(solid, Plate) else lens_faces(backend, solid)
-            self._rounded = None
+            self._faces = body_faces(backend, solid)
+        elif not isinstance(solid, Plate):
+            self._faces = lens_faces(backend, solid)
+        self._rounded = solid if isinstance(solid, MouldedBody) and solid.rounded else None
         self._coats = coats
         self._index = backend.dr.opaque(backend.Float, solid.index)
 

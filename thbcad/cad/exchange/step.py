@@ -56,7 +56,7 @@ def part_of(solid: Made) -> Part:
     if isinstance(solid, Lens):
         return lens_part(solid)
     from thbcad.cad.shapes import moulded_part, plate_part  # plain lenses need none of their walls
-    from thbcad.moulds import Plate
+    from thbcad.moulds import Plate  # nor of its proofs
 
     return plate_part(solid) if isinstance(solid, Plate) else moulded_part(solid)
 
