@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optics.base.runtime import UserError
 from optics.light.analysis import crosstalk, measure
 from optics.light.outgoing import outgoing_intensity, outgoing_rays
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from optics.tolerancing.perturbations import PerturbedLight
 from tests.optics.cases import write_problem
 
 PLATE = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 25.0, "lens.thickness": 8.0}
@@ -67,3 +69,10 @@ def test_the_intensity_for_other_programs_is_that_of_all_sources(pair, backend):
     plate, one = (outgoing_intensity(system, system.lens, backend, 4096, 10.0) for system in pair(FAR))
     assert plate.flux == pytest.approx(2 * one.flux, rel=TWICE)
     assert plate.luminaire.opening.size == (50.0, 25.0)
+
+
+def test_tolerances_of_a_plate_are_refused_where_its_light_is_a_sum(pair, backend):
+    near, far = (pair(keys)[0] for keys in (NEAR, FAR))
+    assert PerturbedLight(far, far.lens, backend).screen == far.target.screen()
+    with pytest.raises(UserError, match=r"leave out lens\.array, or take the far field"):
+        PerturbedLight(near, near.lens, backend)
