@@ -126,10 +126,10 @@ def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
     """Return what is printed of `crosstalk`; nothing of a lens alone."""
     if "crosstalk" not in metrics:
         return []
+    share, error = (100 * metrics[name] for name in ("crosstalk", "crosstalk_error"))
     return [
-        f"crosstalk {metrics['crosstalk']:.2%} +- {metrics['crosstalk_error']:.1g}: light of the source in "
-        "the middle that leaves by neighbours' fronts and rears; by walls and land "
-        f"{metrics['by_plate_edges']:.2%}"
+        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that leaves by "
+        f"neighbours' fronts and rears; by walls and land {metrics['by_plate_edges']:.2%}"
     ]
 
 

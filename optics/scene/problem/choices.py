@@ -16,7 +16,7 @@ CANNOT = {
     **dict.fromkeys(("lense", "reflector", "prism"), _KINDS),
     "coating": _BARE,
     **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
-    "array": "there is one lens before one source",
+    "source.array": "there is one lens before one source, which lens.array repeats",
     "grin": "the index is the same everywhere in the lens",
     **dict.fromkeys(
         ("lens.position", "lens.tilt"),

@@ -207,6 +207,10 @@ def _require_array(lens: Optic) -> None:
             raise UserError(
                 f"{key} joins rectangular lenses with their own walls: leave out {lens.key(name)}, or it"
             )
+    if lens.coats != (None, None):
+        raise UserError(
+            f"{key} is followed through bare glass alone: leave out the reflectance of front and rear"
+        )
     if any(lens.clear_aperture):
         raise UserError(f"{key} has no holder round each lens: leave out {lens.key('clear_aperture')}")
 

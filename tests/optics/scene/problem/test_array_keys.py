@@ -29,6 +29,7 @@ def test_a_pitch_is_one_number_or_two_and_a_problem_without_a_plate_has_none(tmp
         ({"lens.array.pitch": [25.0, 25.0, 1.0]}, "lens.array.pitch must be one number, or those of x and y"),
         ({"lens.outline": "round"}, "leave out lens.outline, or it"),
         ({"lens.body.draft": 2.0}, "leave out lens.body, or it"),
+        ({"lens.rear.reflectance": 0.01}, "leave out the reflectance of front and rear"),
         ({"lens.clear_aperture": [8.0, 8.0]}, "leave out lens.clear_aperture"),
         (
             {"stop": [{"shape": "rectangle", "half_width": [3.0, 3.0], "position": [0, 0, -2.0]}]},
