@@ -141,9 +141,10 @@ def expected(
 
 
 def _refusal(system: OpticalSystem, lens: Lens) -> str:
-    """Return the sentence by which the body of a lens is refused, by its proofs or where OCCT fails at its
+    """Return the sentence by which body or plate of a lens are refused, by proofs or where OCCT fails at
     roundings, or "".  Of 34 random bodies it told of the start what became of the design for 32."""
     try:
+        system.made(lens)
         solid = system.solid(lens)
         if not isinstance(solid, Lens) and solid.rounded:
             from thbcad.cad.shapes import moulded_part  # loads OpenCASCADE, which other checks do not need

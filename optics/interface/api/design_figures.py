@@ -48,7 +48,7 @@ class DesignFigures:
         self._lens = self.process.ask(
             "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others
         )
-        solid = system.solid(lens)
+        solid = system.made(lens)
         self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
 
     def draw_light(

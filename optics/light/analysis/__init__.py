@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     )
     from optics.light.analysis.lens_trace import (
         conservation,
+        crosstalk,
+        crosstalk_line,
         fans,
         nonsequential,
         plane_behind,

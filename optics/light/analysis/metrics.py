@@ -21,7 +21,12 @@ from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import cell_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
-from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
+from optics.light.analysis.light_of_wavelengths import (
+    SpectralLight,
+    colour_metrics,
+    light_of_plate,
+    spectral_light,
+)
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
 from optics.light.tracing import SequentialFates
@@ -84,12 +89,14 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Light by non-sequential paths is part of it where it is not negligible, and
-    `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
-    error does to rel_l2.
+    The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
+    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what
+    the estimate's own error does to rel_l2.
     """
+    system = system.with_all_sources
     screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
-    spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
+    estimate = ESTIMATES[estimator]
+    spectral = light_of_plate(system, path, lambda p: spectral_light(system, p, screen, backend, estimate))
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
     beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.flux
@@ -132,13 +139,17 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         }
     sharp = colour = None
     if estimator == "beams":
-        clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
+        clear = light_of_plate(
+            system, path, lambda p: spectral_light(system.sharp, p, screen, backend, _by_cells)
+        )
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
     if spectral.colour is not None:
         colour = spectral.colour / shown
-        one, _ = ESTIMATES[estimator](system, path, screen, backend)
-        metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
+        one = light_of_plate(
+            system, path, lambda p: SpectralLight(*estimate(system, p, screen, backend), None)
+        )
+        metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
 

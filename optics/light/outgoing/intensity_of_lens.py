@@ -20,6 +20,7 @@ from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.moulds import Plate
 
 REPLICATES = 8  # independent ones, whose spread is the noise
 RAYS_AT_ONCE = 1 << 17  # only memory: every ray has some branches
@@ -48,16 +49,19 @@ def outgoing_intensity(
 ) -> OutgoingIntensity:
     """Return the intensity of the light behind a lens, by inner reflections and edges too.
 
+    That of a plate is as many times that of the source in its middle.
+
     backend : of double precision.  count : of rays, about.
     step : of gamma, degrees, which divides 180; that of C is twice as large.
     """
+    system = system.with_all_sources
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     side = isqrt(max(1, count // REPLICATES) - 1) + 1
     plane = TargetArea.of(
         system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
     )
-    solid, total, flux = system.solid(lens), [], 0.0
+    solid, total, flux = system.made(lens), [], 0.0
     for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
         nodes = np.zeros((grid.turns, grid.tilts + 1))
         for part in parts:
@@ -73,7 +77,7 @@ def outgoing_intensity(
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES
         total.append(nodes)
-    hx, hy = lens.rear.half_width
+    hx, hy = solid.outline.half_width if isinstance(solid, Plate) else lens.rear.half_width
     luminaire = grid.luminaire(np.mean(total, axis=0), Opening((2 * hx, 2 * hy)))
     error = grid.intensity(np.std(total, axis=0, ddof=1) / np.sqrt(REPLICATES))
     each = np.stack([grid.intensity(nodes) for nodes in total])

@@ -23,7 +23,7 @@ from optics.scene.problem.required_optics import (
     require_rows,
     require_stops,
 )
-from optics.scene.problem.required_target import require_target
+from optics.scene.problem.required_target import require_like_light, require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, OneSource, Source, StopSpec, Target
 from optics.scene.problem.toml_records import checked_values, option, problem_to_toml, record
@@ -231,6 +231,10 @@ def _require_partners(problem: Problem) -> None:
     for each in problem.optics:
         require_optic(each, each is optic)
     require_stops(problem.stop)
+    if optic.array is not None:
+        require_like_light(problem.target, problem.stop)
+        if problem.source.others:
+            raise UserError("lens.array repeats one source, or its source.array; leave the others out")
     merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(

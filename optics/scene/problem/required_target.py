@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, isinf, pi
 
 from optics.base.runtime import UserError
-from optics.scene.problem.schema import Target, Zone
+from optics.scene.problem.schema import StopSpec, Target, Zone
 
 LEAST_CORNERS = {"points": 1, "box": 2, "line": 2, "polygon": 3, "whole": 0}
 
@@ -30,6 +31,22 @@ def require_target(target: Target) -> None:
         raise UserError('target.kind = "zones" needs a [[target.zone]] or target.regulation; add one')
     for name, zone in target.zones:
         _require_zone(name, zone, target)
+
+
+def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:
+    """Refuse what keeps the light of a plate from being that of one lens, shifted.
+
+    Raises UserError : names the key.
+    """
+    if stops:
+        raise UserError(
+            "lens.array has no stops, which would stand beside one lens alone; leave out [[stop]]"
+        )
+    if not target.far_field and (target.curved or any(target.tilt) or target.position is not None):
+        raise UserError(
+            "lens.array shifts the light of one lens over a plane across the axis, or adds it in the far "
+            "field: leave out target.position, target.tilt and target.radius"
+        )
 
 
 def _require_place(target: Target) -> None:

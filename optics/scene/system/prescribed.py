@@ -100,7 +100,7 @@ class Prescribed:
     @property
     def passing(self) -> float:
         """The flux of the source that faces and mirrors pass on at normal incidence."""
-        flux, media = self.problem.source.flux, self.media_at(self.problem.source.wavelength)
+        flux, media = self.problem.flux, self.media_at(self.problem.source.wavelength)
         for face, (before, behind) in zip(self.problem.faces_met, pairwise(media)):
             index = behind.index / before.index
             bare = 1.0 if face.reflects else 1 - ((index - 1) / (index + 1)) ** 2
