@@ -9,7 +9,6 @@ _KINDS = (
     "an element is a lens or a mirror: [[element]] says where it lies, [[path]] how light goes through it"
 )
 _BARE = "a coating is a share of the light at any angle: lens.front.reflectance and lens.rear.reflectance"
-_ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
 # by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
 # the program learns leaves this table, as a test of it says
 CANNOT = {
@@ -20,7 +19,6 @@ CANNOT = {
         ("lens.position", "lens.tilt"),
         "[lens] lies on the axis, with its front vertex at z = 0: take [[element]]",
     ),
-    "source.position": _ALONG_Z,
     "run.device": "light is traced on the processor",
 }
 

@@ -77,12 +77,11 @@ class OneSource:
     True
     """
 
-    name: str = option("", note="another of each, where there are several")
-
     kind: str = option(
         choices=tuple(SOURCES),
         note="parallel rays along +z, a Lambertian emitter, a point, rays or a luminaire of a file",
     )
+    name: str = option("", note="another of each, where there are several")
     half_width: tuple[float, float] = option(
         (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
     )

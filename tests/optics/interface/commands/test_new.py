@@ -21,6 +21,7 @@ def keys(record, prefix=""):
             "element",
             "path",
             "zone",
+            "others",
         ):
             continue
         found += keys(value, f"{prefix}{f.name}.") if is_dataclass(value) else [prefix + f.name]

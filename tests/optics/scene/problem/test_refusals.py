@@ -307,8 +307,8 @@ def test_a_value_in_the_place_of_a_table_is_refused(tmp_path):
 
 
 def test_an_array_of_tables_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"source must be a table"):
-        load_text(tmp_path, toml_text(SMALL).replace("[source]", "[[source]]"))
+    with pytest.raises(UserError, match=r"target must be a table"):
+        load_text(tmp_path, toml_text(SMALL).replace("[target]", "[[target]]"))
 
 
 def test_a_picture_name_with_a_zero_byte_is_refused(tmp_path):
@@ -374,7 +374,6 @@ def test_the_readme_lists_what_the_program_cannot_do():
     ("key", "value", "words"),
     [
         ("prism", [{"kind": "mirror"}], "an element is a lens or a mirror"),
-        ("source.array", {"columns": 3}, "there is one lens before one source"),
         ("lens.kind", "prism", "an element is a lens or a mirror"),
         ("source.kind", "prism", "an element is a lens or a mirror"),
     ],
@@ -386,15 +385,13 @@ def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tm
 
 
 def test_a_dead_end_of_the_command_line_says_so_too():
-    with pytest.raises(UserError, match=r"unknown key source\.array; thbcad cannot do that: there is one"):
-        assignment("source.array=[1, 2, 3]", Problem)
     with pytest.raises(
         UserError, match=r"unknown key lens\.kind; thbcad cannot do that: an element is a lens or a mirror"
     ):
         assignment("lens.kind=prism", Problem)
 
 
-@pytest.mark.parametrize("table", ["source", "target", "lens.rear"])
+@pytest.mark.parametrize("table", ["target", "lens.rear"])
 def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table):
     text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
     with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
