@@ -96,6 +96,7 @@ QUICK = \
 	tests/optics/scene/system/test_lenses_of_elements.py \
 	tests/optics/light/measuring/test_splat.py \
 	tests/optics/light/refraction \
+	tests/optics/light/roads \
 	tests/optics/tolerancing/machining \
 	tests/optics/scene/paths/test_light_path.py \
 	tests/optics/light/tracing/test_sequential.py \

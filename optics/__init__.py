@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         StopSpec as StopSpec,
         Target as Target,
         Verify as Verify,
+        Zone as Zone,
         load_problem as load_problem,
     )
     from .tolerancing.machining import ToolOrder as ToolOrder

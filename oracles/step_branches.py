@@ -3,6 +3,8 @@ through front and rear alone."""
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
@@ -14,7 +16,9 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from optics.light.tracing import FATES
 from thbcad.cad.exchange import read_step
 
-PREFIX = {"front": "front_", "rear": ""}  # of fates, by the face that light left last; else "edges_"
+# of fates, by the face that light left last; else "edges_"
+PREFIX = {"front": "front_", "rear": "", "neighbour": "neighbours_"}
+OTHER_LENS = re.compile(r"^(front|rear) \d+$")  # of a plate
 LEAVES, FARTHEST = 1e-6, 1e9  # mm along a ray: it leaves its own face, and so far others are looked for
 NEWTON = 3  # steps after OCCT's search, which meets splines within 1e-9 mm
 
@@ -24,7 +28,7 @@ class FileFaces:
 
     def __init__(self, path):
         solid = read_step(path)
-        self._names = [name.split(" ")[0] for name in solid.face_names]
+        self._names = [OTHER_LENS.sub("neighbour", name).split(" ")[0] for name in solid.face_names]
         self._numbers, self._intersector = TopTools_IndexedMapOfShape(), IntCurvesFace_ShapeIntersector()
         TopExp.MapShapes_s(solid.shape, TopAbs_FACE, self._numbers)
         self._intersector.Load(solid.shape, 1e-7)
@@ -33,7 +37,7 @@ class FileFaces:
         """Return points and unit normals, (n, 3), where rays first meet a face, and its name's first word, ""
         for none."""
         points, normals = origins.copy(), np.full(origins.shape, [0.0, 0.0, 1.0])
-        names, search = np.full(len(origins), "", dtype="<U8"), self._intersector
+        names, search = np.full(len(origins), "", dtype="<U9"), self._intersector
         for k, (o, d) in enumerate(zip(origins, directions)):
             search.PerformNearest(gp_Lin(gp_Pnt(*o.tolist()), gp_Dir(*d.tolist())), LEAVES, FARTHEST)
             if search.NbPnt():
@@ -70,7 +74,7 @@ def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None
         np.add.at(by_ray, ([FATES.index(fate) for fate in fates], ray), flux)
 
     o, d, flux, ray = rays.origin.T, rays.direction.T, rays.flux, np.arange(len(rays.flux))
-    inside, left = np.zeros(len(ray), dtype=bool), np.full(len(ray), "none", dtype="<U8")
+    inside, left = np.zeros(len(ray), dtype=bool), np.full(len(ray), "none", dtype="<U9")
     for _ in range(65):
         point, normal, met = faces.meet(o, d)
         gone = met == ""

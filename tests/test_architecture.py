@@ -33,7 +33,7 @@ WINGS = {
         "limits paths",
         "system",
     ],
-    "light": ["intersections measuring refraction", "tracing", "blur", "analysis engines", "outgoing"],
+    "light": ["intersections measuring refraction roads", "tracing", "blur", "analysis engines", "outgoing"],
     "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
     "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],

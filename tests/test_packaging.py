@@ -34,6 +34,7 @@ ARGUMENTS = {
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
     "relight": ["result", "--source", "sun"],
+    "road": ["lamp.ies", "--class", "P4", "--height", "8", "--spacing", "30"],
     "tolerance": ["result"],
     "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
     "tool": ["result"],

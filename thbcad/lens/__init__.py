@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         require_aperture,
         require_clear,
         require_polygon,
+        rim_gap,
         rim_heights,
         walls_of,
     )

@@ -128,9 +128,7 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
         flange.
     """
     require_type("flange", flange, Flange)
-    require_type("lens", lens, Lens)
-    top = max(value_range(curve)[1].upper for curve in rim_heights(lens, 0, semi_axes))
-    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in rim_heights(lens, 1, semi_axes))
+    top, bottom = rim_gap(lens, semi_axes)
     if flange.low < top + LEAST_SIZE:
         raise ValueError(
             f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
@@ -141,6 +139,17 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
             f"flange high must lie below the rear's rim, which reaches down to z = {bottom:.9g} mm, got "
             f"{flange.high:.9g} mm"
         )
+
+
+def rim_gap(lens: Lens, semi_axes: tuple[float, float] | None = None) -> tuple[float, float]:
+    """Return up to which z the front's rim reaches, and down to which the rear's does, mm, certified.
+
+    Raises ValueError : no Lens; as `require_aperture`.
+    """
+    require_type("lens", lens, Lens)
+    top = max(value_range(curve)[1].upper for curve in rim_heights(lens, 0, semi_axes))
+    bottom = lens.thickness + min(value_range(curve)[0].lower for curve in rim_heights(lens, 1, semi_axes))
+    return top, bottom
 
 
 def rim_heights(lens: Lens, k: int, semi_axes: tuple[float, float] | None = None) -> list[BSplineSurface]:

@@ -1,4 +1,5 @@
-"""What moulds need of a lens: its size before the plastic shrinks, and the bodies that leave a mould."""
+"""What moulds need of a lens: its size before the plastic shrinks, and the bodies that leave a mould, of one
+lens or of several on a plate."""
 
 from typing import TYPE_CHECKING
 
@@ -8,7 +9,8 @@ if TYPE_CHECKING:
     from .body_walls import BodyOptions
     from .drafted_walls import DraftedWall, Foot
     from .inserts import FACES, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
-    from .moulded_body import MouldedBody, Solid, lens_of
+    from .moulded_body import MouldedBody, Solid
+    from .plates import Made, Plate, lens_of, named_on_plate
     from .rounded_edges import rounded_off
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

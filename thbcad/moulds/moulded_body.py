@@ -287,8 +287,3 @@ class MouldedBody:
 
 
 Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as
-
-
-def lens_of(solid: Solid) -> Lens:
-    """Return the lens that is made as a solid."""
-    return solid if isinstance(solid, Lens) else solid.lens

@@ -64,6 +64,7 @@ class Check:
         error = f" +- {self.error:.1g}" if self.error and self.result == "undecided" else ""
         digits = next((n for n in range(3, 17) if float(f"{self.value:.{n}g}") != self.limit), 3)
         shown = f"{self.value:.{3 if self.value == self.limit else digits}g}"
+        shown = f"{float(shown):.0f}" if 1e3 <= abs(self.value) < 1e6 else shown
         return f"{shown}{error} {self.unit}".rstrip()
 
 

@@ -81,14 +81,14 @@ class UniversalBound:
 
 def universal_bound(system: OpticalSystem) -> UniversalBound:
     """Return the UniversalBound of a problem with a Lambertian source and a known z_freedom."""
-    screen, source = system.target.screen(), system.problem.source
+    screen = system.target.screen()
     projection = screen.projection()
     picture = system.target.irradiance(screen, 1.0) / projection
     return UniversalBound(
         most=radiance(system) * pixel_etendue(system),
         picture=picture / picture.mean(),
         area=projection * screen.pixel_area,
-        flux=source.flux,
+        flux=system.problem.flux,
     )
 
 

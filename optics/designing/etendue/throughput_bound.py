@@ -73,7 +73,7 @@ def throughput(system: OpticalSystem) -> Throughput:
         front=fraction * etendue,
         target=aperture_etendue(system) if system.axial else None,
         radiance=radiance(system),
-        meets_front=fraction * problem.source.flux,
+        meets_front=fraction * problem.flux,
     )
 
 
@@ -86,7 +86,7 @@ def bounds_hold(system: OpticalSystem) -> bool:
 def radiance(system: OpticalSystem) -> float:
     """Return the greatest radiance of the source, W / (mm^2 sr); inf without extent."""
     etendue = system.source.etendue
-    return system.problem.source.flux * brightest(system.source.profile) / etendue if etendue else inf
+    return system.problem.flux * brightest(system.source.profile) / etendue if etendue else inf
 
 
 def brightest(profile: Profile) -> float:

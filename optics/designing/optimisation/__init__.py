@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     )
     from optics.designing.optimisation.loop import Listener, shape_lens, transmitted_flux
     from optics.designing.optimisation.objective import Objective
+    from optics.designing.optimisation.re_aim import ROUNDS, re_aimed
     from optics.designing.optimisation.stage_plan import MARGIN, Stage, last_level, stage_seconds, stages
     from optics.designing.optimisation.stage_search import Interrupted
     from optics.designing.optimisation.state import Row, State, earlier_state, first_sags

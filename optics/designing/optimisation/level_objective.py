@@ -20,6 +20,7 @@ from optics.designing.optimisation.indicators import (
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
+from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
@@ -102,7 +103,8 @@ def stage_objective(
     axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
-    return penalised_objective(system, lens, model, target, background)
+    zones = None if stage.aimed else ZoneLoss.of(system.target, model.screen)
+    return penalised_objective(system, lens, model, target, background, stage.far_sighted, zones)
 
 
 def background(
@@ -130,6 +132,8 @@ def penalised_objective(
     model: LightModel,
     target: NDArray[np.float64],
     background: NDArray[np.float64] | None = None,
+    far_sighted: bool = False,
+    zones: ZoneLoss | None = None,
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
     options, limits, parts = system.problem.optimizer, system.problem.limits, []
@@ -144,6 +148,8 @@ def penalised_objective(
         dark_flux_weight=options.dark_flux_weight,
         shape=shape_penalty(parts, options.roughness_weight),
         background=background,
+        far_sighted=far_sighted,
+        zones=zones,
     )
 
 
@@ -156,6 +162,8 @@ def marked_cells(
     if stage.level == last_level(problem):
         return [{}] * len(sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
+    if system.source.several:  # a map of one source does not tell where their light needs detail
+        alpha = 0.0
     for surface, sag, finest, indicator in zip(
         system.free_surfaces(lens), sags, feature_levels(problem), indicators(lens, stage)
     ):

@@ -66,15 +66,15 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     """
     optic, units = system.problem.optic, system.units
     which = f"unoptimised {optic.noun}" if lens is None else optic.noun
-    lens, target, source = lens or system.lens, system.target, system.problem.source
+    lens, target, flux = lens or system.lens, system.target, system.problem.flux
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
     path = system.path(lens)
     tracer = Tracer(backend, path if optimizer.fresnel else path.without_reflection(), rays)
     _, landing = tracer.trace()
     fates = tracer.fates(landing, target.settings.half_width)
-    if fates.transmitted < 1e-3 * source.flux:
+    if fates.transmitted < 1e-3 * flux:
         raise UserError(
-            f"only {fates.transmitted:.3g} {units.flux} of {source.flux:.3g} {units.flux} pass the {which}: "
+            f"only {fates.transmitted:.3g} {units.flux} of {flux:.3g} {units.flux} pass the {which}: "
             f"{', '.join(loss_notes({units.key('fates'): fates.by_name}, units)) or 'much is reflected'}; "
             + ("change the lens prescription" if system.problem.lens else f"move {optic.table}, or change it")
         )

@@ -8,6 +8,16 @@ background that no coefficient changes: light that other ways through the lens b
 for.  The second term is a penalty on light beside the target: d_k is the distance of landing point k from the
 target rectangle, r the target's larger half-width.  The third is one on light that misses the pixels where
 T > 0, wherever it is lost.  The last is `ShapePenalty`.
+
+A far-sighted objective takes (D, W D) in place of ||D||^2 for the difference D = E + B - T, with
+
+    W = (epsilon - Laplace)^-1,
+
+the norm of H^-1, to which the Wasserstein distance tends as E nears T: light that is missing somewhere
+attracts light from afar, and ripples of few pixels count little.  Pixels are the unit of length.
+
+Source: R. Peyre, Comparison between W2 distance and H^-1 norm, and localization of Wasserstein distance,
+ESAIM: COCV 24 (2018).
 """
 
 from __future__ import annotations
@@ -18,7 +28,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dctn, idctn
 
+from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import ShapePenalty
 from optics.light.engines import Light, LightModel
 from thbcad.splines import KnotVector
@@ -28,11 +40,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The loss, its gradients by each sag's coefficients, and fit = ||E + B - T|| / ||T||."""
+    """The loss, its gradients by each sag's coefficients, fit = ||E + B - T|| / ||T||, and what zones add."""
 
     loss: float
     gradients: list[Floats]
     fit: float
+    zones: float = 0.0
 
 
 class Objective:
@@ -42,6 +55,8 @@ class Objective:
 
     model : of the light.
     target, background : irradiance on the screen's pixels without margin, W/mm^2.
+    far_sighted : it takes the norm of H^-1.
+    zones : what those of the target add.
     """
 
     def __init__(
@@ -52,8 +67,12 @@ class Objective:
         dark_flux_weight: float = 0.0,
         shape: ShapePenalty | None = None,
         background: Floats | None = None,
+        far_sighted: bool = False,
+        zones: ZoneLoss | None = None,
     ) -> None:
+        self._zones = zones
         self._model, self._shape, self._dark = model, shape, dark_flux_weight
+        self._weights = _of_h_minus_1(model.screen.padded) if far_sighted else None
         screen = model.screen
         self._target = model.filtered(screen.pad(target))
         around = 0.0 if background is None else model.filtered(screen.pad(background))
@@ -67,11 +86,15 @@ class Objective:
         """Return the Evaluation at the coefficients of every sag, front first."""
         light = self._model.light(coefficients)
         loss, fit, by_image = self._penalised(light)
+        missed = 0.0
+        if self._zones:
+            missed, by_zones = self._zones(light.image + self._target - self._missing)
+            loss, by_image = loss + missed, by_image + by_zones
         gradients = light.pull_back(by_image, self._lost_weight)
         if self._shape is None:
-            return Evaluation(loss, gradients, fit)
+            return Evaluation(loss, gradients, fit, missed)
         more, slopes = self._shape(coefficients)
-        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
+        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit, missed)
 
     @property
     def target(self) -> Floats:
@@ -117,12 +140,27 @@ class Objective:
         light = self._model.light(coefficients)
         for _ in range(count):
             signs = rng.choice((-1.0, 1.0), self._target.size).reshape(self._target.shape, order="F")
-            out.append(light.pull_back(scale * signs))
+            out.append(light.pull_back(scale * self._weighted(signs, 0.5)))
         return out
 
     def _penalised(self, light: Light) -> tuple[float, float, Floats]:
         """Return (loss without the shape, fit, the loss's derivative by the image)."""
         difference = light.image - self._missing
         fit = self._norm * float(np.vdot(difference, difference))
-        loss = fit + self._lost_weight * light.lost + self._dark - float(np.vdot(light.image, self._reward))
-        return loss, float(np.sqrt(fit)), 2 * self._norm * difference - self._reward
+        weighted = self._weighted(difference)
+        charged = fit if weighted is difference else self._norm * float(np.vdot(difference, weighted))
+        loss = charged + self._lost_weight * light.lost + self._dark
+        loss -= float(np.vdot(light.image, self._reward))
+        return loss, float(np.sqrt(fit)), 2 * self._norm * weighted - self._reward
+
+    def _weighted(self, image: Floats, power: float = 1.0) -> Floats:
+        """Return W^power of an image, (rows, columns)."""
+        if self._weights is None:
+            return image
+        return np.asarray(idctn(self._weights**power * dctn(image, norm="ortho"), norm="ortho"))
+
+
+def _of_h_minus_1(shape: tuple[int, int]) -> Floats:
+    """Return the eigenvalues of W on cosines; epsilon is that of the longest.  shape : of images."""
+    squares = [(np.pi * np.arange(n) / n) ** 2 for n in shape]
+    return 1 / (squares[0][:, None] + squares[1][None, :] + (np.pi / max(shape)) ** 2)

@@ -38,6 +38,7 @@ class Stage:
     exact : the light of cells on the pixels themselves, not that of rays in a window.
     finish : on unmerged pixels, with a narrower window.
     aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
+    far_sighted : by a norm that moves light over long distances, before the same level in that of the pixels.
     rough : on fewer cells, before the same level on as many as its mesh needs.
     """
 
@@ -50,13 +51,15 @@ class Stage:
     finish: bool = False
     aimed: bool = False
     rough: bool = False
+    far_sighted: bool = False
 
     @property
     def name(self) -> str:
         """In a word or three."""
         if self.finish:
             return "finish"
-        return f"{'sharp ' * self.aimed}{'rough ' * self.rough}level {self.level}"
+        kind = "sharp " * self.aimed + "rough " * self.rough + "far-sighted " * self.far_sighted
+        return f"{kind}level {self.level}"
 
     @property
     def evaluations(self) -> int:
@@ -119,6 +122,8 @@ def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     if from_transport and system.aim:
         screen = system.aim.screen(margin=MARGIN)
         out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
+    elif system.source.several:
+        out.insert(-1, replace(out[-1], final=False, far_sighted=True))
     elif from_transport:
         out[-1:] = _roughly_first(out[-1])
     if problem.optimizer.finish:

@@ -147,7 +147,7 @@ def minimised(search: Search, iterations: int, log: Log) -> Found:
 
     try:
         first = evaluated(search.variables.coefficients(search.variables.zeros())[0])
-        if not search.scaled and 2 * first.fit**2 > first.loss:
+        if not search.scaled and 2 * (first.fit**2 + first.zones) > first.loss:
             search = search.preconditioned(best.coefficients, log)
         enough = LEAST_DECREASE * first.loss if search.again else None  # scipy compares with 1
         method = Adam(options.step) if options.method == "adam" else LBFGS(options.memory, enough)

@@ -49,7 +49,7 @@ def foreseen_misses(
 
 def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
-    limits, uniform = system.problem.verify, system.target.uniform_region is not None
+    limits, uniform = system.problem.verify, not system.target.as_picture
     known = [
         (WILL, blur.least if blur else None, "the blur allows"),
         (MAY, expected.rel_l2, "about as much is to be expected:"),

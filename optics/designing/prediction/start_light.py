@@ -64,7 +64,7 @@ def blocking(system: OpticalSystem, lens: Lens, backend: Backend, coarsening: in
     alone |= {stop.name: replace(bare, stops=(stop,)) for stop in path.stops}
     alone |= {body.name: replace(bare, bodies=(body,)) for body in path.bodies}
     fates = {name: light_before(system, lens, backend, coarsening, way)[0] for name, way in alone.items()}
-    return {name: f.blocked / system.problem.source.flux for name, f in fates.items() if f.blocked}
+    return {name: f.blocked / system.problem.flux for name, f in fates.items() if f.blocked}
 
 
 def seen_level(

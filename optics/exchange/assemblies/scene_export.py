@@ -23,12 +23,12 @@ from thbcad.cad.exchange import (
 from thbcad.cad.shapes import Part
 from thbcad.io import read_file, write_bytes
 from thbcad.lens import FreeformSurface, Lens, Product
-from thbcad.moulds import MouldedBody
+from thbcad.moulds import Made
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Body: TypeAlias = tuple[Lens | MouldedBody | Part, Product, Pose]
+Body: TypeAlias = tuple[Made | Part, Product, Pose]
 
 THIN = 0.1  # mm, of source and screen
 POINT = 0.5  # mm, half the width of a source without extent
@@ -79,7 +79,7 @@ def _place_check(part: PlacedShape, pose: Pose, name: str) -> Check:
     return Check(f"scene: distance of {name} from its place", off, limit, "mm")
 
 
-def _number_check(part: PlacedShape, body: Lens | MouldedBody | Part, name: str) -> Check:
+def _number_check(part: PlacedShape, body: Made | Part, name: str) -> Check:
     """Return the check of the numbers of all faces that are splines, or conics that light meets."""
     solid = (body if isinstance(body, Part) else part_of(body)).solid
     pairs = [[*spline_faces(shape), *conic_faces(shape)] for shape in (part.shape, solid)]

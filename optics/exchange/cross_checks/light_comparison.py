@@ -196,7 +196,7 @@ def compare_light(
         to_coarser=None if exact else sums.to_coarser,
         resolution=tracer.resolution,
         rays=count,
-        emitted=system.problem.source.flux,
+        emitted=system.problem.flux,
         seconds=sums.seconds,
     )
 

@@ -78,11 +78,19 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
 
 
 def moulded_in(result: str, body: Body) -> Body:
-    """Return a body with what the problem of a result folder says of it."""
+    """Return a body with what the problem of a result folder says of it.
+
+    Raises UserError : the result is a plate.
+    """
     path = Path(result)
     if not path.is_dir():
         return body
     system, lens, _ = ResultFolder(path).read()
+    if system.problem.optic.array is not None:
+        raise UserError(
+            f"{path} holds a plate of lenses, which {path / 'lens.step'} has as one solid; export lens.json "
+            "of it for one lens without the plate"
+        )
     return replace(body, moulded=system.body, clear=system.clear_aperture(lens))
 
 

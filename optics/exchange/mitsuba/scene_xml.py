@@ -60,7 +60,7 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     """
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
-    flux = brighter * system.problem.source.flux
+    flux = brighter * system.problem.flux
     lit = OpticalSystem(system.problem.with_(**{"source.flux": flux}), shapes=system.shapes)
     scene = scene_dictionary(lit, mesh)
     z = float(system.target.receiver.pose.shift[2])
@@ -96,7 +96,7 @@ def irradiance_of_one(system: OpticalSystem) -> float:
     """Return the irradiance that is 1 in the pictures of a scene's files, W/mm^2: the greatest of the target,
     were all light of the source there."""
     screen = system.target.screen()
-    return float(system.target.irradiance(screen, system.problem.source.flux).max())
+    return float(system.target.irradiance(screen, system.problem.flux).max())
 
 
 def scene_checks(lens: Lens, path: Path) -> list[Check]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         optical_faces,
         optical_form,
         state_checks,
+        text_solid_checks,
         text_volume_check,
         volume_check,
     )

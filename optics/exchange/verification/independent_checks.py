@@ -18,10 +18,9 @@ from optics.exchange.verification.step_checks import differing_numbers, occt_che
 from optics.exchange.verification.step_file import (
     StepFile,
     faces_besides,
-    has_closed_form,
     optical_faces,
     optical_form,
-    text_volume_check,
+    text_solid_checks,
 )
 from optics.exchange.verification.trace_comparison import compared
 from optics.scene.problem import Verify
@@ -29,13 +28,13 @@ from optics.scene.system import MadePart, OpticalSystem
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
-from thbcad.moulds import lens_of
+from thbcad.moulds import MouldedBody, lens_of
 from thbcad.outlines import UPRIGHT, Line, RimPiece
 from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import MouldedBody, Solid
+    from thbcad.moulds import Made
 
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
@@ -55,7 +54,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     """
     difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
-    return [*_own_checks(file, system.solid(lens)), fates, landing]
+    return [*_own_checks(file, system.made(lens)), fates, landing]
 
 
 def other_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
@@ -67,7 +66,7 @@ def other_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Ch
     return [replace(check, name=f"{part.name}: {check.name}") for check in checks]
 
 
-def _own_checks(file: StepFile, made: Solid) -> list[Check]:
+def _own_checks(file: StepFile, made: Made) -> list[Check]:
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0]]
 
 
@@ -83,7 +82,7 @@ def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[Rays
     return partial(occt_through, file.solid.shape, optical, crossed=crossed)
 
 
-def text_checks(solid: Brep, made: Solid) -> list[Check]:
+def text_checks(solid: Brep, made: Made) -> list[Check]:
     """Return the Checks of the text of a STEP file against a lens or its body in memory."""
     pair, optical = optical_forms(lens_of(made)), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
@@ -95,7 +94,7 @@ def text_checks(solid: Brep, made: Solid) -> list[Check]:
     if isinstance(made, Lens):
         counts["edge face numbers"] = _other_walls(rest, made)
         counts["rims and corners"] = _other_edges(solid.edges, made)
-    else:
+    elif isinstance(made, MouldedBody):
         counts["walls"] = sum(not _is_wall(face, solid.edges, made) for face in rest)
     besides, number = faces_besides(made, len(solid.faces))
     return [
@@ -105,7 +104,7 @@ def text_checks(solid: Brep, made: Solid) -> list[Check]:
             Check.none_of(f"text of the file: {name} that differ from the lens in memory", value)
             for name, value in counts.items()
         ),
-        *([text_volume_check(solid, made)] if has_closed_form(made) else []),
+        *text_solid_checks(solid, made),
     ]
 
 

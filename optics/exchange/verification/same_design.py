@@ -100,7 +100,7 @@ def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tu
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    fresh = step_bytes(system.solid(lens), system.product, system.problem.export.schema)
+    fresh = step_bytes(system.made(lens), system.product, system.problem.export.schema)
     if file.path.read_bytes() == fresh:
         return same_checks(file.text, file.text), []
     checks = same_checks(file.text, brep_of_text(fresh.decode("latin-1")))

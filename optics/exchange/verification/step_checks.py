@@ -21,7 +21,7 @@ from thbcad.sags import PlacedConic, graph_of_poles
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 Surface = BSplineSurface | NURBSSurface | PlacedConic
 
@@ -43,7 +43,7 @@ def export_step(part: MadePart, schema: str, path: Path) -> list[Check]:
     return [Check.none_of("file differs from what was written", path.read_bytes() != written)]
 
 
-def read_back_step(made: Solid, path: Path, limits: Verify) -> ExportedStep:
+def read_back_step(made: Made, path: Path, limits: Verify) -> ExportedStep:
     """Return the STEP file of a lens or its body as OCCT reads it."""
     file = StepFile(path)
     checks = _solid_checks(made, file, limits.surface)
@@ -58,17 +58,17 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
     backend : of double precision.
     """
     return [
-        *occt_checks(system.solid(lens), file, system.problem.verify),
+        *occt_checks(system.made(lens), file, system.problem.verify),
         *light_checks(system, lens, file.solid, file, backend),
     ]
 
 
-def occt_checks(made: Solid, file: StepFile, limits: Verify) -> list[Check]:
+def occt_checks(made: Made, file: StepFile, limits: Verify) -> list[Check]:
     """Return the Checks of a STEP file as OCCT reads it against a lens or its body in memory."""
     return [*_solid_checks(made, file, limits.surface), _volume_check(made, file, limits.volume)]
 
 
-def _volume_check(made: Solid, file: StepFile, limit: float) -> Check:
+def _volume_check(made: Made, file: StepFile, limit: float) -> Check:
     """Return the check of the volume by OCCT: that of a body with rounded edges is less than with sharp
     ones."""
     rounded, volume = not has_closed_form(made), made.volume()
@@ -81,7 +81,7 @@ def _volume_check(made: Solid, file: StepFile, limit: float) -> Check:
     return Check(f"volume by OCCT {name}, relative", off, limit, "")
 
 
-def _solid_checks(made: Solid, file: StepFile, limit: float) -> list[Check]:
+def _solid_checks(made: Made, file: StepFile, limit: float) -> list[Check]:
     """Return the checks of faces, edges, tolerances and numbers."""
     step = file.solid
     return [
@@ -95,7 +95,7 @@ def _solid_checks(made: Solid, file: StepFile, limit: float) -> list[Check]:
     ]
 
 
-def _geometry(made: Solid, step: SolidFile, limit: float) -> list[Check]:
+def _geometry(made: Made, step: SolidFile, limit: float) -> list[Check]:
     """Return the checks of the optical faces."""
     trimmed, checks = not isinstance(made, Lens), []
     lens = made.lens if not isinstance(made, Lens) else made

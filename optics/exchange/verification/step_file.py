@@ -20,7 +20,7 @@ from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made, Plate
 
 
 @dataclass(frozen=True)
@@ -120,21 +120,56 @@ MISCOUNTED = "optical faces where a lens has 2, front and rear"
 COUNTS = {4: "four", 6: "six", 8: "eight", 10: "ten"}
 
 
-def faces_besides(made: Solid, found: int) -> tuple[str, int]:
+def faces_besides(made: Made, found: int) -> tuple[str, int]:
     """Return what is counted, in words, and how many faces a solid has besides those of a lens, which are
     front, rear and one for every edge, or of its body."""
     expected = 2 + len(edge_names(made)) if isinstance(made, Lens) else made.face_count
     return f"faces besides the {COUNTS.get(expected, expected)} expected", abs(found - expected)
 
 
-def has_closed_form(made: Solid) -> bool:
+def has_closed_form(made: Made) -> bool:
     """Return whether a closed form says the volume: not of a body with rounded edges."""
     return isinstance(made, Lens) or not made.rounded
 
 
-def text_volume_check(solid: Brep, made: Solid) -> Check:
+def text_volume_check(solid: Brep, made: Made) -> Check:
     """Return the Check of the volume by quadrature over the text against a lens or its body in memory."""
     return volume_check(solid, made.volume(), EXACT_VOLUME if isinstance(made, Lens) else FITTED_VOLUME)
+
+
+def text_solid_checks(solid: Brep, made: Made) -> list[Check]:
+    """Return the Checks of what the text says of a whole solid: its volume, and the lenses of a plate."""
+    volumes = [text_volume_check(solid, made)] if has_closed_form(made) else []
+    if isinstance(made, Lens):
+        return volumes
+    from thbcad.moulds import Plate  # lenses need none of its proofs
+
+    return [*volumes, _like_lenses_check(solid, made)] if isinstance(made, Plate) else volumes
+
+
+def _like_lenses_check(solid: Brep, plate: Plate) -> Check:
+    """Return the Check of the fronts and rears of a plate: each the first one's numbers, plus its place."""
+    from thbcad.moulds import FACES, named_on_plate  # as above
+
+    faces, off = {face.name: face for face in solid.faces}, 0
+    for number, (x, y) in enumerate(plate.places.tolist()):
+        for own, name in zip(FACES, named_on_plate(FACES, number)):
+            wanted = _numbers_at(faces[own], (x, y, 0.0))
+            found = _numbers_at(faces[name]) if name in faces else []
+            alike = [row.shape for row in found] == [row.shape for row in wanted]
+            pairs = zip(found, wanted) if alike else ((np.array([np.nan]), row) for row in wanted)
+            off += sum(int((a != b).sum()) for a, b in pairs)
+    return Check.none_of("numbers of like lenses that are not those of the first, at their places", off)
+
+
+def _numbers_at(face: BrepFace, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Floats]:
+    """Return the numbers of an optical face, elsewhere: of a spline, a plane or a sphere."""
+    spline = face.surface
+    if spline is not None:
+        weights = [] if isinstance(spline, BSplineSurface) else [spline.weights]
+        return [spline.coefficients + place, spline.kv_u.knots, spline.kv_v.knots, *weights]
+    rows = face.plane if face.plane is not None else face.sphere
+    return [] if rows is None else [rows[0] + place, *rows[1:]]
 
 
 def volume_check(solid: Brep, wanted: float, limit: float) -> Check:

@@ -41,14 +41,14 @@ class DesignFigures:
         self._lens = self.process.ask(
             "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others
         )
-        solid = system.solid(lens)
+        solid = system.made(lens)
         self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        placed = system.lens_on_axis and not (system.source.from_afar or system.source.from_file)
+        placed = system.lens_on_axis and not (system.source.from_afar or system.source.by_rays)
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance

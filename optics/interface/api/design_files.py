@@ -22,7 +22,7 @@ from optics.exchange.verification import (
     StepFile,
     has_closed_form,
     light_checks,
-    text_volume_check,
+    text_solid_checks,
 )
 from optics.interface.api.design_figures import DesignFigures
 from optics.interface.api.design_record import DesignRecord
@@ -102,10 +102,9 @@ class _Export:
         """
         written = self._written.result()
         file = StepFile(self._path)
-        made = self.part.made
-        volume = [text_volume_check(file.text, made)] if has_closed_form(made) else []
+        of_text = text_solid_checks(file.text, self.part.made)
         step = self._read.result()
-        return [*written, *step.checks, *volume], step, file
+        return [*written, *step.checks, *of_text], step, file
 
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:

@@ -17,6 +17,7 @@ from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import (
     Measurement,
     Verdict,
+    crosstalk,
     delivery_checks,
     judged,
     loss_notes,
@@ -95,6 +96,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     system, lens, notes = design.system, design.lens, design.notes
     measurement = measure(system, lens, backend)
     metrics = measurement.metrics | passing_share(system.path(lens))
+    if system.problem.optic.array is not None:
+        metrics |= crosstalk(system, lens, backend)
     if system.blurred:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))

@@ -228,9 +228,9 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
         irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
     own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
-    if system.target.uniform_region is None:
+    if system.target.as_picture:
         own = contrast_error(own, target) | own
-    elif "grid" not in own.get("uniformity", {}):
+    elif system.target.uniform_region and "grid" not in own.get("uniformity", {}):
         with DEVICE:
             blur = spot_rms(system, lens, system.backend)
         noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones

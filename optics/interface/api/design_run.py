@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from optics.base.runtime import ProgressEvent, UserError
-from optics.designing.optimisation import Interrupted, Listener, State, shape_lens, stages
+from optics.designing.optimisation import ROUNDS, Interrupted, Listener, State, re_aimed, shape_lens, stages
 from optics.designing.progress import DesignProgress, Notes, RunClock, Size
 from optics.interface.api.design_result import Design
 from optics.interface.api.irradiance_model import DEVICE
@@ -82,6 +82,12 @@ def designed(
         listener = replace(listener, seen=levels)
     try:
         _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
+        for _ in range(ROUNDS):
+            again = re_aimed(system, traced, state, chosen)
+            if again is None:
+                break
+            traced, state = again
+            _, state = shape_lens(traced, backend, chosen, state, listener=Listener(checkpoint=keep))
     except Interrupted as stop:
         keep(stop.state)
         return Design.of_state(asked, system, stop.state, notes, clock.total(), interrupted=True)

@@ -11,6 +11,8 @@ from optics.interface.commands.making_options import (
     asbuilt_options,
     force_option,
     problem_options,
+    ray_options,
+    road_options,
     sweep_options,
     tolerance_options,
     tool_options,
@@ -202,14 +204,7 @@ def _export_options(command: CommandParser) -> None:
         choices=("rear", "target"),
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
-    command.option("--rays", "N", "of light, about (default: 1000000)", type=int, default=1_000_000)
-    command.option(
-        "--step",
-        "DEGREES",
-        "of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
-        type=float,
-        default=2.5,
-    )
+    ray_options(command)
     command.option(
         "--chord",
         "MM",
@@ -292,6 +287,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         _etendue_options,
     ),
     "relight": ("show a finished design in other light", _relight_options),
+    "road": ("judge a road under lamps with this light by its lighting class, EN 13201", road_options),
     "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
     "tolerance": (
         "say what errors of lens, source and target do to the light, and what the shop must hold",

@@ -86,7 +86,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
         "picture_pixels": list(system.target.light.shape[::-1]),
         "picture_seen_from": system.problem.target.seen_from,
         "target_pixels": list(screen.pixels),
-        "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.source.flux)),
+        "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.flux)),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": system.lens.volume(),

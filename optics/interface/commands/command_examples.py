@@ -40,6 +40,10 @@ EXAMPLES = {
         "thbcad relight exports/pearl --source sun --out sun.png",
         "thbcad relight exports/pearl --source led:1mm@500mm",
     ),
+    "road": (
+        "thbcad road exports/street --class P4 --height 8 --spacing 24 --overhang 3.5 --lenses 4",
+        "thbcad road lamp.ies --class M4 --height 8 --spacing 30 --r-table R3.txt",
+    ),
     "sweep": (
         "thbcad sweep my.toml --vary target.distance=200:400:5 --out distances",
         "thbcad sweep my.toml --vary 'lens.rear.half_width=[[30,30],[40,40]]' --workers 2 --out sizes",

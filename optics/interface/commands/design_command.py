@@ -16,7 +16,7 @@ from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import system_of
-from optics.light.analysis import counted_ways, error_words, photometric_lines
+from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 
@@ -84,7 +84,9 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         written = write_result(design, run.folder, run.clock, solids, figures)
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
-    lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, system.units))
+    lines = _design_lines(
+        written.folder, metrics, checked, photometric_lines(metrics, system.units) + crosstalk_line(metrics)
+    )
     return Outcome(data, lines, OF_GRADES[checked["grade"]])
 
 

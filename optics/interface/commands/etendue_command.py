@@ -54,7 +54,7 @@ def etendue(options: Namespace) -> Outcome:
     passing = throughput(system)
     data: dict[str, Any] = {
         "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
-        system.units.key("flux"): {"source": system.problem.source.flux, "meets_front": passing.meets_front},
+        system.units.key("flux"): {"source": system.problem.flux, "meets_front": passing.meets_front},
     }
     lines = _throughput_lines(system, passing)
     without = _why_no_limit(system, passing)
@@ -102,7 +102,7 @@ def etendue(options: Namespace) -> Outcome:
 
 def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
-    if system.source.from_file:
+    if system.source.by_rays:
         return UNKNOWN
     if not passing.source:
         return NO_LIMIT
@@ -174,7 +174,7 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
         *(f"{u:10.4g} mm^2 sr  between rear aperture and target" for u in [passing.target] if u is not None),
         f"{passing.meets_front:10.4g} {unit}  meet it; {passing_on}",
     ]
-    return lines[OF_SOURCE:] if system.source.from_file else lines
+    return lines[OF_SOURCE:] if system.source.by_rays else lines
 
 
 def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:

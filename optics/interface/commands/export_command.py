@@ -145,6 +145,7 @@ def _scene(options: Namespace) -> Outcome:
         f"or with: mitsuba -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
         *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
+        *(["the scene holds one lens of the plate, and its source"] if system.problem.optic.array else []),
     ]
     return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
 

@@ -10,12 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from optics.base.runtime import Backend, Check, UserError, check_lines, reading, verification
+from optics.base.runtime import Check, UserError, check_lines, reading, verification
 from optics.exchange.export import report_of, require_free_files
 from optics.exchange.results import HASHES, ResultFolder, hashes
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.blur import spot_rms
-from optics.light.outgoing import OnTarget, StepsOnTarget, outgoing_intensity, outgoing_rays
+from optics.light.outgoing import (
+    OnTarget,
+    OutgoingIntensity,
+    StepsOnTarget,
+    outgoing_intensity,
+    outgoing_rays,
+)
 from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
@@ -46,8 +52,9 @@ def rays_of_light(options: Namespace) -> Outcome:
     if options.format is not None:
         raise UserError(f"the suffix of {out} says how rays are written: leave out --format")
     require_ray_suffix(out)
-    system, lens, backend = _traceable(options)
-    rays = outgoing_rays(system, lens, backend, options.rays, options.light)
+    require_free_files([out], options.out, options.force)
+    system, lens = traceable(options)
+    rays = outgoing_rays(system, lens, system.backend, options.rays, options.light)
     write_rays(rays, out)
     read = read_rays(out)
     differ = sum(
@@ -65,18 +72,10 @@ def intensity_of_light(options: Namespace) -> Outcome:
 
     Raises UserError : no lens on the axis, no result folder, too many rays, a step out of range, or no light.
     """
-    step = options.step
-    low, high = STEPS
-    within = low <= step <= high and round(step, DECIMALS) == step
-    if not within or not isclose(round(180 / step) * step, 180):
-        raise UserError(
-            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
-            f"got {step:g}"
-        )
-    system, lens, backend = _traceable(options)
-    require_lens_on_axis(system, "intensities in files")
     out = Path(options.out)
-    light = outgoing_intensity(system, lens, backend, options.rays, options.step)
+    require_free_files([out], options.out, options.force)
+    system, lens = traceable(options)
+    light = traced_intensity(system, lens, options)
     LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
     read, peak = read_luminaire(out), float(light.luminaire.candela.max())
     units = system.units
@@ -93,7 +92,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "steps_deg": list(light.steps),
         "noise": light.noise,
     }
-    shown = _shown(system, lens, read, options, backend)
+    shown = _shown(system, lens, read, options)
     data["on_target"] = {name: vars(one) for name, one in shown.items()}
     c, gamma = light.steps
     lines = [
@@ -104,6 +103,36 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
     ]
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)
+
+
+def traceable(options: Namespace) -> tuple[OpticalSystem, Lens]:
+    """Return what is to be traced.
+
+    Raises UserError : no result folder, or too many rays.
+    """
+    if not 1 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
+    if not Path(options.result).is_dir():
+        raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
+    system, lens, _ = ResultFolder(options.result).read()
+    return system, lens
+
+
+def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> OutgoingIntensity:
+    """Return the intensity of the light that leaves a lens.
+
+    Raises UserError : no lens on the axis, a step out of range, or no light.
+    """
+    step = options.step
+    low, high = STEPS
+    within = low <= step <= high and round(step, DECIMALS) == step
+    if not within or not isclose(round(180 / step) * step, 180):
+        raise UserError(
+            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
+            f"got {step:g}"
+        )
+    require_lens_on_axis(system, "intensities in files")
+    return outgoing_intensity(system, lens, system.backend, options.rays, step)
 
 
 def _light_of(result: str) -> Floats | None:
@@ -117,12 +146,12 @@ def _light_of(result: str) -> Floats | None:
 
 
 def _shown(
-    system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace, backend: Backend
+    system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace
 ) -> dict[str, OnTarget]:
     """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
     if (of_lens := _light_of(options.result)) is None:
         return {}
-    blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, backend)
+    blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, system.backend)
     beside = StepsOnTarget(system, lens, of_lens, blur)
     finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
     alone = {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
@@ -142,20 +171,6 @@ def _on_target(shown: Mapping[str, OnTarget]) -> str:
         if even or off:
             parts.append(f"{name} {', '.join([*even, *off])}")
     return f"on the target (rel_l2 to the light of the lens, seen from the rear's middle): {'; '.join(parts)}"
-
-
-def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
-    """Return what is to be traced, once it is known that the file can be written.
-
-    Raises UserError : see `rays_of_light`.
-    """
-    if not 1 <= options.rays <= MOST_RAYS:
-        raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
-    if not Path(options.result).is_dir():
-        raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
-    require_free_files([Path(options.out)], options.out, options.force)
-    system, lens, _ = ResultFolder(options.result).read()
-    return system, lens, system.backend
 
 
 def reported(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from optics.interface.commands.command_parser import CommandParser
 
 UNITS = ("m", "mm", "um", "nm")
+ROAD_CLASSES = tuple(f"{kind}{number}" for kind in "MP" for number in range(1, 7))
+ROAD_ROWS = ("right", "left", "opposite", "staggered")
 
 
 def sweep_options(command: CommandParser) -> None:
@@ -123,6 +125,51 @@ def asbuilt_options(command: CommandParser) -> None:
     command.switch("--step", "also write lens.step of the made lens")
     command.option("--out", "DIR", "folder to write (default: RESULT/asbuilt)")
     force_option(command)
+
+
+def road_options(command: CommandParser) -> None:
+    """Add the options of `thbcad road`."""
+    command.add_argument(
+        "result", metavar="RESULT", help="result folder of a design, or an .ies or .ldt file"
+    )
+    command.add_argument(
+        "--class",
+        dest="lighting_class",
+        required=True,
+        choices=ROAD_CLASSES,
+        help="of EN 13201-2: P1 to P6 by illuminance, M1 to M6 by luminance",
+    )
+    command.option("--height", "M", "of the lamps above the road", type=float, required=True)
+    command.option("--spacing", "M", "between the lamps of a row", type=float, required=True)
+    command.add_argument(
+        "--rows", choices=ROAD_ROWS, default="right", help="where lamps stand (default: right)"
+    )
+    command.option("--lanes", "N", "all in one direction (default: 2)", type=int, default=2)
+    command.option("--lane-width", "M", "default: 3.5", type=float, default=3.5)
+    command.option(
+        "--overhang", "M", "of the lamps over the edge of the road (default: 0)", type=float, default=0.0
+    )
+    command.option(
+        "--tilt", "DEGREES", "by which lamps look up, across the road (default: 0)", type=float, default=0.0
+    )
+    command.option("--lenses", "N", "like ones in each lamp (default: 1)", type=int, default=1)
+    command.option(
+        "--maintenance", "FACTOR", "what is left of the initial light (default: 0.8)", type=float, default=0.8
+    )
+    command.option("--r-table", "FILE", "of the road, for classes M: 29 lines of 20 numbers, as CIE 144 has")
+    ray_options(command)
+
+
+def ray_options(command: CommandParser) -> None:
+    """Add what an intensity is traced with."""
+    command.option("--rays", "N", "of light, about (default: 1000000)", type=int, default=1_000_000)
+    command.option(
+        "--step",
+        "DEGREES",
+        "of gamma in intensities, a part of 180; that of C is twice as large (default: 2.5)",
+        type=float,
+        default=2.5,
+    )
 
 
 def problem_options(command: CommandParser) -> None:

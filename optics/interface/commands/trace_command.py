@@ -12,6 +12,8 @@ from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, w
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import (
     conservation,
+    crosstalk,
+    crosstalk_line,
     nonsequential,
     passing_words,
     sections,
@@ -63,6 +65,8 @@ def trace(options: Namespace) -> Outcome:
         contents["fresnel.png"] = fresnel_figure(exact, lens.index)
     if system.all_ways:
         data["nonsequential"] = nonsequential(system, lens, exact)
+    if system.problem.optic.array is not None:
+        data |= crosstalk(system, lens, exact)
     for name, content in contents.items():
         write_bytes(folder / name, content)
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
@@ -115,4 +119,5 @@ def _lines(data: dict[str, Any], units: Units) -> list[str]:
             f"{closed['by_other_ways']:.2%} of the light on the target comes by other ways: "
             f"the sequential tracer {verdict}"
         )
+    lines += crosstalk_line(data)
     return [*lines, *(f"note: {fault}" for fault in data["faults"])]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     )
     from optics.light.analysis.lens_trace import (
         conservation,
+        crosstalk,
+        crosstalk_line,
         fans,
         nonsequential,
         plane_behind,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
         contrast_error,
         dark_fraction,
         delivered,
+        fresh_light,
         measure,
         rel_l2,
         unit_mean,

@@ -1,7 +1,8 @@
 """Whether a lens does its job: limits of what it delivers, the verdict, and sentences on lost light.
 
-Light that shall be the same everywhere is judged by its uniformity on boxes, other light as a picture.  The
-limits are those of the problem's [verify]; they never follow what a lens can do.
+Light that shall be the same everywhere is judged by its uniformity on boxes, other light as a picture; where
+there are zones, by each of their rows.  The other limits are those of the problem's [verify]; they never
+follow what a lens can do.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     metrics : of a Measurement.  Errors of the estimate make values undecided that lie near their limit.
     """
     return [
+        *_zone_checks(metrics),
         *_uniformity_checks(metrics, limits),
         *_picture_checks(metrics, limits),
         *_flux_checks(metrics, limits),
@@ -59,10 +61,22 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
 
 
 def picture_limit(limits: Verify, uniform: bool) -> float:
-    """Return the greatest rel_l2; inf is none.  uniform : whether the same light is asked for everywhere."""
+    """Return the greatest rel_l2; inf is none.  uniform : light is not judged as a picture."""
     if not isinstance(limits.rel_l2, str):
         return limits.rel_l2
     return float("inf") if uniform else PICTURE_REL_L2
+
+
+def _zone_checks(metrics: dict[str, Any]) -> Iterator[Check]:
+    """Yield a check of the nearer limit of every row of the target's zones."""
+    for row in metrics.get("zones", ()):
+        margin = f"margin {row['margin']:+.0%}"
+        if row["margin_in_errors"] is not None:
+            margin += f", {row['margin_in_errors']:+.3g} standard errors"
+        decides = _unless_resolved(metrics, row["value"], row["error"], row["limit"])
+        remark = f"{margin}; {decides}" if decides else margin
+        value, limit, error = row["value"], row["limit"], row["error"]
+        yield Check(row["name"], value, limit, row["unit"], row["at_least"], error, "light", remark)
 
 
 def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
@@ -92,9 +106,9 @@ def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
 
 
 def _picture_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
-    uniform = "uniformity" in metrics
-    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, uniform))]
-    if not uniform and metrics.get("contrast_error") is not None:
+    picture = "contrast_error" in metrics
+    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, not picture))]
+    if metrics.get("contrast_error") is not None:
         rows.append(("contrast_error", "contrast_error_std", CONTRAST_NAME, limits.contrast_error))
     for key, of_error, name, limit in rows:
         if not isinf(limit):
@@ -156,6 +170,9 @@ def judged(
 
 def headline(metrics: dict[str, Any]) -> str:
     """Return the numbers that tell most of the light, in words."""
+    if zones := metrics.get("zones"):
+        margins = [row["margin"] for row in zones]
+        return f"{sum(m >= 0 for m in margins)} of {len(zones)} rows kept, least margin {min(margins):+.0%}"
     off = f"{error_words(metrics)} off"
     uniformity = metrics.get("uniformity")
     if uniformity is None or uniformity["min_over_mean"] is None:

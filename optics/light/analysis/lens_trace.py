@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE
 from optics.light.analysis.optic_words import passing_share
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
@@ -21,7 +21,7 @@ from optics.light.tracing import (
     trace_nonsequential,
     trace_paths,
 )
-from optics.scene.receivers import BoxWindow
+from optics.scene.receivers import BoxWindow, receiver_at
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -33,6 +33,8 @@ SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of e
 LINES = 201  # of the grid in the sections of phase space, in each direction
 WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends; of that angle, where fans do
 FAN = 8  # rays
+CROSSTALK = 3  # stream of random numbers, other than those of the other traces
+CROSSTALK_RAYS, REPLICATES = (64, 64), 4
 
 
 def sequential(
@@ -64,7 +66,7 @@ def sequential_metrics(
         "rays": sum(counts.values()),
         "counts": counts,
         system.units.key("fates"): fates.by_name,
-        "efficiency": fates.on_target / system.problem.source.flux,
+        "efficiency": fates.on_target / system.problem.flux,
         **passing_share(system.path(lens)),
     }
 
@@ -93,6 +95,42 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
         "by_other_ways": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }
+
+
+def crosstalk(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
+    """Return the light of the source in the middle of a plate that other lenses take on, of its flux.
+
+    All its ways through the whole plate are traced, to a plane behind it: `crosstalk` leaves forward by
+    fronts and rears of neighbours, `by_plate_edges` by walls and land.
+
+    backend : of double precision.
+    """
+    plane = TargetArea.of(
+        system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
+    )
+    rng, solid, found = np.random.default_rng((system.problem.run.seed, CROSSTALK)), system.made(lens), []
+    for _ in range(REPLICATES):
+        rays = single_rays(system.source.rays(CROSSTALK_RAYS, rng), lens)
+        every = trace_nonsequential(backend, solid, rays, plane, threshold=ROULETTE, roulette=rng).fates
+        edges = every.edges_on_target + every.edges_off_target
+        found.append(np.array([every.crosstalk, edges]) / system.problem.flux)
+    (neighbours, edges), error = np.mean(found, axis=0), np.std(found, axis=0, ddof=1)[0]
+    return {
+        "crosstalk": float(neighbours),
+        "crosstalk_error": float(error / np.sqrt(REPLICATES)),
+        "by_plate_edges": float(edges),
+    }
+
+
+def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
+    """Return what is printed of `crosstalk`; nothing of a lens alone."""
+    if "crosstalk" not in metrics:
+        return []
+    share, error = (100 * metrics[name] for name in ("crosstalk", "crosstalk_error"))
+    return [
+        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that leaves by "
+        f"neighbours' fronts and rears; by walls and land {metrics['by_plate_edges']:.2%}"
+    ]
 
 
 def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:

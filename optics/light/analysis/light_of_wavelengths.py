@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import reduce
 from operator import add
 from typing import Any
@@ -39,6 +39,25 @@ class SpectralLight:
     estimate: LightEstimate
     fates: SequentialFates
     colour: Floats | None
+
+
+def light_of_plate(
+    system: OpticalSystem, path: LightPath, light: Callable[[LightPath], SpectralLight]
+) -> SpectralLight:
+    """Return the light of all lenses of a plate: the mean of that of each with all of the flux, E(x - s), or
+    in the far field that of one.
+
+    light : along a path through one lens.  Errors of several lenses count as if they were the same.
+    """
+    parts = [light(path.onto(receiver)) for receiver in system.seen_receivers]
+    if len(parts) == 1:
+        return parts[0]
+    mean = LightEstimate(
+        *(np.mean([getattr(p.estimate, f.name) for p in parts], axis=0) for f in fields(LightEstimate))
+    )
+    colours = [part.colour for part in parts if part.colour is not None]
+    fates = reduce(add, (part.fates for part in parts)) / len(parts)
+    return SpectralLight(mean, fates, np.mean(colours, axis=0) if colours else None)
 
 
 def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightPath]]:

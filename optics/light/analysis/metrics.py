@@ -21,8 +21,13 @@ from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import cell_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
-from optics.light.analysis.light_of_wavelengths import colour_metrics, spectral_light
-from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
+from optics.light.analysis.light_of_wavelengths import (
+    SpectralLight,
+    colour_metrics,
+    light_of_plate,
+    spectral_light,
+)
+from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
@@ -84,27 +89,27 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Light by non-sequential paths is part of it where it is not negligible, and
-    `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
-    error does to rel_l2.
+    The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
+    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what
+    the estimate's own error does to rel_l2.
     """
-    screen, path = system.target.screen(), system.shaded_path(lens)
-    # by beams of cells for all that blurs it, or by rays
-    estimator = "beams" if system.blurred else "rays" if system.source.extended else "cells"
-    spectral = spectral_light(system, path, screen, backend, ESTIMATES[estimator])
+    system = system.with_all_sources
+    screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
+    estimate = ESTIMATES[estimator]
+    spectral = light_of_plate(system, path, lambda p: spectral_light(system, p, screen, backend, estimate))
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
-    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
     other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
     target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
-    irradiance, flux = light.irradiance / shown, system.problem.source.flux
+    irradiance, flux = light.irradiance / shown, system.problem.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)
-    metrics |= contrast_error(metrics, target) if system.target.uniform_region is None else {}
+    metrics |= contrast_error(metrics, target) if system.target.as_picture else {}
     sequential = direct.over(shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
@@ -134,15 +139,31 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         }
     sharp = colour = None
     if estimator == "beams":
-        clear = spectral_light(system.sharp, path, screen, backend, _by_cells)
+        clear = light_of_plate(
+            system, path, lambda p: spectral_light(system.sharp, p, screen, backend, _by_cells)
+        )
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
     if spectral.colour is not None:
         colour = spectral.colour / shown
-        one, _ = ESTIMATES[estimator](system, path, screen, backend)
-        metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
+        one = light_of_plate(
+            system, path, lambda p: SpectralLight(*estimate(system, p, screen, backend), None)
+        )
+        metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
+    """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
+    screen, path = system.target.screen(), system.shaded_path(lens)
+    light = spectral_light(system, path, screen, backend, ESTIMATES[_estimator(system)])
+    return light.estimate.irradiance / screen.projection()
+
+
+def _estimator(system: OpticalSystem) -> str:
+    """Return how light is measured: by beams of cells for all that blurs it, or by rays."""
+    return "beams" if system.blurred else "rays" if system.source.extended else "cells"
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
@@ -246,7 +267,7 @@ def delivered(
     shown_light, error : as of a Measurement, and as standard deviations, None for none.
     on_target, off_target : W.  blur : see `optics.light.blur.spot_rms`.
     """
-    screen, flux = system.target.screen(), system.problem.source.flux
+    screen, flux = system.target.screen(), system.problem.flux
     shown = screen.projection()
     target = system.target.irradiance(screen, 1.0) / shown
     noise = np.zeros_like(shown_light) if error is None else error
@@ -254,9 +275,12 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    if system.target.uniform_region is None:
-        return found | contrast_error(found, target)
-    return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
+    found |= zone_metrics(system, shown_light, noise)
+    if system.target.as_picture:
+        found |= contrast_error(found, target)
+    if system.target.uniform_region is not None:
+        found["uniformity"] = uniformity_metrics(system, shown_light, error, blur)
+    return found
 
 
 def unit_mean(image: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
@@ -29,7 +30,33 @@ def photometric_metrics(
         found = {f"target_mean_{density.suffix}": density.factor * float(irradiance.mean())}
     if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
-    return found
+    return found | zone_metrics(system, irradiance, error)
+
+
+def zone_metrics(system: OpticalSystem, irradiance: Floats, error: Floats) -> dict[str, Any]:
+    """Return what the light is in every row of the target's zones, nothing where it has none.
+
+    irradiance, error : as `photometric_metrics`.
+    """
+    target, density, found = system.target, system.density, []
+    for row in target.zone_rows(target.screen()):
+        reading = row.reading(irradiance, error)
+        numbers = {name: density.factor * value for name, value in reading._asdict().items()}
+        greatest = numbers["greatest"] if isfinite(reading.greatest) else None
+        over = reading.margin * reading.limit / reading.error if reading.error else None
+        found.append(
+            {
+                "name": row.name,
+                **numbers,
+                "greatest": greatest,
+                "limit": density.factor * reading.limit,
+                "at_least": reading.at_least,
+                "margin": reading.margin,
+                "margin_in_errors": over,
+                "unit": density.shown,
+            }
+        )
+    return {"zones": found} if found else {}
 
 
 def uniformity_metrics(
@@ -67,7 +94,7 @@ def _beam(system: OpticalSystem, screen: Screen, intensity: Floats) -> dict[str,
     peak = density.factor * float(intensity.max())
     found: dict[str, float | None] = {f"peak_{density.suffix}": peak}
     if units.luminous:
-        found["peak_cd_per_klm"] = KILO * peak / system.problem.source.flux
+        found["peak_cd_per_klm"] = KILO * peak / system.problem.flux
     curves = plane_curves(intensity, *screen.centres)
     for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD)):
         for plane, curve in curves.items():

@@ -10,6 +10,7 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.light.blur.convolution import blur_of
 from optics.light.tracing import Tracer
+from optics.scene.sources import LightSource
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
@@ -47,13 +48,17 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
 
     It is the rms deviation in one direction, of x and y together: sqrt((sx^2 + sy^2) / 2).  Of a source with
     extent it is the median over the lens, by flux: near total reflection light is thrown any distance.  It is
-    0 of a source without extent and divergence, behind smooth surfaces.  backend : of double precision.
+    0 of a source without extent and divergence, behind smooth surfaces.  Of several sources it is the
+    greatest of any one.  backend : of double precision.
     """
     if system.blurred:
         return blur_of(system, system.path(lens), backend).rms
-    if not system.source.extended:
-        return 0.0
-    images = patch_images(system, lens, backend, FEWER_RAYS)
+    extended = [source for source in system.source.each if source.extended]
+    return max((_spot_rms(system, lens, source, backend) for source in extended), default=0.0)
+
+
+def _spot_rms(system: OpticalSystem, lens: Lens, source: LightSource, backend: Backend) -> float:
+    images = patch_images(system, lens, backend, FEWER_RAYS, source)
     known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
     if not known.any():
         return 0.0
@@ -74,18 +79,22 @@ def spot_width(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
 
 
 def patch_images(
-    system: OpticalSystem, lens: Lens, backend: Backend, rays: tuple[int, int] = RAYS
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    rays: tuple[int, int] = RAYS,
+    source: LightSource | None = None,
 ) -> PatchImages:
     """Trace rays from the whole source and return the PatchImages of a lens.
 
-    backend : of double precision.  rays : their product counts.
+    backend : of double precision.  rays : their product counts.  source : one of several; None is all.
 
     The position in a patch at which a ray leaves the last surface moves its image.  A quadratic in this
     position is fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the
     image.
     """
     path = system.path(lens)
-    tracer, last = Tracer(backend, path, system.source.rays(rays)), len(path.surfaces) - 1
+    tracer, last = Tracer(backend, path, (source or system.source).rays(rays)), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(last)
         _, landing = tracer.trace()

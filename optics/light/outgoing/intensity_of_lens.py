@@ -18,7 +18,9 @@ from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.moulds import Plate
 
 REPLICATES = 8  # independent ones, whose spread is the noise
 RAYS_AT_ONCE = 1 << 17  # only memory: every ray has some branches
@@ -32,12 +34,14 @@ class OutgoingIntensity:
     luminaire : its intensity, W/sr, with the rear as its opening.  flux : W, that left the lens.
     steps : of C and gamma, degrees; the intensity is smoothed over them.
     noise : the L2 error of the intensity over the sphere, relative to its L2 norm.
+    parts : (n, k, m) W/sr, by independent parts of the rays alone; their mean is the intensity.
     """
 
     luminaire: Luminaire
     flux: float
     steps: tuple[float, float]
     noise: float
+    parts: Floats
 
 
 def outgoing_intensity(
@@ -45,16 +49,19 @@ def outgoing_intensity(
 ) -> OutgoingIntensity:
     """Return the intensity of the light behind a lens, by inner reflections and edges too.
 
+    That of a plate is as many times that of the source in its middle.
+
     backend : of double precision.  count : of rays, about.
     step : of gamma, degrees, which divides 180; that of C is twice as large.
     """
+    system = system.with_all_sources
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     side = isqrt(max(1, count // REPLICATES) - 1) + 1
     plane = TargetArea.of(
         system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
     )
-    solid, total, flux = system.solid(lens), [], 0.0
+    solid, total, flux = system.made(lens), [], 0.0
     for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
         nodes = np.zeros((grid.turns, grid.tilts + 1))
         for part in parts:
@@ -70,9 +77,10 @@ def outgoing_intensity(
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES
         total.append(nodes)
-    hx, hy = lens.rear.half_width
+    hx, hy = solid.outline.half_width if isinstance(solid, Plate) else lens.rear.half_width
     luminaire = grid.luminaire(np.mean(total, axis=0), Opening((2 * hx, 2 * hy)))
     error = grid.intensity(np.std(total, axis=0, ddof=1) / np.sqrt(REPLICATES))
+    each = np.stack([grid.intensity(nodes) for nodes in total])
     weights = luminaire.node_solid_angles
     noise = np.sqrt((weights * error**2).sum() / (weights * luminaire.candela**2).sum())
-    return OutgoingIntensity(luminaire, flux, grid.steps, float(noise))
+    return OutgoingIntensity(luminaire, flux, grid.steps, float(noise), each)

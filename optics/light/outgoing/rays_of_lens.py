@@ -12,10 +12,13 @@ from optics.light.tracing import Tracer
 from optics.scene.ray_files import RaySet
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
+from thbcad.moulds import Plate
 
 
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
     """Return about `count` rays of the source that went over all faces, in the unit of its flux.
+
+    Those of a plate are of all its lenses, at their places.
 
     place : where the rays start: on the last face, "rear", or on the "target"; in the frame of the scene.
     backend : of double precision.
@@ -26,7 +29,9 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     """
     if place == "target" and system.target.far_field:
         raise UserError("the far field has no plane that rays may start from; take --light rear")
-    side = isqrt(count - 1) + 1
+    made = system.made(lens)
+    places = made.places if isinstance(made, Plate) else np.zeros((1, 2))
+    side = isqrt((count - 1) // len(places)) + 1
     rays = system.source.rays((side, side))
     path = system.path(lens)
     tracer, last = Tracer(backend, path, rays), len(path.surfaces) - 1
@@ -43,6 +48,9 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     position = path.surfaces[last].pose.points(np.stack([x, y, z])).T
     if place == "target":
         position = np.stack(np.broadcast_arrays(*receiver.points(u, v)), axis=1)
-    wavelength = np.full(int(out.sum()), system.problem.source.wavelength)
+    starts = position[out] + np.insert(places, 2, 0.0, axis=1)[:, None]
+    every = starts.shape[:2]
+    directions, fluxes = np.broadcast_to(direction[out], starts.shape), np.broadcast_to(flux[out], every)
+    wavelength = np.full(starts.shape[0] * starts.shape[1], system.problem.source.wavelength)
     unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
-    return RaySet(position[out], direction[out], flux[out], unit, wavelength)
+    return RaySet(starts.reshape(-1, 3), directions.reshape(-1, 3), fluxes.ravel(), unit, wavelength)

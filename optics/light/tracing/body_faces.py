@@ -1,4 +1,5 @@
-"""The faces of a body for a mould, and where rays meet them: trimmed front and rear, drafted walls, the land.
+"""The faces of a body for a mould, and where rays meet them: trimmed front and rear, drafted walls, the land;
+and those of a plate of lenses.
 
 At the height z a wall encloses its outline, inset by k (z - level), k = +-tan(draft).  With the middles m of
 the corners and their semi-axes c, and p = (|x| - mx, |y| - my) / c, that is
@@ -10,16 +11,30 @@ a convex region: a line o + t d lies in it from one t to another, in closed form
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
+
+import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface
 from optics.light.tracing.graph_face import START, GraphFace, Jet, Meeting
-from optics.light.tracing.lens_faces import RIM, surface_face
-from thbcad.moulds import DraftedWall, MouldedBody
+from optics.light.tracing.lens_faces import RIM, lens_faces, surface_face
+from thbcad.checks import Bools, Floats
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.moulds import DraftedWall, MouldedBody, Plate
 
 FAR = 1e3  # of an outline, and so far beyond: where lines that leave it nowhere are looked at
+
+
+class Face(Protocol):
+    """A face of a closed body."""
+
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
+        ...
 
 
 class WalledRegion:
@@ -206,3 +221,95 @@ def body_faces(backend: Backend, body: MouldedBody) -> list[GraphFace | DraftedF
         if body.stepped:
             faces.append(DraftedFace(hole, inner, inner.side == outward, size, graphs[small]))
     return faces
+
+
+@dataclass(eq=False)
+class PartOfPlane:
+    """The part of a plane face, which rays meet once, whose points a mask holds."""
+
+    backend: Backend
+    face: Face
+    holds: Callable[[Jet], DrArray]
+
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
+        dr, met = self.backend.dr, self.face.meet(rays)
+        found = dr.isfinite(met.path)
+        found &= self.holds(rays.at(dr.select(found, met.path, 0)))
+        return replace(met, path=dr.select(found, met.path, dr.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class PlateFaces:
+    """Faces of one lens of a plate or of its land, and where that lies.
+
+    shift : (3,), mm, from its own frame to that of the plate.
+    box : (2, 3), mm, least and greatest corner of what holds the faces, in the own frame.
+    """
+
+    faces: Sequence[Face]
+    shift: Floats
+    box: Floats
+
+    def reached(self, origin: Floats, direction: Floats) -> Bools:
+        """Return which rays (3, n) meet the box."""
+        start = origin - self.shift[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):  # within a plane of the box, nan is neither
+            t = (self.box[:, :, None] - start) / direction
+        near, far = np.nanmin(t, axis=0).max(axis=0), np.nanmax(t, axis=0).min(axis=0)
+        return (near <= far) & (far >= 0)
+
+
+def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
+    """Return the faces of every lens, without those parts of its walls that lie in the land, and the land's,
+    without what the lenses fill."""
+    lens, (mx, my) = plate.lens, plate.middle
+    front, rear, *walls = lens_faces(backend, lens)
+    size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
+    low, high = (backend.dr.opaque(backend.Float, z) for z in (plate.low, plate.high))
+    faces: list[Face] = [front, rear]
+    for wall in walls:
+        if isinstance(wall, GraphFace):  # which rays may meet again beyond the land
+            ends = [0, 0, -1, plate.low + RIM * size], [0, 0, 1, RIM * size - plate.high]
+            faces += [replace(wall, domain=np.vstack([wall.domain, end])) for end in ends]
+        else:
+            faces.append(PartOfPlane(backend, wall, lambda point: (point[2] <= low) | (point[2] >= high)))
+    flat = FreeformSurface(plate.outline.half_width)
+    below, above, *sides = lens_faces(backend, Lens(flat, flat, plate.high - plate.low, plate.index))
+    between = _between_lenses(backend, plate, [w for w in walls if isinstance(w, GraphFace)])
+    land = [*(PartOfPlane(backend, plane, between) for plane in (below, above)), *sides]
+    heights = np.concatenate([g.coefficients.ravel() + z for g, z in zip(lens.graphs(), (0, lens.thickness))])
+    half, more = np.max([lens.front.half_width, lens.rear.half_width], axis=0), 1e-6 * size
+    box = np.array([[*-half, heights.min()], [*half, heights.max()]])
+    box += [[-more], [more]]
+    top = np.array([*flat.half_width, plate.high - plate.low])
+    wide = np.array([top * (-1, -1, 0) - more, top + more])
+    return [
+        *(PlateFaces(faces, np.array([x, y, 0.0]), box) for x, y in plate.places),
+        PlateFaces(land, np.array([mx, my, plate.low]), wide),
+    ]
+
+
+def _between_lenses(backend: Backend, plate: Plate, slanted: Sequence[GraphFace]) -> Callable[[Jet], DrArray]:
+    """Return the mask of points of the land, in its own frame, that no lens fills.
+
+    slanted : walls of one.
+    """
+    dr = backend.dr
+    opaque = partial(dr.opaque, backend.Float)
+    lens, level = plate.lens, opaque(plate.low)
+    half = [opaque(max(pair)) for pair in zip(lens.front.half_width, lens.rear.half_width)]
+    pitch, last = [opaque(p) for p in plate.pitch], [opaque(n - 1.0) for n in plate.counts]
+
+    def between(point: Jet) -> DrArray:
+        own = []
+        for a, step, most in zip(point, pitch, last):
+            number = dr.clip(dr.round(a / step + most / 2), 0, most)  # of the nearest lens
+            own.append(a - step * (number - most / 2))
+        x, y, z = *own, point[2] + level
+        filled = (dr.abs(x) <= half[0]) & (dr.abs(y) <= half[1])
+        for wall in slanted:
+            filled &= ~wall.covers(x, y) | wall.encloses((x, y, z))
+        return ~filled
+
+    return between

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import chain, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, Vector
-from optics.light.tracing.body_faces import body_faces
+from optics.light.tracing.body_faces import Face, body_faces, plate_faces
 from optics.light.tracing.lens_faces import lens_faces
 from optics.light.tracing.refraction import refract
 from optics.scene.paths import BARE, Coats
 from optics.scene.sources import Rays
 from thbcad.checks import Floats
-from thbcad.lens import Lens
-from thbcad.moulds import Solid, rounded_off
+from thbcad.moulds import Made, MouldedBody, Plate, rounded_off
 
-# what a branch in air met last: nothing, a face that it did not pass, the face it left by
-NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)
-UNDECIDED = 5  # what a branch meets next, where no face is proven to be the first
+# what a branch in air met last: nothing, a face that it did not pass, the face it left by; fronts and rears
+# of a plate's other lenses are those of neighbours
+NEVER, OUTSIDE, FRONT, REAR, EDGE, NEIGHBOUR = range(6)
+UNDECIDED = 6  # what a branch meets next, where no face is proven to be the first
 SOURCE, ENTERED, LEFT, INDIRECT = range(4)  # stages of the direct path: front refracts, rear refracts
 
 
@@ -54,7 +55,7 @@ class Branches:
             stage=none + SOURCE,
         )
 
-    def __getitem__(self, chosen: NDArray[np.bool_]) -> Branches:
+    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Branches:
         return Branches(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
 
     def __add__(self, other: Branches) -> Branches:
@@ -75,7 +76,8 @@ class Branches:
 class Meetings:
     """What branches meet next, (m,) or (3, m).
 
-    face : FRONT, REAR, EDGE, NEVER where they leave, or UNDECIDED.  absorbed : (m,), at a rounded edge.
+    face : FRONT, REAR, EDGE, NEIGHBOUR, NEVER where they leave, or UNDECIDED.
+    absorbed : (m,), at a rounded edge.
     """
 
     face: NDArray[np.int8]
@@ -90,7 +92,7 @@ class Meetings:
 
 
 class ClosedLens:
-    """The faces of a lens or its body, and what happens to branches there.
+    """The faces of a lens, its body or a plate of lenses, and what happens to branches there.
 
     coats : what coatings of front and rear let through of light that is not reflected totally.
     Rounded edges absorb light, with all that lies between them and the sharp edge in their place.
@@ -101,31 +103,28 @@ class ClosedLens:
         """Whether some of it absorbs light."""
         return self._rounded is not None
 
-    def __init__(self, backend: Backend, solid: Solid, coats: Coats = BARE) -> None:
+    def __init__(self, backend: Backend, solid: Made, coats: Coats = BARE) -> None:
         if backend.dtype != np.float64:
             raise ValueError("non-sequential tracing needs a backend in double precision")
         self._backend = backend
-        self._faces = lens_faces(backend, solid) if isinstance(solid, Lens) else body_faces(backend, solid)
-        self._rounded = None if isinstance(solid, Lens) or not solid.rounded else solid
+        self._plate = plate_faces(backend, solid) if isinstance(solid, Plate) else []
+        self._faces: Sequence[Face] = ()
+        if isinstance(solid, MouldedBody):
+            self._faces = body_faces(backend, solid)
+        elif not isinstance(solid, Plate):
+            self._faces = lens_faces(backend, solid)
+        self._rounded = solid if isinstance(solid, MouldedBody) and solid.rounded else None
         self._coats = coats
         self._index = backend.dr.opaque(backend.Float, solid.index)
 
     def meet(self, branches: Branches) -> Meetings:
         """Return the first meetings of branches."""
         backend, dr = self._backend, self._backend.dr
-        ox, oy, oz = (backend.array(a) for a in branches.origin)
-        dx, dy, dz = (backend.array(a) for a in branches.direction)
-        rays = DeviceRays((ox, oy, oz), (dx, dy, dz), inside=backend.array(branches.inside) > 0)
-        path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
-        face, doubt = backend.Float(NEVER), backend.Float(dr.inf)
-        for kind, one in zip((FRONT, REAR, EDGE, EDGE, EDGE, EDGE), self._faces):
-            meeting = one.meet(rays)
-            first = meeting.path < path
-            path = dr.select(first, meeting.path, path)
-            face = dr.select(first, float(kind), face)
-            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(meeting.normal, (nx, ny, nz)))
-            doubt = dr.minimum(doubt, meeting.doubt)
-            dr.eval(path, (nx, ny, nz), face, doubt)
+        rays = self._rays(branches)
+        if self._plate:
+            path, nx, ny, nz, face, doubt = map(backend.array, self._first_of_plate(branches))
+        else:
+            path, nx, ny, nz, face, doubt = self._first(rays, self._faces)
         face = dr.select(doubt < path, float(UNDECIDED), face)
         refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
         for number, share in zip((FRONT, REAR), self._coats):
@@ -146,6 +145,51 @@ class ClosedLens:
             transmittance=transmittance.numpy(),
             absorbed=absorbed,
         )
+
+    def _rays(self, branches: Branches, shift: Floats | None = None) -> DeviceRays:
+        """Return branches on the device, in a frame that lies elsewhere."""
+        backend = self._backend
+        origin = branches.origin if shift is None else branches.origin - shift[:, None]
+        ox, oy, oz = (backend.array(a) for a in origin)
+        dx, dy, dz = (backend.array(a) for a in branches.direction)
+        return DeviceRays((ox, oy, oz), (dx, dy, dz), inside=backend.array(branches.inside) > 0)
+
+    def _first(self, rays: DeviceRays, faces: Iterable[Face]) -> tuple[DrArray, ...]:
+        """Return the path to what rays meet first of front, rear and edges, the normal there, which of them
+        it is, and from where on that is in doubt."""
+        backend, dr = self._backend, self._backend.dr
+        path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
+        face, doubt = backend.Float(NEVER), backend.Float(dr.inf)
+        for kind, one in zip(chain((FRONT, REAR), repeat(EDGE)), faces):
+            meeting = one.meet(rays)
+            first = meeting.path < path
+            path = dr.select(first, meeting.path, path)
+            face = dr.select(first, float(kind), face)
+            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(meeting.normal, (nx, ny, nz)))
+            doubt = dr.minimum(doubt, meeting.doubt)
+            dr.eval(path, (nx, ny, nz), face, doubt)
+        return path, nx, ny, nz, face, doubt
+
+    def _first_of_plate(self, branches: Branches) -> Floats:
+        """Return what `_first` does of a plate, (6, m)."""
+        found = np.zeros((6, branches.flux.size))
+        found[[0, 5]] = np.inf
+        found[4] = NEVER
+        for number, part in enumerate(self._plate):
+            reached = np.flatnonzero(part.reached(branches.origin, branches.direction))
+            if not reached.size:
+                continue
+            first = self._first(self._rays(branches[reached], part.shift), part.faces)
+            rows = np.array([np.broadcast_to(row.numpy(), reached.shape) for row in first])
+            optical = (rows[4] == FRONT) | (rows[4] == REAR)
+            if part is self._plate[-1]:
+                rows[4, optical] = EDGE  # of the land
+            elif number:
+                rows[4, optical] = NEIGHBOUR
+            nearer = rows[0] < found[0, reached]
+            found[:5, reached[nearer]] = rows[:5, nearer]
+            found[5, reached] = np.minimum(found[5, reached], rows[5])
+        return found
 
     def _split(self, rays: DeviceRays, outward: Vector) -> tuple[Vector, Vector, DrArray]:
         """Return refracted and reflected unit directions and the transmittance, for outward normals."""

@@ -24,6 +24,8 @@ SENTENCES = {
     "edges_off_target": "leaves by an edge and passes beside the target",
     "front_on_target": "leaves by the front and meets the target",
     "front_off_target": "leaves by the front and passes beside the target",
+    "neighbours_on_target": "leaves a plate by another lens's front or rear and meets the target",
+    "neighbours_off_target": "leaves a plate by another lens's front or rear and passes beside the target",
     "back": "leaves and never reaches the target plane",
     "trapped": "falls below the threshold, or meets too many faces",
     "failed": "is lost: no face was found in glass, or none was certain to be the first",
@@ -195,21 +197,30 @@ class Fates:
     failed: float
     absorbed: float = 0.0
     blocked: float = 0.0
+    neighbours_on_target: float = 0.0
+    neighbours_off_target: float = 0.0
 
     @property
     def onto(self) -> float:
         """Flux on the target rectangle, by any way through the lens."""
-        return self.on_target + self.edges_on_target + self.front_on_target
+        return self.on_target + self.edges_on_target + self.front_on_target + self.neighbours_on_target
 
     @property
     def beside(self) -> float:
         """Flux in the target plane beside the rectangle, by any way through the lens."""
-        return self.off_target + self.edges_off_target + self.front_off_target
+        return self.off_target + self.edges_off_target + self.front_off_target + self.neighbours_off_target
+
+    @property
+    def crosstalk(self) -> float:
+        """Flux that goes to the target, or beside it, by a neighbour's front or rear."""
+        return self.neighbours_on_target + self.neighbours_off_target
 
     @property
     def by_name(self) -> dict[str, float]:
-        """The flux by the name of its fate; what is absorbed or blocked only where there is some."""
-        return {name: f for name, f in asdict(self).items() if f or name not in ("absorbed", "blocked")}
+        """The flux by the name of its fate; what is absorbed or blocked, or a neighbour's, only where there
+        is some."""
+        rare = {field.name for field in fields(self) if field.default == 0.0}
+        return {name: f for name, f in asdict(self).items() if f or name not in rare}
 
 
 def fate_sentences(fates: Iterable[str]) -> dict[str, str]:

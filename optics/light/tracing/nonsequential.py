@@ -32,7 +32,7 @@ from optics.scene.paths import BARE, Coats, LightPath, Stop
 from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays, require_rays
 from thbcad.checks import Floats
-from thbcad.moulds import Solid
+from thbcad.moulds import Made, Solid
 from thbcad.outlines import Outline
 
 
@@ -111,7 +111,7 @@ class NonsequentialResult:
 
 def trace_nonsequential(
     backend: Backend,
-    lens: Solid,
+    lens: Made,
     rays: Rays,
     target: TargetArea,
     bounces: int = 64,
@@ -120,7 +120,7 @@ def trace_nonsequential(
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
-    lens : or its body for a mould.
+    lens : or its body for a mould, or a plate of lenses.
     bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
     Both drop branches into the fate `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
@@ -180,7 +180,7 @@ def trace_nonsequential(
 
 
 def seen_branches(
-    backend: Backend, lens: Solid, rays: Rays, bounces: int = 6, black_wall: bool = False, coats: Coats = BARE
+    backend: Backend, lens: Made, rays: Rays, bounces: int = 6, black_wall: bool = False, coats: Coats = BARE
 ) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
@@ -290,7 +290,7 @@ def _fates(
     x, y, reaches = landed.u, landed.v, landed.met & (landed.length >= 0) & ~failed
     onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
     on, off = (
-        np.array([FATES.index(name + side) for name in ("front_", "", "edges_")])
+        np.array([FATES.index(name + side) for name in ("front_", "", "edges_", "neighbours_")])
         for side in ("on_target", "off_target")
     )
     exit_face = np.maximum(gone.left, FRONT) - FRONT

@@ -36,7 +36,7 @@ from optics.scene.receivers import Plane
 from optics.scene.system import LightTarget, OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
-from thbcad.moulds import Solid, lens_of
+from thbcad.moulds import Made, lens_of
 
 INK = "0.2"
 LABEL = {"facecolor": "white", "alpha": 0.6, "lw": 0, "pad": 1.5}
@@ -51,7 +51,7 @@ LETTERS = 110  # under a picture; more are smaller
 AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
 
 
-def solid_views(solid: Solid, sides: tuple[str, str] = LENS) -> bytes:
+def solid_views(solid: Made, sides: tuple[str, str] = LENS) -> bytes:
     """Return a PNG of a lens, its body or a mirror from the rear, the side, the front and obliquely.
 
     Faces are shaded by slope, in light from the upper left.  The relief of a surface with a sag, its slopes

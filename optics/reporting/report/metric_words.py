@@ -44,6 +44,9 @@ WORDS = {
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),
     "stray_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "crosstalk": (PERCENT, "of the middle source's flux leaves a plate by neighbours' fronts and rears"),
+    "crosstalk_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "by_plate_edges": (PERCENT, "of the middle source's flux leaves a plate forward by its walls and land"),
     "normal_incidence_transmittance": (
         PERCENT,
         "passes two uncoated faces once at normal incidence; no bound",

@@ -27,7 +27,7 @@ from optics.scene.sources import Rays
 from optics.scene.system import MadePart, OpticalSystem, scene_parts
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
-from thbcad.moulds import Solid, lens_of
+from thbcad.moulds import Made, Plate, lens_of
 from thbcad.poses import Pose
 
 STRIP = 90  # lines at once: their rays take some 30 MB
@@ -63,10 +63,10 @@ class Sight:
 class _Seen:
     """An element as a camera sees it.
 
-    body, pose : and where it lies.  box : around it, (3, 2).  how : of `seen_branches`.
+    solid, pose : and where it lies.  box : around it, (3, 2).  how : of `seen_branches`.
     """
 
-    solid: Solid
+    solid: Made
     pose: Pose
     box: Floats
     how: dict[str, Any]
@@ -153,6 +153,7 @@ def _first(
         may = np.flatnonzero((last != k) & _towards(light, element.box, origin, direction))
         length = np.zeros(may.size)
         if len(elements) > 1 and may.size:
+            assert not isinstance(element.solid, Plate)  # it is the one element
             body = ShadingBody(backend, Body(element.solid, element.pose))
             length = body.lengths(element.pose, origin[:, may], direction[:, may])[1]
         some = length < nearest[may]

@@ -247,7 +247,7 @@ def photo_caption(system: OpticalSystem, lens: Lens) -> str:
     """Return what a photograph shows, and what of it is not as it is."""
     room = photo_room(system, lens)
     light = "measured light on a translucent screen"
-    shown = f"Lenses refract and mirrors reflect the room; with the {light}. The room is invented"
+    shown = f"Lenses that refract and mirrors that reflect the room, and their {light}. The room is invented"
     if system.axial:
         shown = f"The lens as glass and its {light}, seen from behind the screen. The room is invented"
     if room.angular:

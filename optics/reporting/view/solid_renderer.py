@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from math import isqrt
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, grey_closing
 
 from thbcad.checks import Floats, Integers
 from thbcad.lens import SIDES, FreeformSurface, Lens
-from thbcad.moulds import MouldedBody, Solid, lens_of
+from thbcad.moulds import Made, MouldedBody, Plate, lens_of
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
@@ -78,13 +79,15 @@ def oblique(turn: float, rise: float) -> Floats:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def solid_faces(solid: Solid, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
+def solid_faces(solid: Made, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
     """Return the faces, front and rear first, and by name how many times steeper their relief is.
 
     The edge of a lens that is no rectangle is one face; so is each wall of a body, whose edges are sharp.
 
     samples : across a face
     """
+    if isinstance(solid, Plate):
+        return _plate_faces(solid, samples)
     faces, steeper, lens = [], {}, lens_of(solid)
     for number, (name, surface, vertex, side) in enumerate(
         (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1))
@@ -118,6 +121,23 @@ def solid_faces(solid: Solid, samples: int = SAMPLES) -> tuple[list[Face], dict[
         edges = _edges(low, high, count)
         faces += edges if lens.front.outline.is_rectangle else [_joined(edges)]
     return faces, steeper
+
+
+def _plate_faces(plate: Plate, samples: int) -> tuple[list[Face], dict[str, float]]:
+    """Return the faces of all lenses of a plate, those of the first with their names, and the land's six, of
+    which the lenses hide what they fill."""
+    own, steeper = solid_faces(plate.lens, samples // isqrt(len(plate.places)))
+    faces = [
+        replace(face, name=face.name * (not number)).posed(Pose.at((x, y, 0.0)))
+        for number, (x, y) in enumerate(plate.places)
+        for face in own
+    ]
+    flat = FreeformSurface(plate.outline.half_width)
+    land, _ = solid_faces(Lens(flat, flat, plate.high - plate.low, plate.index), samples)
+    beside = Pose.at((*plate.middle, plate.low))
+    return faces + [
+        replace(face, name="land" * (face.name == "rear"), colour=GROUND).posed(beside) for face in land
+    ], steeper
 
 
 def within_foot(body: MouldedBody, number: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     )
     from optics.scene.problem.problem_record import Problem, load_problem
     from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify, per_level
-    from optics.scene.problem.schema import SUN, Source, StopSpec, Target
+    from optics.scene.problem.schema import SUN, OneSource, Source, SourceArray, StopSpec, Target, Zone
     from optics.scene.problem.starting_problems import commented_problem
     from optics.scene.problem.toml_records import AUTO, problem_to_toml
 

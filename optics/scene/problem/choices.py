@@ -15,8 +15,6 @@ _ALONG_Z = "this source lies on the axis and shines along +z; the light of a fil
 CANNOT = {
     **dict.fromkeys(("lense", "reflector", "prism"), _KINDS),
     "coating": _BARE,
-    **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
-    "array": "there is one lens before one source",
     "grin": "the index is the same everywhere in the lens",
     **dict.fromkeys(
         ("lens.position", "lens.tilt"),

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from optics.scene.problem.lens_schema import (
+    ArraySpec,
     BodySpec,
     Freeform,
     Front,
@@ -119,6 +120,7 @@ class MirrorElement(Placed, Optic):
     absorptions: ClassVar[Rows] = ()
     wall: ClassVar[str] = "absorbing"
     body: ClassVar[BodySpec | None] = None
+    array: ClassVar[ArraySpec | None] = None
 
     @cached_property
     def front(self) -> Front:

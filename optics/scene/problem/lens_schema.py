@@ -162,6 +162,31 @@ class BodySpec:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ArraySpec:
+    """Like lenses side by side on one plate, each with its own source, as the table [lens.array].
+
+    >>> ArraySpec(columns=2, rows=6, pitch=(25.0,)).pitches
+    (25.0, 25.0)
+    """
+
+    columns: int = option(low=1, high=100, note="lenses along x")
+    rows: int = option(low=1, high=100, note="lenses along y")
+    pitch: tuple[float, ...] = option(
+        low=SHORTEST, high=LONGEST, note="mm between their axes: one number, or those of x and y"
+    )
+
+    @property
+    def count(self) -> int:
+        """How many lenses there are."""
+        return self.columns * self.rows
+
+    @property
+    def pitches(self) -> tuple[float, float]:
+        """The pitch in x and in y, mm."""
+        return self.pitch[0], self.pitch[-1]
+
+
 class Optic:
     """A lens or a mirror, as a problem describes it: a body with two surfaces and one outline.
 
@@ -198,6 +223,8 @@ class Optic:
         def wall(self) -> str: ...
         @property
         def body(self) -> BodySpec | None: ...
+        @property
+        def array(self) -> ArraySpec | None: ...
 
     @property
     def known_index(self) -> float:
@@ -308,5 +335,6 @@ class LensSpec(Optic):
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"
     )
     body: BodySpec | None = option(None, note="the body for a mould, which STEP files hold")
+    array: ArraySpec | None = option(None, note="like lenses on one plate, each with its own source")
     front: Front = option()
     rear: Rear = option()

@@ -23,9 +23,9 @@ from optics.scene.problem.required_optics import (
     require_rows,
     require_stops,
 )
-from optics.scene.problem.required_target import require_target
+from optics.scene.problem.required_target import require_like_light, require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, Source, StopSpec, Target
+from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, OneSource, Source, StopSpec, Target
 from optics.scene.problem.toml_records import checked_values, option, problem_to_toml, record
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
@@ -74,6 +74,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         given = {f.name: getattr(self, f.name) for f in fields(self)}
+        given["source"] = _first_of_list(self.source)
         for name, value in checked_values(Problem, given).items():
             object.__setattr__(self, name, value)
         _require_partners(self)
@@ -108,6 +109,11 @@ class Problem:
         Raises UserError : light cannot take such a path.
         """
         return faces_met(self.optics, self.path[0] if self.path else None)
+
+    @property
+    def flux(self) -> float:
+        """Of all sources, in their unit."""
+        return sum(source.total for source in self.source.each)
 
     @property
     def face_names(self) -> tuple[str, ...]:
@@ -185,6 +191,14 @@ class Problem:
         return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 
+def _first_of_list(source: Any) -> Any:
+    """Return the first of a list of sources with the others in it, as `Source` holds them."""
+    if not isinstance(source, list | tuple) or not source:
+        return source
+    first, *others = source
+    return dict(first if isinstance(first, Mapping) else vars(first)) | {"others": others}
+
+
 def _by(size: tuple[float, float]) -> str:
     return f"{size[0]:g} x {size[1]:g}"
 
@@ -204,7 +218,12 @@ def _require_partners(problem: Problem) -> None:
             raise UserError(str(error)) from None
     optic, spectrum = problem.optic, problem.source.spectrum
     require_target(problem.target)
-    _require_source(problem.source)
+    if problem.target.zones and problem.source.unit != "lm":
+        raise UserError(
+            f"zones have limits in cd or lx, and source.unit is {problem.source.unit!r}; set it to "
+            '"lm", and source.flux in lumens'
+        )
+    _require_sources(problem.source)
     if not isinstance(spectrum, str):
         require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
@@ -212,6 +231,10 @@ def _require_partners(problem: Problem) -> None:
     for each in problem.optics:
         require_optic(each, each is optic)
     require_stops(problem.stop)
+    if optic.array is not None:
+        require_like_light(problem.target, problem.stop)
+        if problem.source.others:
+            raise UserError("lens.array repeats one source, or its source.array; leave the others out")
     merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
@@ -250,7 +273,27 @@ def _require_elements(problem: Problem) -> None:
     _ = problem.faces_met
 
 
-def _require_source(source: Source) -> None:
+def _require_sources(source: Source) -> None:
+    """Refuse sources that lack a partner key, and several that cannot be added."""
+    _require_source(source)
+    if not any(each.weight for each in source.each):
+        raise UserError("source.weight is 0 of every source; make one greater")
+    if not source.lone and not source.flux:
+        raise UserError("source.flux must be given beside source.position, source.array or other sources")
+    for k, other in enumerate(source.others, 2):
+        with speaking_of(f"source {other.name or k} of the list"):
+            _require_source(other)
+            if other.file or other.image:
+                raise UserError("a source with a file stands first in the list; move it there")
+            for key in ("unit", "wavelength", "spectrum"):
+                if getattr(other, key) != getattr(source, key):
+                    raise UserError(
+                        f"source.{key} must be that of the first source, {getattr(source, key)!r}, got "
+                        f"{getattr(other, key)!r}; design each alone, or give them the same"
+                    )
+
+
+def _require_source(source: OneSource) -> None:
     kind, has = source.kind, SOURCES[source.kind]
     if source.profile == "image" and not source.image:
         raise UserError("the key source.image is missing; add it")
@@ -269,12 +312,16 @@ def _require_source(source: Source) -> None:
             "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
             "leave one of them out"
         )
-    for key in ("shift", "tilt", "turn"):
-        if not SOURCES[source.kind].file and any(getattr(source, key)):
+    for key in ("shift", "turn"):
+        if not has.file and any(getattr(source, key)):
             raise UserError(
-                f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
-                "shines along +z"
+                f"source.{key} is that of a file's light; a {kind} source has source.position and source.tilt"
             )
+    if source.placed and source.half_divergence:
+        raise UserError(
+            "the blur of a diverging beam is known along the axis only; leave source.position, source.tilt "
+            'and source.array out, or take kind = "lambertian" with its half_angle'
+        )
     if not source.flux and not has.own_flux:
         raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
     if has.area and min(source.half_width) < SHORTEST:
@@ -322,4 +369,6 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
     except ValueError as error:
         raise UserError(f"{path} cannot be read as TOML: {error}; mend it there") from None
     with speaking_of(path):
+        if "source" in data:
+            data["source"] = _first_of_list(data["source"])
         return record(Problem, with_changes(data, changes or {}), path.parent)

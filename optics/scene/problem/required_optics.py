@@ -28,6 +28,7 @@ def require_optic(optic: Optic, shaped: bool) -> None:
     _require_outline(optic)
     _require_clear_aperture(optic)
     _require_body(optic)
+    _require_array(optic)
 
 
 def require_stops(stops: Sequence[StopSpec]) -> None:
@@ -182,6 +183,36 @@ def _require_body(lens: Optic) -> None:
             f"{lens.key('body.edge_radius')} needs an outline without sharp corners; take "
             f'{lens.key("outline")} = "rounded"'
         )
+
+
+def _require_array(lens: Optic) -> None:
+    """Refuse a plate of lenses that touch, or of lenses that are no plain rectangles on the axis."""
+    array, key = lens.array, lens.key("array")
+    if array is None:
+        return
+    if lens.table != "lens":
+        raise UserError(f"{key} is that of a lens on the axis: take [lens] in place of [[element]]")
+    if len(array.pitch) > 2:
+        raise UserError(
+            f"{key}.pitch must be one number, or those of x and y, got {list(array.pitch)}; leave others out"
+        )
+    for axis, pitch, *halves in zip("xy", array.pitches, lens.front.half_width, lens.rear.half_width):
+        if pitch <= 2 * max(halves):
+            raise UserError(
+                f"{key}.pitch must be greater than the lens is wide, {2 * max(halves):g} mm in {axis}, so "
+                f"that there is land between the lenses; got {pitch:g}"
+            )
+    for name, plain in (("outline", lens.outline == "rectangle"), ("body", lens.body is None)):
+        if not plain:
+            raise UserError(
+                f"{key} joins rectangular lenses with their own walls: leave out {lens.key(name)}, or it"
+            )
+    if lens.coats != (None, None):
+        raise UserError(
+            f"{key} is followed through bare glass alone: leave out the reflectance of front and rear"
+        )
+    if any(lens.clear_aperture):
+        raise UserError(f"{key} has no holder round each lens: leave out {lens.key('clear_aperture')}")
 
 
 def _require_stop(key: str, stop: StopSpec) -> None:

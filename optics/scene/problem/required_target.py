@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, isinf, pi
 
 from optics.base.runtime import UserError
-from optics.scene.problem.schema import Target
+from optics.scene.problem.schema import StopSpec, Target, Zone
+
+LEAST_CORNERS = {"points": 1, "box": 2, "line": 2, "polygon": 3, "whole": 0}
 
 
 def require_target(target: Target) -> None:
@@ -17,13 +20,33 @@ def require_target(target: Target) -> None:
         raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
         raise UserError("the key target.formula is missing; add it")
-    if target.kind != "image" and target.seen_from == "lens":
+    if target.kind not in ("image", "zones") and target.seen_from == "lens":
         raise UserError(
             'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
             "the page on targets"
         )
     _require_place(target)
     _require_surface(target)
+    if target.kind == "zones" and not target.zones:
+        raise UserError('target.kind = "zones" needs a [[target.zone]] or target.regulation; add one')
+    for name, zone in target.zones:
+        _require_zone(name, zone, target)
+
+
+def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:
+    """Refuse what keeps the light of a plate from being that of one lens, shifted.
+
+    Raises UserError : names the key.
+    """
+    if stops:
+        raise UserError(
+            "lens.array has no stops, which would stand beside one lens alone; leave out [[stop]]"
+        )
+    if not target.far_field and (target.curved or any(target.tilt) or target.position is not None):
+        raise UserError(
+            "lens.array shifts the light of one lens over a plane across the axis, or adds it in the far "
+            "field: leave out target.position, target.tilt and target.radius"
+        )
 
 
 def _require_place(target: Target) -> None:
@@ -81,4 +104,40 @@ def _require_surface(target: Target) -> None:
             raise UserError(
                 f"target.half_width[{k}] must be less than a quarter turn of the {surface}, {quarter:.6g} mm "
                 f"along its radius of {abs(radius):g} mm, got {half_width[k]:g}"
+            )
+
+
+def _require_zone(name: str, zone: Zone, target: Target) -> None:
+    """Refuse a zone without limits, with two shapes, or beside the target, and limits of another unit."""
+    from optics.scene.receivers import chart_of_goniometer  # numpy, which files without zones do not need
+
+    shapes = [shape for shape in LEAST_CORNERS if getattr(zone, shape, ())]
+    if len(shapes) > 1 or not (shapes or zone.peak):
+        got = " and ".join(shapes) or "none of them"
+        raise UserError(f"{name} must have one of points, box, line and polygon, got {got}")
+    shape, corners = zone.shape
+    fewest = LEAST_CORNERS[shape]
+    if len(corners) < fewest or (shape == "box" and len(corners) > fewest):
+        exactly = "" if shape == "box" else "at least "
+        raise UserError(f"{name}: {shape} must be {exactly}{fewest} rows [H, V], got {len(corners)}")
+    if not zone.least and not zone.least_of_peak and isinf(zone.greatest):
+        raise UserError(f"{name} has no limit; give it least or greatest")
+    if zone.least > zone.greatest:
+        raise UserError(
+            f"{name}: least must be at most greatest, got {zone.least:g} and {zone.greatest:g}; exchange them"
+        )
+    unit = "cd" if target.far_field else "lx"
+    if zone.unit not in ("", unit):
+        place = "= inf" if zone.unit == "cd" else "to a number of mm"
+        raise UserError(
+            f"{name} has limits in {zone.unit}, and a target {target.place} has light in {unit}; set "
+            f"target.distance {place}, or leave the zone out"
+        )
+    (wide, tall), turn = target.half_width, 90.0 if target.far_field else inf
+    for h, v in corners:
+        reached = abs(h), abs(float(chart_of_goniometer(h, v)[1])) if target.far_field else abs(v)
+        if reached[0] > wide or abs(v) >= turn or reached[1] > tall:
+            raise UserError(
+                f"{name}: ({h:g}, {v:g}) lies outside the target, whose half_width is [{wide:g}, {tall:g}]; "
+                "make that larger, or move the zone"
             )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import inf, isinf
 from typing import ClassVar, NamedTuple
 
-from optics.scene.photometry import ILLUMINANTS
-from optics.scene.problem.toml_records import option
+from optics.scene.photometry import ILLUMINANTS, REGULATIONS, regulation
+from optics.scene.problem.toml_records import option, record
 
 PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
@@ -47,12 +48,36 @@ SOURCES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
-    """The light that comes in, as the table [source] of a problem file.
+class SourceArray:
+    """Sources of one kind side by side, as the table [source.array].
 
-    >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
-    0.2665
+    >>> SourceArray(columns=2, rows=2, pitch=(6, 6)).places
+    ((-3.0, -3.0), (3.0, -3.0), (-3.0, 3.0), (3.0, 3.0))
     """
+
+    columns: int = option(low=1, high=100, note="along own x")
+    rows: int = option(low=1, high=100, note="along own y")
+    pitch: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm, from middle to middle")
+
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Own x and y of every source, mm; the array's middle is 0."""
+        x, y = (
+            [(k - (n - 1) / 2) * step for k in range(n)]
+            for n, step in zip((self.columns, self.rows), self.pitch)
+        )
+        return tuple((a, b) for b in y for a in x)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneSource:
+    """A source of light, or an array of like ones.
+
+    >>> OneSource(kind="lambertian", half_width=(1, 1), position=(5, 0, -20)).placed
+    True
+    """
+
+    name: str = option("", note="another of each, where there are several")
 
     kind: str = option(
         choices=tuple(SOURCES),
@@ -61,10 +86,18 @@ class Source:
     half_width: tuple[float, float] = option(
         (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
     )
+    position: tuple[float, float, float] | None = option(
+        None, size=(0, FARTHEST), note="mm, of its middle, in place of distance"
+    )
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
     flux: float = option(
-        1.0, low=LEAST_FLUX, high=1e12, zero=True, note="of the whole source; 0 is that of a luminaire's file"
+        1.0,
+        low=LEAST_FLUX,
+        high=1e12,
+        zero=True,
+        note="of the whole source, of each in an array; 0 is that of the file",
     )
+    weight: float = option(1.0, low=0, high=1e6, note="times flux: how bright it is driven; 0 is off")
     unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
     profile: str = option(
         "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
@@ -87,7 +120,7 @@ class Source:
     tilt: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
         size=(0, 360),
-        note="right-handed degrees about own x, then own y, then own z, of a file's light around its origin",
+        note="right-handed degrees about own x, then own y, then own z, around its middle or a file's origin",
     )
     turn: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
@@ -121,6 +154,23 @@ class Source:
         note="light to measure with: [[nm, radiant weight], ...] or a CIE illuminant; [] is wavelength alone",
     )
 
+    array: SourceArray | None = option(None, note="like sources side by side; false is one")
+
+    @property
+    def placed(self) -> bool:
+        """Whether it is one that stands elsewhere than on the axis, or an array."""
+        return self.position is not None or self.array is not None or any(self.own_tilt)
+
+    @property
+    def own_tilt(self) -> tuple[float, float, float]:
+        """Its tilt, unless a file's light turns by itself."""
+        return (0.0, 0.0, 0.0) if SOURCES[self.kind].file else self.tilt
+
+    @property
+    def total(self) -> float:
+        """The flux of it all, in its unit."""
+        return self.flux * self.weight * (len(self.array.places) if self.array else 1)
+
     @property
     def data(self) -> str:
         """The key of the file that the source is read from, where it names one."""
@@ -130,6 +180,26 @@ class Source:
     def half_divergence(self) -> float:
         """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
         return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source(OneSource):
+    """The light that comes in, as the table [source] of a problem file, or as a list of them, [[source]].
+
+    >>> Source(kind="collimated", half_width=(9.5, 9.5), divergence_profile="sun").half_divergence  # degrees
+    0.2665
+    """
+
+    others: tuple[OneSource, ...] = option((), note="the second and further tables of a list [[source]]")
+
+    @property
+    def each(self) -> tuple[OneSource, ...]:
+        return self, *self.others
+
+    @property
+    def lone(self) -> bool:
+        """Whether there is one source, on the axis."""
+        return not (self.placed or self.others)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,6 +226,43 @@ class StopSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Limits of the light at places of the target, as a table [[target.zone]]; each of its points is a row.
+
+    Places are (H, V): in the far field the angles of a goniometer, on other targets x and y in mm.
+
+    >>> Zone(box=((-9, -4), (9, -1.7)), greatest=12000).shape
+    ('box', ((-9, -4), (9, -1.7)))
+    """
+
+    name: str = option("", note="another of each; --set target.zone.NAME.least=5000 changes a key of it")
+    points: Rows = option((), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), each by itself")
+    box: Rows = option((), size=(0, FARTHEST), note="two opposite corners; limits hold everywhere within")
+    line: Rows = option((), size=(0, FARTHEST), note="from corner to corner; limits hold all along")
+    polygon: Rows = option((), size=(0, FARTHEST), note="corners; limits hold everywhere within")
+    least: float = option(0.0, low=0, note="cd, on other targets than the far field lx; 0 is none")
+    greatest: float = option(inf, above=0, infinite=True, note="the same; inf is none")
+    least_of_peak: float = option(0.0, low=0, high=1, note="least, of the greatest on the target; 0 is none")
+    peak: bool = option(False, note="limits are those of its brightest place; alone: of the whole target")
+    margin: float = option(0.3, low=0, high=10, note="that the design aims at, of each limit")
+    unit: str = option("", choices=("", "cd", "lx"), note="of the limits; empty is that of the target")
+
+    @property
+    def shape(self) -> tuple[str, Rows]:
+        """What it covers, with its corners; the whole target where it names nothing."""
+        shapes = ((name, getattr(self, name)) for name in ("points", "box", "line", "polygon"))
+        return next((shape for shape in shapes if shape[1]), ("whole", ()))
+
+
+@cache
+def regulated(name: str) -> tuple[tuple[str, Zone], ...]:
+    """Return the zones of a regulation, each with what its rows are called."""
+    table = regulation(name)
+    zones = (record(Zone, {"unit": table.unit} | row) for row in table.zone)
+    return tuple((f"{name} {zone.name}".rstrip(), zone) for zone in zones)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Target:
     """The light that is asked for, as the table [target].
 
@@ -164,7 +271,8 @@ class Target:
     """
 
     kind: str = option(
-        choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula"
+        choices=("image", "tophat", "function", "zones"),
+        note="a picture, a region of uniform light, a formula, or the smoothest light that keeps the zones",
     )
     image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
     formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
@@ -212,8 +320,16 @@ class Target:
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
     )
     crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
+    regulation: str = option("", choices=("", *REGULATIONS), note="its table, as zones before those below")
+    zone: tuple[Zone, ...] = option((), note="limits of the light at places; any number of them")
 
     data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one
+
+    @property
+    def zones(self) -> tuple[tuple[str, Zone], ...]:
+        """The zones of the regulation and its own, each with what its rows are called."""
+        own = ((zone.name or f"zone {k}", zone) for k, zone in enumerate(self.zone))
+        return *(regulated(self.regulation) if self.regulation else ()), *own
 
     @property
     def placing(self) -> str:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from optics.scene.receivers.regions import uniform_region
     from optics.scene.receivers.screen import Screen, lit_part
+    from optics.scene.receivers.smooth_light import smoothest_light
     from optics.scene.receivers.windows import (
         BoxWindow,
         BSplineWindow,
@@ -28,5 +29,6 @@ if TYPE_CHECKING:
         Window,
         filter_image,
     )
+    from optics.scene.receivers.zones import ZoneRow, chart_of_goniometer, zone_places, zone_rows
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

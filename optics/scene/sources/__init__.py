@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from optics.scene.sources.file_sources import FileSource, RayFileSource, placed_rays
     from optics.scene.sources.light_source import LightSource
     from optics.scene.sources.luminaire_source import LuminaireSource
+    from optics.scene.sources.placed_sources import PlacedSource, SourceGroup
     from optics.scene.sources.plain_sources import CollimatedBeam, LambertianArea, PointSource
     from optics.scene.sources.profile import Profile
     from optics.scene.sources.rays import BEFORE, RayGrid, Rays, require_rays, single_rays

@@ -43,7 +43,7 @@ class FileSource(LightSource):
     shift: tuple[float, float]
     tilt: tuple[float, float, float]
     turn: tuple[float, float, float]
-    from_file = True
+    by_rays = True
 
     @property
     def symmetric(self) -> bool:

@@ -35,7 +35,8 @@ class LightSource(ABC):
 
     flux : W.  distance : mm, from the source to the front's vertex at z = 0.
     from_afar : it comes along +z from before all of a lens and its mount, so that it has no place.
-    from_file : a file tells of the light, and neither its radiance nor its etendue.
+    by_rays : rays are what is known of the light, and neither its radiance nor its etendue.
+    several : it is more than one source.
     scalable : it is an area that the problem describes, and may be made with another width.
     emitter : points of an area that emit all around, so that smooth windows suit the blurred light best.
     axial : it stays the same where it turns about z, whatever its settings.
@@ -45,10 +46,16 @@ class LightSource(ABC):
     flux: float
     distance: float
     from_afar: ClassVar[bool] = False
-    from_file: ClassVar[bool] = False
+    by_rays: ClassVar[bool] = False
+    several: ClassVar[bool] = False
     scalable: ClassVar[bool] = False
     emitter: ClassVar[bool] = False
     axial: ClassVar[bool] = False
+
+    @property
+    def each(self) -> tuple[LightSource, ...]:
+        """The sources that it consists of."""
+        return (self,)
 
     @property
     def spread(self) -> Divergence:
@@ -62,7 +69,7 @@ class LightSource(ABC):
     @property
     def extended(self) -> bool:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
-        return self.from_file or self.spread.half_angle > 0
+        return self.by_rays or self.spread.half_angle > 0
 
     @property
     def diverging(self) -> bool:

@@ -17,7 +17,7 @@ from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 
 if TYPE_CHECKING:
-    from thbcad.moulds import MouldedBody, Solid
+    from thbcad.moulds import Made, MouldedBody, Plate, Solid
 
 SCREEN = 1e-3  # of its half-width: the thickness of a screen
 
@@ -52,6 +52,27 @@ def made_of(optic: Optic, lens: Lens) -> Solid:
     """Return what an element's lens is made as: itself, or a body as `moulded`, which also raises."""
     body = body_options(optic)
     return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
+
+
+def whole_of(optic: Optic, lens: Lens) -> Made:
+    """Return the solid of an element's file: its plate, or as `made_of`.
+
+    Raises UserError : there is no such plate, or no such body.
+    """
+    if optic.array is None:
+        return made_of(optic, lens)
+    return _plate(lens, (optic.array.columns, optic.array.rows), optic.array.pitches)
+
+
+@lru_cache(maxsize=2)
+def _plate(lens: Lens, counts: tuple[int, int], pitches: tuple[float, float]) -> Plate:
+    """Return the plate of like lenses, proven.  Who asks again gets the same."""
+    from thbcad.moulds import Plate  # other lenses need none of its proofs
+
+    try:
+        return Plate.of(lens, counts, pitches)
+    except ValueError as error:
+        raise UserError(f"the lens makes no such plate: {error}") from None
 
 
 @lru_cache(maxsize=2)

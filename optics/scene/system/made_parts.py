@@ -9,13 +9,13 @@ from optics.base.runtime import Check
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Optic
 from optics.scene.system.elements import lens_product, pose_of
-from optics.scene.system.made_bodies import made_of
+from optics.scene.system.made_bodies import whole_of
 from optics.scene.system.optical_system import OpticalSystem
 from thbcad.lens import Lens, Product, manufacturability
 from thbcad.poses import Pose
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class MadePart:
     """
 
     name: str
-    made: Solid
+    made: Made
     product: Product
     pose: Pose
 
@@ -40,7 +40,7 @@ class MadePart:
 def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
     """Return the element that is designed.  lens : its shape.
 
-    Raises UserError : the lens has no such body for a mould.
+    Raises UserError : the lens has no such body for a mould, or no such plate.
     """
     return _part(system.problem.optic, lens, system.product)
 
@@ -70,4 +70,4 @@ def other_limit_checks(system: OpticalSystem) -> list[Check]:
 
 
 def _part(optic: Optic, lens: Lens, product: Product) -> MadePart:
-    return MadePart(optic.called, made_of(optic, lens), product, pose_of(optic))
+    return MadePart(optic.called, whole_of(optic, lens), product, pose_of(optic))

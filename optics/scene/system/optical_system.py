@@ -6,18 +6,21 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
+from itertools import islice, product
 from math import inf
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import Backend, load_backend
+import numpy as np
+
+from optics.base.runtime import Backend, UserError, load_backend
 from optics.scene.paths import LightPath, Stop
 from optics.scene.photometry import Density
 from optics.scene.problem import Optic, Problem
+from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.elements import base_lens, surface_of
 from optics.scene.system.lens_material import Wavelength, wavelengths_of, with_material
-from optics.scene.system.made_bodies import bodies_of, made_of
+from optics.scene.system.made_bodies import bodies_of, made_of, whole_of
 from optics.scene.system.prescribed import Prescribed
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
@@ -25,10 +28,11 @@ from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
 from thbcad.lens import FreeformSurface, Lens, Manufacturability, manufacturability
 from thbcad.outlines import Outline
+from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made, Solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +198,7 @@ class OpticalSystem(Prescribed):
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
         receiver = self.own.receiver or receiver_of(target, self.problem.optic.thickness)
-        return (LightTarget(target, receiver),)
+        return (LightTarget(target, receiver, self.passing if target.kind == "zones" else 1.0),)
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -202,13 +206,18 @@ class OpticalSystem(Prescribed):
         return stops_of(self.problem)
 
     def solid(self, lens: Lens) -> Solid:
-        """Return what a lens is made as: itself, or a body as `moulded`, which also raises."""
+        """Return what one lens is made as: itself, or a body as `moulded`, which also raises."""
         return made_of(self.problem.optic, lens)
 
+    def made(self, lens: Lens) -> Made:
+        """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""
+        return whole_of(self.problem.optic, lens)
+
     def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is its body's with sharp edges."""
+        """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
         metrics = manufacturability(lens, self.problem.optic.density or None)
-        return metrics if self.body is None else replace(metrics, volume=self.solid(lens).volume())
+        made = self.made(lens)
+        return metrics if made is lens else replace(metrics, volume=made.volume())
 
     @property
     def source(self) -> LightSource:
@@ -292,8 +301,35 @@ class OpticalSystem(Prescribed):
 
     @property
     def all_ways(self) -> bool:
-        """Whether light can be followed by all ways: of a lens alone, to a target that is not far."""
-        return self.lone_lens and not self.target.far_field
+        """Whether light can be followed by all ways: of a lens alone, to a target that is not far.
+
+        Light by other ways through a plate is not that of one lens, shifted.
+        """
+        return self.lone_lens and not self.target.far_field and self.problem.optic.array is None
+
+    @property
+    def with_all_sources(self) -> OpticalSystem:
+        """The system whose source has the flux of all sources of a plate, which lie behind like lenses.
+
+        Raises UserError : a plate behind a source of a script.
+        """
+        array, source = self.problem.optic.array, self.problem.source
+        if array is None:
+            return self
+        if self.own.source is not None:
+            raise UserError(
+                "lens.array repeats the source of the problem, and this one is a script's; leave it out"
+            )
+        return self.elsewhere(replace(self.problem, source=replace(source, flux=array.count * source.flux)))
+
+    @property
+    def seen_receivers(self) -> tuple[Receiver, ...]:
+        """The receiver as every lens of a plate sees it, whose middle faces that of the target."""
+        receiver, array = self.target.receiver, self.problem.optic.array
+        if array is None or receiver.far_field:
+            return (receiver,)
+        steps = (p * (np.arange(n) - (n - 1) / 2) for n, p in zip((array.columns, array.rows), array.pitches))
+        return tuple(receiver.seen_from(Pose.at((x, y, 0.0))) for x, y in product(*steps))
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:

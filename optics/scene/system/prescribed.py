@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 from optics.base.runtime import UserError
 from optics.scene.materials import Material
@@ -95,6 +96,17 @@ class Prescribed:
         Raises UserError : an index is not known there.
         """
         return media_at(self.problem, nm, self.problem.source.wavelength)
+
+    @property
+    def passing(self) -> float:
+        """The flux of the source that faces and mirrors pass on at normal incidence."""
+        flux, media = self.problem.flux, self.media_at(self.problem.source.wavelength)
+        for face, (before, behind) in zip(self.problem.faces_met, pairwise(media)):
+            index = behind.index / before.index
+            bare = 1.0 if face.reflects else 1 - ((index - 1) / (index + 1)) ** 2
+            own = face.optic.share if isinstance(face.optic, MirrorElement) else None
+            flux *= own or bare
+        return flux
 
     @property
     def spectral(self) -> bool:

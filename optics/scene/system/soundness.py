@@ -106,7 +106,7 @@ def require_room(system: OpticalSystem) -> None:
         return
     x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
     front = min(0.0, float(lens.front.conic(x, y)))
-    if system.source.extended and front <= -source.distance:
+    if source.lone and system.source.extended and front <= -source.distance:
         raise UserError(
             f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm "
             f"and the front reaches to z = {front:.4g} mm there; "
@@ -119,8 +119,8 @@ def require_room(system: OpticalSystem) -> None:
         depth = (z[within] - lens.front.conic(u[within], v[within])).max(initial=-np.inf)
         if depth >= 0:
             raise UserError(
-                f"rays of source.file start up to {depth:.4g} mm behind the front; "
-                "make source.distance larger"
+                f"the source starts up to {depth:.4g} mm behind the front; "
+                "make source.distance larger, or move source.position to -z"
             )
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.optic.rear)
     distance = problem.target.distance
@@ -145,6 +145,11 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences.append(
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
+        )
+    if problem.target.kind == "zones" and (missed := system.target.forbidden):
+        sentences.append(
+            f"the flux forbids what is asked: of the {system.passing:.4g} lm that pass all faces even the "
+            f"smoothest light misses {', '.join(missed)}; raise source.flux"
         )
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))

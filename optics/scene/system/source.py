@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from optics.scene.problem import Placed, Problem
+from optics.scene.problem import OneSource, Placed, Problem
 from optics.scene.receivers import Receiver
 from optics.scene.sources import (
     CollimatedBeam,
@@ -12,9 +13,12 @@ from optics.scene.sources import (
     LambertianArea,
     LightSource,
     LuminaireSource,
+    PlacedSource,
     PointSource,
     RayFileSource,
+    SourceGroup,
 )
+from thbcad.poses import Pose
 
 SOURCES: dict[str, type[LightSource]] = {  # by source.kind, which nothing else asks for
     "collimated": CollimatedBeam,
@@ -52,14 +56,39 @@ def aperture_of(problem: Problem) -> tuple[float, float]:
 def source_of(problem: Problem) -> LightSource:
     """Return the source of a problem: its class takes those keys of [source] that it has fields for.
 
-    Its file or picture is read when it is first needed.
+    Several, an array, or one beside the axis stand in their places.  A file or picture is read when it is
+    first needed.
     """
-    keys, made = problem.source, SOURCES[problem.source.kind]
+    source = problem.source
+    made = [(spec, _made(spec, problem)) for spec in source.each]
+    if source.lone:
+        return made[0][1]
+    members = [
+        PlacedSource(flux=own.flux, distance=own.distance, source=own, pose=pose)
+        for spec, own in made
+        for pose in _poses(spec)
+    ]
+    if len(members) == 1:
+        return members[0]
+    flux = sum(member.flux for member in members)
+    return SourceGroup(flux=flux, distance=source.distance, members=tuple(members))
+
+
+def _poses(spec: OneSource) -> Iterator[Pose]:
+    """Yield the poses of a source, or of those of an array, from its own frame to that of the scene."""
+    middle = spec.position or (0.0, 0.0, -spec.distance)
+    pose = Pose.tilted(middle, spec.own_tilt)
+    for x, y in spec.array.places if spec.array else [(0.0, 0.0)]:
+        yield pose @ Pose.at((x, y, spec.distance))
+
+
+def _made(keys: OneSource, problem: Problem) -> LightSource:
+    made = SOURCES[keys.kind]
     others = {
         "shape": keys.profile,
         "picture": keys.image,
         "divergence": Divergence(keys.divergence_profile, keys.half_divergence),
-        "aperture": aperture_of(problem),
+        "aperture": aperture_of(problem) if problem.source.lone else keys.half_width,
     }
-    values = vars(keys) | others
+    values = vars(keys) | others | {"flux": keys.weight * keys.flux}
     return made(**{field.name: values[field.name] for field in fields(made)})

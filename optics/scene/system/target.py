@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError, speaking_of
-from optics.scene.photometry import RASTER, LitRegion
+from optics.scene.photometry import RASTER, LitRegion, units_of
 from optics.scene.problem import Target
 from optics.scene.receivers import (
     Cylinder,
@@ -18,14 +18,19 @@ from optics.scene.receivers import (
     Receiver,
     Screen,
     Sphere,
+    ZoneRow,
     fit_picture,
     formula_light,
     formula_pixels,
+    smoothest_light,
     uniform_region,
+    zone_places,
+    zone_rows,
 )
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 
+LEAST_MISS = 0.01  # of a limit: less is left to the weights of the smoothest light
 WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
 
 
@@ -45,10 +50,14 @@ class LightTarget:
     """The light asked for, and where.
 
     settings : of the problem file.  receiver : of the light, in the frame of the scene.
+    flux : that may arrive, which the smoothest light of zones needs.
+    corrections : of what a design aims at in every row of the zones, factors; none are 1.
     """
 
     settings: Target
     receiver: Receiver
+    flux: float = 1.0
+    corrections: tuple[float, ...] = ()
 
     @cached_property
     def light(self) -> Floats:
@@ -69,6 +78,8 @@ class LightTarget:
             return light
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
+        if target.kind == "zones":
+            return smoothest_light(self.screen(), self.zone_rows(self.screen()), self.flux)
         from optics.scene.receivers import read_picture  # needs Pillow
 
         with speaking_of("target.image"):
@@ -78,9 +89,9 @@ class LightTarget:
 
     @cached_property
     def lit_pixels(self) -> NDArray[np.bool_] | None:
-        """The pixels that a region or a formula lights wholly, (rows, columns); None of a picture."""
+        """The pixels that a region or a formula lights wholly, (rows, columns); None of other light."""
         target = self.settings
-        if target.kind == "image":
+        if target.kind in ("image", "zones"):
             return None
         if target.kind == "function":
             return formula_pixels(target.formula, target.pixels)
@@ -90,7 +101,7 @@ class LightTarget:
     def uniform_region(self) -> LitRegion | None:
         """The region on which the same light is asked for everywhere.
 
-        None of a picture, and of a formula whose light varies: that is judged as a picture.
+        None of other light, and of a formula whose light varies.
         """
         target, lit = self.settings, self.lit_pixels
         if target.kind == "tophat":
@@ -100,6 +111,35 @@ class LightTarget:
         if lit is None or not lit.any() or np.ptp(self.light[lit]) > WHOLE * self.light.max():
             return None
         return LitRegion.of_pixels(lit, target.half_width)
+
+    @property
+    def as_picture(self) -> bool:
+        """Whether light is judged as a picture: not uniform light, nor where zones alone count."""
+        return self.uniform_region is None and self.settings.kind != "zones"
+
+    @property
+    def forbidden(self) -> list[str]:
+        """The rows that the smoothest light misses, and by how much: too little flux may arrive."""
+        rows, light = self.zone_rows(self.screen()), self.light
+        missed = ((row.name, -row.reading(light, 0 * light).margin) for row in rows)
+        return [f"{name} by {share:.0%}" for name, share in missed if share > LEAST_MISS]
+
+    def zone_rows(self, screen: Screen) -> list[ZoneRow]:
+        """Return the rows of all zones, to read light on a screen's pixels, flux per area there."""
+        right = -1 if self.settings.seen_from == "lens" else 1
+        unit = 1 / units_of("lm").density(self.far_field).factor
+        rows: list[ZoneRow] = []
+        for name, zone in self.settings.zones:
+            shape, corners = zone.shape
+            parts = [(name, corners)]
+            if shape == "points" and not zone.peak:
+                parts = [(f"{name} at ({h:g}, {v:g})", ((h, v),)) for h, v in corners]
+            limits = unit * zone.least, unit * zone.greatest, zone.least_of_peak
+            for called, part in parts:
+                at = zone_places(shape, part, screen, right)
+                rows += zone_rows(called, at, screen, limits, zone.margin, zone.peak)
+        factors = self.corrections or (1.0,) * len(rows)
+        return [replace(row, correction=factor) for row, factor in zip(rows, factors, strict=True)]
 
     @property
     def unit(self) -> str:

@@ -69,7 +69,7 @@ class LightJudge:
             error = self.light.error(irradiance)
             least = uniformity_metrics(system, irradiance, error, self.blur)["min_over_mean"]
             least = 0.0 if least is None and irradiance.sum() <= 0 else least
-        flux = system.problem.source.flux
+        flux = system.problem.flux
         return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
 
 

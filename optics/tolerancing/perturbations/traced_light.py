@@ -10,7 +10,7 @@ from operator import add
 
 import numpy as np
 
-from optics.base.runtime import Backend
+from optics.base.runtime import Backend, UserError
 from optics.light.analysis import coloured, traced_cells
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
@@ -44,6 +44,8 @@ class PerturbedLight:
 
     backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
     floats : the target follows the light, see `aimed`.
+
+    Raises UserError : a plate before a plane, whose light is the sum over its lenses.
     """
 
     def __init__(
@@ -54,6 +56,11 @@ class PerturbedLight:
         per_pixel: int | None = None,
         floats: bool = False,
     ) -> None:
+        if len(system.seen_receivers) > 1:
+            raise UserError(
+                "tolerances follow the light of one lens, and on a plane that of a plate is a sum; leave out "
+                "lens.array, or take the far field"
+            )
         self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)
@@ -147,7 +154,7 @@ class PerturbedLight:
         if self.by_cells:
             return None
         rays = RAYS_PER_PIXEL * irradiance.size
-        quantum = self.system.problem.source.flux / rays / self.screen.pixel_area / self._shown
+        quantum = self.system.problem.flux / rays / self.screen.pixel_area / self._shown
         return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
 
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:

@@ -27,7 +27,7 @@ from thbcad.poses import IDENTITY, Pose
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 NUMBER = re.compile(rf"{STRING}|#(\d+)")
 # the entities of a part's file that an assembly speaks of
@@ -73,7 +73,7 @@ class PlacedShape:
 
 
 def scene_step(
-    bodies: Sequence[tuple[Solid | Part, Product, Pose]], whole: Product, schema: str = "AP242"
+    bodies: Sequence[tuple[Made | Part, Product, Pose]], whole: Product, schema: str = "AP242"
 ) -> bytes:
     """Return the STEP file of an assembly of bodies that lie where their poses say, in mm.
 

@@ -33,7 +33,7 @@ from thbcad.checks import require_type
 from thbcad.lens import Lens, Product, face_colour, require_line
 
 if TYPE_CHECKING:
-    from thbcad.moulds import Solid
+    from thbcad.moulds import Made
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS"}  # that are written
 SCHEMA_STARTS = {
@@ -43,7 +43,7 @@ SCHEMA_STARTS = {
 }
 
 
-def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP242") -> bytes:
+def step_bytes(solid: Made, product: Product | None = None, schema: str = "AP242") -> bytes:
     """Return the STEP file of a lens or of its body, one closed solid with names and colours, in mm.
 
     product, schema : as `thbcad.write_step`, which also raises.  The same lens gives the same bytes.
@@ -51,16 +51,17 @@ def step_bytes(solid: Solid, product: Product | None = None, schema: str = "AP24
     return part_step(part_of(solid), product_of(solid, product), schema)
 
 
-def part_of(solid: Solid) -> Part:
-    """Return a lens or its body as a Part."""
+def part_of(solid: Made) -> Part:
+    """Return a lens, its body or a plate as a Part."""
     if isinstance(solid, Lens):
         return lens_part(solid)
-    from thbcad.cad.shapes import moulded_part  # plain lenses need none of its roundings
+    from thbcad.cad.shapes import moulded_part, plate_part  # plain lenses need none of their walls
+    from thbcad.moulds import Plate  # nor of its proofs
 
-    return moulded_part(solid)
+    return plate_part(solid) if isinstance(solid, Plate) else moulded_part(solid)
 
 
-def product_of(solid: Solid, product: Product | None) -> Product:
+def product_of(solid: Made, product: Product | None) -> Product:
     """Return the Product of a file of a lens; None is Product().  A material without an index gets that of
     the lens; the blank of a mirror, of index 1, has none."""
     product = Product() if product is None else product

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         spline_surface,
     )
     from .patched_solid import patched_part
+    from .plate_solid import plate_part
     from .topology import NAMES, Part
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -42,7 +42,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()
     shape = walls_of(lens, semi_axes)
-    wall, (front, bottom), (rear, top) = _walled(
+    wall, (front, bottom), (rear, top) = walled_lens(
         builder, lens, shape, semi_axes is not None or lens.taper == UPRIGHT
     )
     outline = UprightWall(flange.around(shape).pieces)
@@ -55,7 +55,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
         *wall_faces(builder, wall, inner[1], top),
     ]
     faces += [
-        plane_face(builder, z, inner[k], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))
+        plane_face(builder, z, [inner[k]], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))
     ]
     faces += wall_faces(builder, outline, *outer)
     names = [f"{edge} {side}" for side in ("front", "rear") for edge in edges]
@@ -63,7 +63,9 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     return closed_part(("front", "rear", *names, "flange front", "flange rear", *sides), faces)
 
 
-def _walled(builder: BRep_Builder, lens: Lens, shape: Outline, planar: bool) -> tuple[Wall, Bounded, Bounded]:
+def walled_lens(
+    builder: BRep_Builder, lens: Lens, shape: Outline, planar: bool
+) -> tuple[Wall, Bounded, Bounded]:
     """Return the wall of the edges within an outline, and front and rear with the rings of their rims."""
     if not shape.is_rectangle:
         if planar:

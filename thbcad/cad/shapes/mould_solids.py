@@ -59,7 +59,7 @@ def moulded_part(body: MouldedBody) -> Part:
         side = 1 - body.small if land == body.parting else body.small
         outer = _wall(body.walls[side]).level(builder, land)
         hole = inner.level(builder, land) if body.stepped else rings[body.small]
-        added = [plane_face(builder, land, hole, outer, body.small == 1)]
+        added = [plane_face(builder, land, [hole], outer, body.small == 1)]
         if body.stepped:
             pair = (hole, rings[body.small]) if body.inner.side > 0 else (rings[body.small], hole)
             walls = drafted_faces(builder, inner, *pair)

@@ -104,13 +104,17 @@ def _panel(
     return TopoDS.Face_s(face.Reversed()) if inward else face
 
 
-def plane_face(builder: BRep_Builder, z: float, inner: Ring, outer: Ring, upward: bool) -> TopoDS_Face:
-    """Return the plane face between two rings at a height, its normal along +z or -z."""
+def plane_face(
+    builder: BRep_Builder, z: float, holes: Sequence[Ring], outer: Ring, upward: bool
+) -> TopoDS_Face:
+    """Return the plane face between an outer ring and the rings of holes at a height, its normal along +z or
+    -z."""
     face = TopoDS_Face()
     builder.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1))), TOLERANCE)
     builder.Add(face, new_wire(builder, outer.edges))
-    builder.Add(face, new_wire(builder, [edge.Reversed() for edge in reversed(inner.edges)]))
-    draw_on_plane(builder, face, [*outer.edges, *inner.edges])
+    for hole in holes:
+        builder.Add(face, new_wire(builder, [edge.Reversed() for edge in reversed(hole.edges)]))
+    draw_on_plane(builder, face, [*outer.edges, *(edge for hole in holes for edge in hole.edges)])
     return face if upward else TopoDS.Face_s(face.Reversed())
 
 

@@ -103,7 +103,7 @@ def test_the_limits_of_each_element_are_checked_under_its_name():
     """A wave of 0.5 mm has radii of some mm: too small in both."""
     system = OpticalSystem(problem(LENS, MIRROR, limits={"radius": 20.0}))
     sags = [waves(sag.space.uniform(1), 0.5) for sag in system.sags(system.lens)]
-    shaped, lens = system.with_sags(system.lens, sags)
+    shaped, _ = system.with_sags(system.lens, sags)
     (check,) = other_limit_checks(shaped)
     assert check.name.startswith("L1: radius of the rear short of limits.radius")
     assert not check.ok

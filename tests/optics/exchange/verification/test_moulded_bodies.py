@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from optics.exchange.verification import StepFile, export_step, read_back_step, text_and_occt_checks, verify
+from optics.exchange.verification import (
+    StepFile,
+    export_step,
+    read_back_step,
+    text_and_occt_checks,
+    text_solid_checks,
+    verify,
+)
 from optics.exchange.verification.independent_checks import text_checks
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem, designed_part
@@ -80,3 +89,16 @@ def test_a_body_of_another_draft_is_told_by_walls_and_volume(made):
         " walls",
         "volume by quadrature over the text of the file against the closed form",
     ]
+
+
+def test_the_file_of_a_plate_has_every_lens_at_its_place_and_a_shift_of_one_is_found(made, backend):
+    plate = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 24.3, "lens.thickness": 8.0}
+    system, lens, path = made(plate)
+    file = StepFile(path)
+    checks = [*text_and_occt_checks(system, lens, file, backend), *verify(system, lens, file, backend)]
+    assert [check.name for check in checks if not check.ok] == []
+    solid = system.made(lens)
+    moved = replace(solid, pitch=(24.3 + 1e-14, 24.3))
+    wrong = [check for check in text_solid_checks(file.text, moved) if not check.ok]
+    assert [check.name.partition(" that")[0] for check in wrong] == ["numbers of like lenses"]
+    assert wrong[0].value > 0

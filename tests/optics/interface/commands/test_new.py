@@ -20,6 +20,7 @@ def keys(record, prefix=""):
             "stop",
             "element",
             "path",
+            "zone",
         ):
             continue
         found += keys(value, f"{prefix}{f.name}.") if is_dataclass(value) else [prefix + f.name]

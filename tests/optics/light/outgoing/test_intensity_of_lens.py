@@ -75,6 +75,7 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
     )
     assert found.luminaire.flux == pytest.approx(found.flux, rel=1e-12)
     assert found.flux == pytest.approx(left, rel=0.05)
+    np.testing.assert_allclose(found.parts.mean(axis=0), found.luminaire.candela, rtol=1e-12)
 
 
 def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):

@@ -13,7 +13,7 @@ from oracles.step_branches import file_branches
 from tests.optics.cases import rough, small_space
 from thbcad.cad.exchange import step_bytes
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.moulds import BodyOptions, MouldedBody
+from thbcad.moulds import BodyOptions, MouldedBody, Plate
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
@@ -123,3 +123,17 @@ def test_rounded_edges_absorb_what_meets_them_from_within(backend, tmp_path):
         np.zeros((3, RAYS)) - [[0], [0], [4]], towards / np.linalg.norm(towards, axis=0), np.ones(RAYS)
     )
     assert compared(backend, body, rays, tmp_path / "s.step", ("radius",)).fates.blocked > 1
+
+
+PLATES = {"upright": (10.0, 10.0, 20.7), "slanted": (7.0, 10.0, 20.7), "larger front": (9.0, 6.5, 19.0)}
+
+
+@pytest.mark.every(2)
+@pytest.mark.parametrize("name", PLATES)
+def test_every_branch_through_a_plate_is_that_of_the_file(backend, tmp_path, name):
+    """Walls are cut at the land by level curves within 1e-9 mm, and slanted ones are splines as of a lens."""
+    front, rear, pitch = PLATES[name]
+    plate = Plate.of(lens_of(front, rear, 0.0), (2, 2), (pitch, pitch))
+    rays = rays_around(RAYS, 25.0)
+    fates = compared(backend, plate, rays, tmp_path / "s.step", within=5e-6).fates
+    assert min(fates.crosstalk, fates.edges_on_target + fates.edges_off_target, fates.back) > 1

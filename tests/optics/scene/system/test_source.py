@@ -14,7 +14,7 @@ from tests.optics.cases import write_problem
 from tests.source_tree import PACKAGE_FILES, name, text, tree
 
 SOURCE = re.compile(r"\b(source|source\.settings|own|keys)\.kind")
-ANSWERS = ("collimated", "extended", "diverging", "from_afar", "from_file", "scalable", "emitter", "axial")
+ANSWERS = ("collimated", "extended", "diverging", "from_afar", "by_rays", "scalable", "emitter", "axial")
 SUN = {"source.divergence_profile": "sun"}
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
 POINT = {"source.kind": "point"}
@@ -47,8 +47,8 @@ def test_no_kind_of_source_is_compared_in_the_product():
         (SUN, {"extended", "diverging", "from_afar", "scalable"}),
         (LAMP, {"extended", "scalable", "emitter"}),
         (POINT, {"axial"}),
-        (RAYS, {"extended", "from_file"}),
-        (LUMINAIRE, {"extended", "from_file", "emitter"}),
+        (RAYS, {"extended", "by_rays"}),
+        (LUMINAIRE, {"extended", "by_rays", "emitter"}),
     ],
     ids=["beam", "sun", "lambertian", "point", "rays", "luminaire"],
 )

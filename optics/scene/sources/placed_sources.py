@@ -1,0 +1,173 @@
+"""Sources that stand elsewhere than on the axis, and several at once: the light of all is added."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import acos, degrees, isqrt
+
+import numpy as np
+
+from optics.scene.sources.cells import SourceCells
+from optics.scene.sources.divergence import Divergence
+from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair
+from optics.scene.sources.rays import RayGrid, Rays
+from thbcad.certified import Stack, supports_of
+from thbcad.checks import Floats
+from thbcad.poses import Pose
+
+LEAST = 2  # rays each way of a source, however little of the light is its own
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedSource(LightSource):
+    """A source that lies anywhere.
+
+    source : in its own frame, where its middle is (0, 0, -distance).  pose : from there to the scene.
+    """
+
+    source: LightSource
+    pose: Pose
+
+    @property
+    def spread(self) -> Divergence:
+        return self.source.spread
+
+    @property
+    def extended(self) -> bool:
+        return self.source.extended
+
+    @property
+    def symmetric(self) -> bool:
+        return False
+
+    @property
+    def etendue(self) -> float:
+        return self.source.etendue
+
+    @property
+    def middle(self) -> tuple[float, float, float]:
+        x, y, z = self.pose.points(np.array(self.source.middle)).tolist()
+        return x, y, z
+
+    @property
+    def cone(self) -> float:
+        return self.source.cone
+
+    @property
+    def assumed(self) -> list[str]:
+        return self.source.assumed
+
+    @property
+    def corners(self) -> Floats:
+        """Points whose convex hull holds all where light starts, (3, n) mm."""
+        own = self.source.starts()
+        if own is None:
+            stack, _ = self.source.envelope()
+            x, y = (float(stack.supports[0, k]) for k in (0, len(stack.supports[0]) // 4))
+            z = float(stack.heights[0])
+            own = np.array([(i * x, j * y, z) for i in (-1, 1) for j in (-1, 1)]).T
+        return np.asarray(self.pose.points(own))
+
+    def starts(self) -> Floats:
+        return self.corners
+
+    def envelope(self) -> tuple[Stack, float]:
+        tilt = degrees(acos(np.clip(self.pose.rotation[2, 2], -1.0, 1.0)))
+        return _around(self.corners), self.source.envelope()[1] + tilt
+
+    def without_extent(self) -> PlacedSource:
+        return replace(self, source=self.source.without_extent())
+
+    def cells(
+        self, counts: Counts, aperture: Ends = None, centre: Pair = AXIS, direction: Floats | None = None
+    ) -> SourceCells:
+        cells = self.source.cells(counts)
+
+        def at(s: Floats, t: Floats, flux: Floats) -> Rays:
+            return cells.at(s, t, flux).posed(self.pose)
+
+        return replace(cells, at=at, parallel=False)
+
+    def parts(
+        self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS
+    ) -> Iterator[Rays]:
+        for part in self.source.parts(counts, fresh, most):
+            own = part.rays(self.source.middle[2]) if isinstance(part, RayGrid) else part
+            yield own.posed(self.pose)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceGroup(LightSource):
+    """Several sources whose light is added: rays of all of them.
+
+    members : the sources.
+    """
+
+    members: tuple[PlacedSource, ...]
+    by_rays = True
+    several = True
+
+    @property
+    def each(self) -> tuple[LightSource, ...]:
+        return self.members
+
+    @property
+    def emitter(self) -> bool:  # type: ignore[override]
+        return all(member.source.emitter for member in self.members)
+
+    @property
+    def symmetric(self) -> bool:
+        return False
+
+    @property
+    def middle(self) -> tuple[float, float, float]:
+        shares = [member.flux / self.flux for member in self.members]
+        x, y, z = np.average([member.middle for member in self.members], axis=0, weights=shares).tolist()
+        return x, y, z
+
+    @property
+    def cone(self) -> float:
+        return max(member.cone for member in self.members)
+
+    @property
+    def assumed(self) -> list[str]:
+        return list(dict.fromkeys(text for member in self.members for text in member.assumed))
+
+    def starts(self) -> Floats:
+        return np.concatenate([member.corners for member in self.members], axis=1)
+
+    def envelope(self) -> tuple[Stack, float]:
+        return _around(self.starts()), max(member.envelope()[1] for member in self.members)
+
+    def without_extent(self) -> LightSource:
+        """Return the brightest source without extent, with all the light, in the middle of all."""
+        brightest = max(self.members, key=lambda member: member.flux).without_extent()
+        pose = Pose.at(np.subtract(self.middle, brightest.middle)) @ brightest.pose
+        lone = replace(brightest.source, flux=self.flux)
+        return PlacedSource(flux=self.flux, distance=brightest.distance, source=lone, pose=pose)
+
+    def rays(self, counts: Counts, fresh: Fresh = None) -> Rays:
+        return _joined(list(self.parts(counts, fresh)))
+
+    def parts(
+        self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS
+    ) -> Iterator[Rays]:
+        for member in self.members:
+            share = counts[0] * counts[1] * member.flux / self.flux
+            each = max(LEAST, isqrt(round(share)))
+            yield from member.parts((each, each), fresh, most)
+
+
+def _around(points: Floats) -> Stack:
+    """Return figures that hold points, (3, n) mm."""
+    supports = supports_of(points[:2].T)
+    return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports]))
+
+
+def _joined(parts: list[Rays]) -> Rays:
+    """Return the rays of all parts."""
+    origin, direction = (
+        np.concatenate([getattr(p, k) for p in parts], axis=1) for k in ("origin", "direction")
+    )
+    return Rays(origin, direction, np.concatenate([p.flux for p in parts]))

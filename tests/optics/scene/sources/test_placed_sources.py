@@ -1,0 +1,107 @@
+"""Sources anywhere, arrays and lists: rotations by scipy, sums of single sources."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import optics
+from optics.base.runtime import UserError, load_backend
+from optics.light.analysis import measure
+from optics.scene.problem import OneSource, SourceArray, load_problem
+from optics.scene.system import solvable_system, source_of
+
+SIDES = {"front": {"half_width": (12, 12)}, "rear": {"half_width": (12, 12), "freeform": {"spans": (4, 4)}}}
+POINT = {"kind": "point", "half_angle": 20.0}
+
+
+def problem(source, **target):
+    return optics.Problem(
+        source=source,
+        lens={"index": 1.5, "thickness": 6, **SIDES},
+        target={"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12), **target},
+    )
+
+
+def placed(x, **changes):
+    return POINT | {"position": (x, 0.0, -30.0)} | changes
+
+
+@pytest.mark.parametrize(
+    "keys", [{"kind": "lambertian", "half_width": (1, 2), "half_angle": 30.0}, POINT], ids=["area", "point"]
+)
+def test_a_tilted_source_is_the_plain_one_turned_about_its_middle(keys):
+    place, tilt = np.array([3.0, -2.0, -25.0]), (10.0, -20.0, 30.0)
+    plain = source_of(problem(keys)).rays((8, 8))
+    there = source_of(problem(keys | {"position": tuple(place), "tilt": tilt})).rays((8, 8))
+    turn = Rotation.from_euler("XYZ", tilt, degrees=True)
+    middle = np.array([0.0, 0.0, -2.0])
+    np.testing.assert_allclose(there.origin.T, turn.apply(plain.origin.T - middle) + place, atol=1e-13)
+    np.testing.assert_allclose(there.direction.T, turn.apply(plain.direction.T), atol=1e-14)
+    np.testing.assert_array_equal(there.flux, plain.flux)
+
+
+def test_a_source_that_is_placed_where_it_stands_makes_the_same_cells():
+    places = {}, {"position": (0, 0, -2)}
+    plain, there = (source_of(problem(POINT | k)).cells((6, 6)).rays() for k in places)
+    np.testing.assert_allclose(there.origin, plain.origin, atol=1e-15)
+    np.testing.assert_array_equal(there.direction, plain.direction)
+
+
+def test_the_light_of_a_list_is_the_sum_of_the_light_of_each():
+    backend = load_backend("double", 1)
+    lists = [placed(-3, flux=2.0), placed(4, weight=0.5)], [placed(-3, flux=2.0)], [placed(4, weight=0.5)]
+    both, *alone = (solvable_system(problem(sources)) for sources in lists)
+    light = [measure(system, system.lens, backend) for system in (both, *alone)]
+    assert both.problem.flux == 2.5
+    total = light[1].irradiance + light[2].irradiance
+    off, error = np.linalg.norm(light[0].irradiance - total), light[0].metrics["rel_l2_floor"]
+    assert off < 4 * error * np.linalg.norm(light[0].target)  # rays, and cells of each alone
+    flux = sum(one.metrics["efficiency"] * system.problem.flux for one, system in zip(light[1:], alone))
+    assert light[0].metrics["efficiency"] * 2.5 == pytest.approx(flux, rel=1e-3)
+
+
+def test_an_array_is_a_list_of_its_sources():
+    x = [-2.0, 2.0]
+    array = source_of(problem(placed(0, array=SourceArray(columns=2, rows=1, pitch=(4, 4)))))
+    listed = source_of(problem([placed(-2), placed(2)]))
+    np.testing.assert_array_equal(array.rays((8, 8)).origin, listed.rays((8, 8)).origin)
+    assert sorted({float(a) for a in array.starts()[0]}) == x
+    assert array.flux == listed.flux == 2.0
+
+
+def test_a_list_of_a_file_is_read_and_one_key_of_it_changes(tmp_path):
+    path, listed = tmp_path / "two.toml", problem([placed(-3), placed(4, name="B")])
+    text = listed.to_toml().replace("[source]", "[[source]]").replace("[[source.others]]", "[[source]]")
+    path.write_text(text)
+    read = load_problem(path, {"source.others.B.weight": 0.25})
+    assert [one.weight for one in read.source.each] == [1.0, 0.25]
+    assert load_problem(path) == listed
+
+
+@pytest.mark.parametrize(
+    ("sources", "words"),
+    [
+        ([placed(0), placed(1, unit="lm")], "source.unit must be that of the first source"),
+        ([placed(0, weight=0.0)], "source.weight is 0 of every source"),
+        ([placed(0), placed(1, file="x.ray")], "source.file is read by the kinds"),
+        (
+            {"kind": "collimated", "half_width": (9, 9), "tilt": (5, 0, 0), "divergence": 1.0},
+            "along the axis only",
+        ),
+        ([placed(0), placed(1, kind="lambertian")], "source 2 of the list: source.half_width"),
+        (POINT | {"turn": (5, 0, 0)}, "source.position and source.tilt"),
+        (
+            [placed(0, name="A"), placed(1), placed(2, name="C", array={"columns": 0})],
+            "columns must be at least 1",
+        ),
+        ([placed(0), placed(20.0, position=(0, 0, 3.0))], "behind the front"),
+    ],
+)
+def test_sources_that_cannot_be_added_are_refused_in_a_sentence(sources, words):
+    with pytest.raises(UserError, match=words.replace(".", r"\.")):
+        solvable_system(problem(sources))
+
+
+def test_a_source_is_placed_by_position_tilt_or_array():
+    assert not OneSource(**POINT).placed
+    assert OneSource(**POINT, tilt=(1, 0, 0)).placed
