@@ -10,15 +10,9 @@ from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
-from optics.reporting.view import lens_sight, photo_caption, photograph, scene_paths
+from optics.reporting.view import elements_sight, photo_caption, photograph, scene_paths
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
-
-FROM_BEHIND = "from behind; rays that miss the target are red."
-FROM_BESIDE = (
-    "from beside; rays that miss the target are red. There is no photograph: those show a lens on the axis "
-    "before a plane across it."
-)
 
 
 class DesignFigures:
@@ -35,7 +29,6 @@ class DesignFigures:
             (optic.face_name("front"), optic.face_name("rear")),
         )
         self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
-        self._photographed: tuple[Any, ...] | None = None
 
     def draw_lens(
         self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
@@ -66,10 +59,10 @@ class DesignFigures:
             "optics.reporting.figures", "scene_view", plain, lens, irradiance, paths
         )
         self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
-        if system.axial:
-            self._photo_caption = photo_caption(system.problem, lens)
-            self._photographed = system.problem, lens, irradiance, lens_sight(system.problem, lens, backend)
-            self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
+        self._seen_from = "behind" if system.axial else "beside"
+        self._photo_caption = photo_caption(system, lens)
+        self._photographed: tuple[Any, ...] = plain, lens, irradiance, elements_sight(system, lens, backend)
+        self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
@@ -95,18 +88,16 @@ class DesignFigures:
 
         The photograph is the last in the row; where it has not begun, it is taken here.
         """
-        photo, seen = {}, FROM_BESIDE
-        if self._photographed:
-            png = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
-            photo, seen = {"photo": (self._photo_caption, png)}, FROM_BEHIND
+        photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
+        parts = f"Source, {self._noun} and target"
         captions = {
-            "scene": f"Source, {self._noun} and target, seen {seen}",
+            "scene": f"{parts}, seen from {self._seen_from}; rays that miss the target are red.",
             "solid_before": "The solid before optimisation.",
             "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
         }
         pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
         return {
-            **photo,
+            "photo": (self._photo_caption, photo),
             **self._light.result(),
             **self._lens.result(),
             **{name: (caption, pictures[name].result()) for name, caption in captions.items()},

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.light.tracing.branches import Branches
     from optics.light.tracing.fates import FATES, SENTENCES, Fate, Fates, SequentialFates, fate_sentences
     from optics.light.tracing.landings import Landing, LandingPoints, RayTracer
     from optics.light.tracing.nonsequential import (

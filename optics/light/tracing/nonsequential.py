@@ -180,20 +180,22 @@ def trace_nonsequential(
 
 
 def seen_branches(
-    backend: Backend, lens: Solid, rays: Rays, bounces: int = 6, absorbing_wall: bool = False
+    backend: Backend, lens: Made, rays: Rays, bounces: int = 6, black_wall: bool = False, coats: Coats = BARE
 ) -> Branches:
     """Return what a camera sees along rays that come to the closed lens: branches that leave it.
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
     that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
-    so is what meets an absorbing wall.
+    so is what meets a black wall.
+
+    coats : as of `ClosedLens`.
     """
     require_rays(rays)
-    solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
+    solid, branches, gone = ClosedLens(backend, lens, coats), Branches.start(rays), []
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
-        onward = ~(leaving | meetings.absorbed | (absorbing_wall & (meetings.face == EDGE)))
+        onward = ~(leaving | meetings.absorbed | (black_wall & (meetings.face == EDGE)))
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
         gone.append(branches[leaving & ~branches.inside])

@@ -1,14 +1,14 @@
-"""A picture like a photograph: the lens as glass, and its light on a screen in a dark room.
+"""A picture like a photograph: lenses as glass, mirrors, and their light on a screen in a dark room.
 
-Rays of a camera go through the exact lens, with all refractions and reflections at its faces.  What they
-meet behind it is an invented room; the light on the screen is the measured one.
+Rays of a camera go through the exact elements, with all refractions and reflections at their faces.  What
+they meet behind these is an invented room; the light on the screen is the measured one.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,16 +16,19 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from optics.base.runtime import Backend
-from optics.light.tracing import seen_branches
+from optics.light.tracing import Branches, ShadingBody, seen_branches
 from optics.reporting.view.photo_light import WARM, PhotoLight, interpolated
 from optics.reporting.view.photo_room import LINES, PIXELS, WIDEST, PhotoRoom, photo_room
 from optics.reporting.view.scene_layout import block_means
+from optics.scene.paths import Body
 from optics.scene.photometry import encoded_srgb
-from optics.scene.problem import Problem
+from optics.scene.problem import MirrorElement, Optic
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import MadePart, OpticalSystem, scene_parts
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
+from thbcad.moulds import Made, Plate, lens_of
+from thbcad.poses import Pose
 
 STRIP = 90  # lines at once: their rays take some 30 MB
 GLOSS = 0.04, 0.5  # what the table reflects of light from above, and at most
@@ -33,11 +36,13 @@ MOST_PIXELS = 512  # of the picture on the screen, across: more are not seen
 BRIGHTEST = 0.998  # quantile of the light that is shown white
 MIRRORED = np.array([[1.0], [-1.0], [1.0]])
 COMPRESSION = 6  # of 9
+MEETINGS = 4  # elements in a row that a ray of the camera meets: what comes then is as good as black
+DARK = 3.0  # index of the blank of a mirror, of which a quarter of the light comes back
 
 
 @dataclass(frozen=True, eq=False)
-class LensSight:
-    """What a camera sees through the lens, n rays and m branches of them that leave it.
+class Sight:
+    """What a camera sees in the elements, n rays and m branches of them that leave these.
 
     pixel, count : (n,), the first of the parts of a pixel that a ray stands for, and how many they are.
     weight : (n,), of its light there.  before : (2, 3, n), origin and direction of the rays.
@@ -54,23 +59,47 @@ class LensSight:
     ray: Integers
 
 
-def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
-    """Return what the camera of a photograph sees through the lens, also in the table's reflection.
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """An element as a camera sees it.
+
+    solid, pose : and where it lies.  box : around it, (3, 2).  how : of `seen_branches`.
+    """
+
+    solid: Made
+    pose: Pose
+    box: Floats
+    how: dict[str, Any]
+
+    def branches(self, backend: Backend, rays: Rays) -> Branches:
+        """Return what `seen_branches` does of rays in the frame of the scene, in that frame."""
+        out = seen_branches(backend, self.solid, rays.posed(self.pose.inverse()), **self.how)
+        return replace(
+            out, origin=self.pose.points(out.origin), direction=self.pose.directions(out.direction)
+        )
+
+
+def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight:
+    """Return what the camera of a photograph sees in the elements, also in the table's reflection.
 
     backend : of double precision
     """
-    light = PhotoLight(photo_room(problem, lens), np.zeros((1, 1, 3)))
+    light = PhotoLight(photo_room(system, lens), np.zeros((1, 1, 3)))
+    parts = zip(scene_parts(system, lens), system.problem.optics)
+    elements = [
+        _seen(part, optic, light.room.elements[part.name])
+        for part, optic in parts
+        if part.name in light.room.elements
+    ]
     found = []
     for pixel, count, weight, ray in _camera_rays(light):
-        meets = _towards_lens(light, *ray)
+        meets = np.any([_towards(light, box, *ray) for box in light.room.elements.values()], axis=0)
         found.append((pixel[meets], count[meets], weight[meets], ray[:, :, meets]))
     pixel, count, weight, before = (np.concatenate(column, axis=-1) for column in zip(*found))
-    rays = Rays(before[0], before[1], np.ones(pixel.size))
-    solid = OpticalSystem(problem).solid(lens)
-    out = seen_branches(backend, solid, rays, absorbing_wall=problem.optic.wall == "absorbing")
+    out = _followed(backend, light, elements, Rays(before[0], before[1], np.ones(pixel.size)))
     behind = np.stack([out.origin, out.direction])
     short = np.float32  # a third of a pixel's grey level is 1e-3
-    return LensSight(
+    return Sight(
         pixel=pixel,
         count=count,
         weight=weight.astype(short),
@@ -81,15 +110,66 @@ def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
     )
 
 
-def photograph(problem: Problem, lens: Lens, irradiance: Floats, sight: LensSight) -> bytes:
-    """Return a PNG of the lens before its light on a screen, in central projection.
+def _seen(part: MadePart, optic: Optic, box: Floats) -> _Seen:
+    """Return an element as it is seen.  A mirror's blank is dark and polished beside its face."""
+    if not isinstance(optic, MirrorElement):
+        how = {"black_wall": optic.wall == "absorbing", "coats": optic.coats}
+        return _Seen(part.made, part.pose, box, how)
+    blank = replace(lens_of(part.made), index=DARK)
+    return _Seen(blank, part.pose, box, {"bounces": 0, "coats": (1 - optic.share, None)})
+
+
+def _followed(backend: Backend, light: PhotoLight, elements: Sequence[_Seen], rays: Rays) -> Branches:
+    """Return the branches of rays that leave the elements for the room, of up to MEETINGS elements in a row.
+
+    No element shows itself from outside.
+    """
+    branches, last, gone = Branches.start(rays), np.full(rays.flux.size, -1), []
+    for _ in range(MEETINGS):
+        first = _first(backend, light, elements, branches, last)
+        gone.append(branches[first < 0])
+        leaving, last = [], first[:0]
+        for k in np.unique(first[first >= 0]):
+            mine = branches[first == k]
+            out = elements[k].branches(backend, Rays(mine.origin, mine.direction, mine.flux))
+            leaving.append(replace(out, ray=mine.ray[out.ray]))
+            last = np.append(last, np.full(out.ray.size, k))
+        if not last.size:
+            break
+        branches = sum(leaving[1:], start=leaving[0])
+    return sum(gone[1:], start=gone[0])
+
+
+def _first(
+    backend: Backend, light: PhotoLight, elements: Sequence[_Seen], branches: Branches, last: Integers
+) -> Integers:
+    """Return the numbers of the elements that branches meet before all others and the room, (m,); -1 is none.
+
+    last : of those that they have left.
+    """
+    nearest, first = np.full(last.size, np.inf), np.full(last.size, -1)
+    for k, element in enumerate(elements):
+        origin, direction = branches.origin, branches.direction
+        may = np.flatnonzero((last != k) & _towards(light, element.box, origin, direction))
+        length = np.zeros(may.size)
+        if len(elements) > 1 and may.size:
+            assert not isinstance(element.solid, Plate)  # it is the one element
+            body = ShadingBody(backend, Body(element.solid, element.pose))
+            length = body.lengths(element.pose, origin[:, may], direction[:, may])[1]
+        some = length < nearest[may]
+        nearest[may[some]], first[may[some]] = length[some], k
+    return first
+
+
+def photograph(system: OpticalSystem, lens: Lens, irradiance: Floats, sight: Sight) -> bytes:
+    """Return a PNG of the elements before their light on a screen, in central projection.
 
     `photo_caption` says what is not drawn as it is.
 
-    irradiance : (rows, columns), row 0 at +y.  sight : as `lens_sight`.
+    irradiance : (rows, columns), row 0 at +y.  sight : as `elements_sight`.
     """
-    room = photo_room(problem, lens)
-    light = PhotoLight(room, _shown(irradiance, problem, room))
+    room = photo_room(system, lens)
+    light = PhotoLight(room, _shown(irradiance, system.target.settings.half_width, room))
     picture = np.zeros((LINES * PIXELS[0] * PIXELS[1], 3))
     for pixel, count, weight, ray in _camera_rays(light):
         _add(picture, pixel, count, weight[:, None] * light.along(*ray))
@@ -109,7 +189,7 @@ def photograph(problem: Problem, lens: Lens, irradiance: Floats, sight: LensSigh
 def _camera_rays(light: PhotoLight) -> Iterator[tuple[NDArray[Any], ...]]:
     """Yield (pixel, count, weight, ray) of the camera's rays, and of their reflections in the table.
 
-    The first three are those of `LensSight`; ray : (2, 3, n), origin and direction.  Of the two parts
+    The first three are those of `Sight`; ray : (2, 3, n), origin and direction.  Of the two parts
     of a pixel one has a reflection, which is dim.
     """
     room, columns = light.room, PIXELS[0]
@@ -134,21 +214,20 @@ def _add(picture: Floats, pixel: Integers, count: Integers, colour: Floats) -> N
     picture[pixel[both] + PIXELS[0]] += colour[both]
 
 
-def _towards_lens(light: PhotoLight, origin: Floats, direction: Floats) -> Integers:
-    """Return the numbers of the rays that meet the box around the lens before the screen."""
-    low, high = light.room.lens.T[:, :, None]
+def _towards(light: PhotoLight, box: Floats, origin: Floats, direction: Floats) -> NDArray[np.bool_]:
+    """Return the mask of rays that meet a box around an element before the screen."""
+    low, high = box.T[:, :, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         paths = np.stack([(low - origin) / direction, (high - origin) / direction])
     begin, end = np.nanmax(paths.min(axis=0), axis=0), np.nanmin(paths.max(axis=0), axis=0)
-    return np.flatnonzero((begin < end) & (end > 0) & (begin < light.screen_path(origin, direction)))
+    return (begin < end) & (end > 0) & (begin < light.screen_path(origin, direction))
 
 
-def _shown(irradiance: Floats, problem: Problem, room: PhotoRoom) -> Floats:
+def _shown(irradiance: Floats, half_width: tuple[float, float], room: PhotoRoom) -> Floats:
     """Return the light on the screen as linear colours up to 1, (rows, columns, 3)."""
     shown = block_means(irradiance, -(-max(irradiance.shape) // MOST_PIXELS))
     if room.angular:
-        (hx, hy) = problem.target.half_width
-        rows, columns = shown.shape
+        (hx, hy), (rows, columns) = half_width, shown.shape
         tangents = [np.tan(np.radians(min(h, WIDEST))) for h in (hx, hy)]
         u = np.degrees(np.arctan(np.linspace(-1, 1, columns) * tangents[0])) / hx
         v = np.degrees(np.arctan(np.linspace(1, -1, rows) * tangents[1])) / hy

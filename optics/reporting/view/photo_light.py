@@ -1,4 +1,4 @@
-"""The light that rays of a camera meet in a photograph's room, without the lens.
+"""The light that rays of a camera meet in a photograph's room, without its elements.
 
 Radiances are relative to the brightest light on the screen.  The room is invented, the light on the screen is
 measured.
@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from optics.reporting.view.photo_room import PhotoRoom
+from optics.reporting.view.photo_room import PhotoRoom, screen_points
+from optics.reporting.view.scene_layout import box_of
 from thbcad.checks import Floats, Integers
 
 # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
@@ -26,7 +27,7 @@ METAL = np.array([0.05, 0.05, 0.055])
 DOTS = 5  # bright spots of a lamp of parallel light, from its middle to its rim
 LOBE = 0.02  # 1 - cosine: how far beside its direction a lamp of parallel light glows
 SCREEN_GLOW = 0.25  # of the screen's mean light, on the table before it
-POST = 0.06  # of the lens's half-width: radius of the post it stands on
+LEAST = 1e-9  # of the room's size: a path as short has not begun
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,15 @@ class PhotoLight:
 
     @cached_property
     def size(self) -> float:
-        """Half the width of the lens, mm."""
-        return float(np.ptp(self.room.lens[:2], axis=1).max() / 2)
+        """Half the width of the first element, mm."""
+        first = next(iter(self.room.elements.values()))
+        return float(np.ptp(first[:2], axis=1).max() / 2)
+
+    @cached_property
+    def _box(self) -> tuple[Floats, Floats]:
+        """The middle of the screen, and how far it goes to all sides, (3,), mm."""
+        box = box_of(screen_points(self.room.screen, self.room.half_width))
+        return box.mean(axis=1), np.ptp(box, axis=1) / 2
 
     @cached_property
     def mean(self) -> Floats:
@@ -50,15 +58,10 @@ class PhotoLight:
         # a dark room with a soft lamp above on the left
         up = np.clip(direction[1], -1, 1)
         soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
-        grey = 0.002 + 0.05 * np.maximum(up, 0) + 0.9 * soft
+        grey = 0.002 + 0.05 * self.room.lit * np.maximum(up, 0) + 0.9 * soft
         colour = grey[:, None] * COOL
         nearest = np.full(origin.shape[1], np.inf)
-        for path, shade in (
-            self._table(origin, direction),
-            self._lamp(origin, direction),
-            self._post(origin, direction),
-            self._screen(origin, direction),
-        ):
+        for path, shade in (self._table(origin, direction), *self._upright(origin, direction)):
             first = np.flatnonzero(path < nearest)
             nearest[first] = path[first]
             colour[first] = shade(first)
@@ -67,66 +70,67 @@ class PhotoLight:
     def table_path(self, origin: Floats, direction: Floats) -> Floats:
         """Return the path to the table where it is met first, inf elsewhere, (n,)."""
         path = self._table(origin, direction)[0]
-        for other in (self._screen, self._post, self._lamp):
-            path[other(origin, direction)[0] < path] = np.inf
+        for other, _ in self._upright(origin, direction):
+            path[other < path] = np.inf
         return path
 
     def screen_path(self, origin: Floats, direction: Floats) -> Floats:
         """Return the path to the screen with its frame, inf where it is not met, (n,)."""
         return self._screen(origin, direction)[0]
 
+    def _upright(self, origin: Floats, direction: Floats) -> list[Meeting]:
+        """Return what is met of all that stands on the table."""
+        posts = [self._post(post, origin, direction) for post in self.room.posts]
+        return [self._lamp(origin, direction), *posts, self._screen(origin, direction)]
+
     def _table(self, origin: Floats, direction: Floats) -> Meeting:
         with np.errstate(divide="ignore"):
             path = np.where(direction[1] < 0, (self.room.table - origin[1]) / direction[1], np.inf)
         path[path <= 0] = np.inf
-        hx, hy, z = self.room.screen
+        middle, (hx, hy, hz) = self._box
+        cx, _, cz = middle
 
         def shade(some: Integers) -> Floats:
             x, _, depth = origin[:, some] + path[some] * direction[:, some]
-            wide = 2.5 * (hx + z)
-            room = 1 / (1 + (x * x + (depth - z / 2) ** 2) / wide**2) ** 2
-            beside = np.maximum(abs(x) - hx, 0) ** 2 + (depth - z) ** 2
-            glow = SCREEN_GLOW / (1 + beside / hy**2) ** 1.5
-            return WOOD * (room[:, None] + 14 * glow[:, None] * self.mean)
+            wide = 2.5 * (hx + np.linalg.norm(middle))
+            room = 1 / (1 + ((x - cx / 2) ** 2 + (depth - cz / 2) ** 2) / wide**2) ** 2
+            beside = np.maximum(abs(x - cx) - hx, 0) ** 2 + np.maximum(abs(depth - cz) - hz, 0) ** 2
+            glow = SCREEN_GLOW / (1 + beside / max(hy, hz) ** 2) ** 1.5
+            return WOOD * (self.room.lit * room[:, None] + 14 * glow[:, None] * self.mean)
 
         return path, shade
-
-    def _rectangle(self, origin: Floats, direction: Floats, z: float) -> tuple[Floats, Floats, Floats]:
-        """Return the path to a plane z, inf where it is never met, and x and y there."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            path = (z - origin[2]) / direction[2]
-        path[~(path > 1e-9 * self.size)] = np.inf
-        reached = np.where(np.isfinite(path), path, 0.0)
-        return path, origin[0] + reached * direction[0], origin[1] + reached * direction[1]
 
     def _lamp(self, origin: Floats, direction: Floats) -> Meeting:
         hx, hy, z = self.room.lamp
-        path, x, y = self._rectangle(origin, direction, z)
-        x, y = x / hx, y / hy
+        with np.errstate(divide="ignore", invalid="ignore"):
+            path = (z - origin[2]) / direction[2]
+        path[~(path > LEAST * self.size)] = np.inf
+        reached = np.where(np.isfinite(path), path, 0.0)
+        x, y = (origin[:2] + reached * direction[:2]) / np.array([[hx], [hy]])
         outside = x * x + y * y > 1 if self.room.round_lamp else np.maximum(abs(x), abs(y)) > 1
-        path[outside | (direction[2] >= 0)] = np.inf
+        path[outside] = np.inf
 
         def shade(some: Integers) -> Floats:
+            behind = direction[2, some, None] > 0
             if not self.room.parallel:
-                return np.broadcast_to(1.5 * WARM, (some.size, 3))
+                return np.where(behind, METAL, 1.5 * WARM)
             dots = (np.cos(DOTS * np.pi * x[some]) * np.cos(DOTS * np.pi * y[some])) ** 8
             glow = 0.02 + 0.35 * dots + 1.2 * np.exp(-(1 + direction[2, some]) / LOBE)
-            return glow[:, None] * WARM
+            return np.where(behind, METAL, glow[:, None] * WARM)
 
         return path, shade
 
-    def _post(self, origin: Floats, direction: Floats) -> Meeting:
-        """The post below the lens: an upright cylinder."""
-        (_, _), (bottom, _), depths = self.room.lens
-        radius = POST * self.size
-        ox, oz = origin[0], origin[2] - depths.mean()
+    def _post(self, post: tuple[float, ...], origin: Floats, direction: Floats) -> Meeting:
+        """A post below an element: an upright cylinder."""
+        middle, top, depth, radius = post
+        ox, oz = origin[0] - middle, origin[2] - depth
         dx, dz = direction[0], direction[2]
         a, b = np.maximum(dx * dx + dz * dz, 1e-30), ox * dx + oz * dz
         root = b * b - a * (ox * ox + oz * oz - radius**2)
         path = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
         reached = np.where(np.isfinite(path), path, 0.0)
         y = origin[1] + reached * direction[1]
-        path[(path <= 0) | (y > bottom) | (y < self.room.table)] = np.inf
+        path[(path <= 0) | (y > top) | (y < self.room.table)] = np.inf
 
         def shade(some: Integers) -> Floats:
             normal = (ox[some] + path[some] * dx[some]) / radius
@@ -137,12 +141,16 @@ class PhotoLight:
         return path, shade
 
     def _screen(self, origin: Floats, direction: Floats) -> Meeting:
-        hx, hy, z = self.room.screen
-        path, x, y = self._rectangle(origin, direction, z)
-        path[(abs(x) > FRAME * hx) | (abs(y) > FRAME * hy)] = np.inf
+        path, x, y = np.full(origin.shape[1], np.inf), *np.zeros((2, origin.shape[1]))
+        for sign in (1.0, -1.0):  # from before it, and from behind
+            landed = self.room.screen.land(origin, sign * direction)
+            seen = landed.met & (sign * landed.length > LEAST * self.size)
+            path[seen], x[seen], y[seen] = (a[seen] for a in (sign * landed.length, landed.u, landed.v))
+        x, y = x / self.room.half_width[0], y / self.room.half_width[1]
+        path[(abs(x) > FRAME) | (abs(y) > FRAME)] = np.inf
 
         def shade(some: Integers) -> Floats:
-            u, v = x[some] / hx, y[some] / hy
+            u, v = x[some], y[some]
             on = (abs(u) <= 1) & (abs(v) <= 1)
             colour = np.where(on[:, None], BLACK, 0.4 * METAL)
             colour[on] += interpolated(self.picture, u[on], v[on])

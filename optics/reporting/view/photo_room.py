@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from optics.reporting.view.scene_layout import FACTORS, LONG, SHORT, corners, drawn_elements, placed
-from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, source_of
+from optics.reporting.view.scene_layout import (
+    BENDS,
+    FACTORS,
+    LONG,
+    SHORT,
+    DrawnElement,
+    Scene,
+    box_of,
+    corners,
+    drawn_elements,
+    placed,
+)
+from optics.scene.receivers import Plane, Receiver
+from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
+from thbcad.poses import Pose
 
 PIXELS = (960, 540)  # columns and rows
 COARSE = 61  # samples across a face, for the box around it
@@ -20,6 +33,8 @@ BACK = 1.6  # of throw and half-width of the screen together: from the screen ba
 ABOVE = 0.12  # of the camera's distance from the lens: its height over the axis
 CLEAR = 1.08  # of what lens and screen take: the space between them in the picture
 SIDEWAYS = 1.6  # of the camera's distance from the screen: most that it stands beside the axis
+LIT = 5.0  # times brighter is a room that mirrors show
+AWAY = 4.0  # half-diagonals of all that is seen from beside: the camera's distance
 MARGIN, BELOW = 0.06, 0.16  # of the picture: free on all sides, and for the table
 LARGEST = 2.5  # half-widths of the lens: those of the screen; larger ones are drawn smaller and nearer
 FAR, WIDEST = (
@@ -30,30 +45,38 @@ BESIDE = 0.04  # of the lens's half-width: half the width that a point of light 
 CORNERS = 5  # points of the outline of a rectangle, the first twice; a circle has more
 TALLER = 1.06  # half-heights of the screen from its middle down to the table
 STANDING = 1.3  # half-heights of the lens from its axis down to the table, at least
+LIFTED = 0.1  # half-widths of the lens: the least height of all things over the table
+POST = 0.06  # of an element's half-width: radius of the post it stands on
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoRoom:
-    """Lengths in mm, in the frame of the lens.
+    """Lengths in mm, in the frame of the scene.
 
-    lens : (3, 2), least and greatest corner of the box around it.  lamp : (hx, hy, z), half-widths and place.
-    round_lamp : whether it is an ellipse.  parallel : whether its light is.
-    screen : (hx, hy, z).  angular : whether it shows directions of a far field.
-    table : y of its top.  eye, forward : (3,), the camera, which looks horizontally.
+    elements : by name, least and greatest corner of the box around each, (3, 2).
+    posts : (x, y, z, radius) each, of the tops of posts.
+    lamp : (hx, hy, z), half-widths and place.  round_lamp : whether it is an ellipse.
+    parallel : whether its light is.
+    screen : a receiver of lengths.  half_width : of it.  angular : it shows directions of a far field.
+    table : y of its top.  eye : (3,), the camera.  turn : (3, 3), rows right, up and towards the camera.
     window : left, right, bottom and top of the picture, in tangents.
+    lit : how many times brighter it is than before a screen alone.
     smaller : how many times screen and throw are drawn smaller.  stretch : the throw again, longer (above 1).
     """
 
-    lens: Floats
+    elements: dict[str, Floats]
+    posts: tuple[tuple[float, float, float, float], ...]
     lamp: tuple[float, float, float]
     round_lamp: bool
     parallel: bool
-    screen: tuple[float, float, float]
+    screen: Receiver
+    half_width: tuple[float, float]
     angular: bool
     table: float
     eye: Floats
-    forward: Floats
+    turn: Floats
     window: tuple[float, float, float, float]
+    lit: float
     smaller: float
     stretch: float
 
@@ -63,81 +86,170 @@ class PhotoRoom:
         beside = np.where(lines % LINES, 0.75, 0.25)[:, None]
         x = left + (right - left) * (np.arange(PIXELS[0]) + beside) / PIXELS[0]
         y = top - (top - bottom) * (lines + 0.5) / (LINES * PIXELS[1])
-        across = np.array([-self.forward[2], 0.0, self.forward[0]])
-        rays = self.forward[:, None, None] + across[:, None, None] * x
-        rays[1] += y[:, None]
+        across, up, back = self.turn[:, :, None, None]
+        rays = across * x - back
+        rays += up * y[:, None]
         return (rays / np.sqrt((rays * rays).sum(axis=0))).reshape(3, -1)
 
 
-def photo_room(problem: Problem, lens: Lens) -> PhotoRoom:
-    """Return the room of a problem's lens on the axis, before a plane across it or the far field."""
-    system = OpticalSystem(problem)
-    scene = placed(system, lens, drawn_elements(system, lens, COARSE))
-    size, top = float(np.ptp(scene.lens[:2], axis=1).max() / 2), float(scene.lens[2, 1])
-    hx, hy, throw, smaller = _screen(problem, size, top)
+@dataclass(frozen=True, eq=False)
+class _Stand:
+    """Where the screen of a photograph stands, and the camera; see `PhotoRoom`."""
+
+    screen: Receiver
+    half_width: tuple[float, float]
+    eye: Floats
+    turn: Floats
+    lit: float
+    smaller: float
+    stretch: float
+
+
+def photo_room(system: OpticalSystem, lens: Lens) -> PhotoRoom:
+    """Return the room of the elements of a system.
+
+    A lens on the axis is seen from behind a screen across it, all else from where `placed` sees the scene.
+    """
+    drawn = drawn_elements(system, lens, COARSE, COARSE)
+    scene = placed(system, lens, drawn)
+    stand = (_from_behind if system.axial else _from_beside)(system, scene)
+    boxes, size = {element.name: box_of(element.box) for element in drawn}, _size(scene.lens)
+    lamp = np.maximum(np.abs(scene.source[:2]).max(axis=1), BESIDE * size)
+    screen = screen_points(stand.screen, stand.half_width)
+    things = np.concatenate([*(corners(box) for box in boxes.values()), screen], axis=1)
+    if system.axial:
+        table = -max(TALLER * stand.half_width[1], STANDING * size, -scene.lens[1, 0] + LIFTED * size)
+    else:
+        things = np.concatenate([things, scene.source], axis=1)
+        table = float(things[1].min()) - LIFTED * size
+    return PhotoRoom(
+        elements=boxes,
+        posts=_posts(drawn, [*boxes.values(), box_of(screen)]),
+        lamp=(float(lamp[0]), float(lamp[1]), float(scene.source[2, 0])),
+        round_lamp=scene.source.shape[1] > CORNERS,
+        parallel=system.source.from_afar,
+        angular=system.target.far_field,
+        table=table,
+        window=_window(stand, things),
+        **vars(stand),
+    )
+
+
+def screen_points(screen: Receiver, half_width: tuple[float, float]) -> Floats:
+    """Return points of a screen, its corners among them, (3, n)."""
+    bends = 2 if isinstance(screen, Plane) else BENDS
+    grid = np.meshgrid(*(h * np.linspace(-1, 1, bends) for h in half_width))
+    return np.stack(np.broadcast_arrays(*screen.points(*grid))).reshape(3, -1)
+
+
+def _size(box: Floats) -> float:
+    """Return half the width of what a box (3, 2) holds."""
+    return float(np.ptp(box[:2], axis=1).max() / 2)
+
+
+def _from_behind(system: OpticalSystem, scene: Scene) -> _Stand:
+    size, top = _size(scene.lens), float(scene.lens[2, 1])
+    hx, hy, throw, smaller = _screen(system, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw
     throw *= stretch
     back = BACK * (throw + max(hx, hy))
     sideways = min(CLEAR * (size * back + hx * (back + throw)) / throw, SIDEWAYS * back)
     eye = np.array([-sideways, ABOVE * (back + throw), top + throw + back])
-    lamp = np.maximum(np.abs(scene.source[:2]).max(axis=1), BESIDE * size)
-    screen = np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [top + throw] * 4])
-    forward, window = _aim(eye, np.concatenate([corners(scene.lens), screen], axis=1))
-    return PhotoRoom(
-        lens=scene.lens,
-        lamp=(float(lamp[0]), float(lamp[1]), float(scene.source[2, 0])),
-        round_lamp=scene.source.shape[1] > CORNERS,
-        parallel=source_of(problem).from_afar,
-        screen=(hx, hy, top + throw),
-        angular=problem.target.far_field,
-        table=-max(TALLER * hy, STANDING * size, -scene.lens[1, 0] + 0.1 * size),
-        eye=eye,
-        forward=forward,
-        window=window,
-        smaller=smaller,
-        stretch=float(stretch),
-    )
+    screen = Plane(Pose.at((0.0, 0.0, top + throw)))
+    seen = np.concatenate([corners(scene.lens), screen_points(screen, (hx, hy))], axis=1) - eye[:, None]
+    angles = np.arctan2(-seen[0], -seen[2])
+    middle = (angles.min() + angles.max()) / 2
+    x, z = np.sin(middle), np.cos(middle)
+    turn = np.array([[z, 0.0, -x], [0.0, 1.0, 0.0], [x, 0.0, z]])
+    return _Stand(screen, (hx, hy), eye, turn, 1.0, smaller, float(stretch))
 
 
-def _screen(problem: Problem, size: float, top: float) -> tuple[float, float, float, float]:
+def _from_beside(system: OpticalSystem, scene: Scene) -> _Stand:
+    half_width, (start, end) = system.target.settings.half_width, scene.gap
+    smaller = squeeze = 1.0
+    screen: Receiver
+    if system.target.far_field:
+        hx, hy, throw, _ = _screen(system, _size(scene.lens), start)
+        middle = scene.bodies[-1].mean(axis=1)
+        middle = middle + (start + throw - scene.along @ middle) * scene.along
+        screen, half_width = Plane(Pose(system.target.receiver.pose.rotation, middle)), (hx, hy)
+    else:
+        screen = system.target.receiver
+        if isinstance(screen, Plane):
+            smaller = _smaller(half_width, max(_size(box_of(body)) for body in scene.bodies))
+        if smaller > 1:  # seen from the last element it stays where it is
+            pose, middle = screen.pose, scene.bodies[-1].mean(axis=1)
+            screen = Plane(Pose(pose.rotation, middle + (pose.shift - middle) / smaller))
+            half_width = half_width[0] / smaller, half_width[1] / smaller
+        else:
+            squeeze = scene.squeeze
+            screen = screen.moved(Pose.at((1 - 1 / squeeze) * (start - end) * scene.along))
+    seen = np.concatenate([*scene.bodies, scene.source, screen_points(screen, half_width)], axis=1)
+    box = box_of(seen)
+    eye = box.mean(axis=1) + AWAY / 2 * np.linalg.norm(np.ptp(box, axis=1)) * scene.turn[2]
+    return _Stand(screen, half_width, eye, scene.turn, LIT, smaller, 1 / squeeze)
+
+
+def _posts(
+    drawn: Sequence[DrawnElement], boxes: Sequence[Floats]
+) -> tuple[tuple[float, float, float, float], ...]:
+    """Return where elements rest on posts: below their middles, where nothing else is in the way.
+
+    boxes : of the elements, and of the screen.
+    """
+    posts = []
+    for element, box in zip(drawn, boxes):
+        (x, _, z), radius = box.mean(axis=1), POST * _size(box)
+        points = np.concatenate([face.points.reshape(3, -1) for face in element.placed], axis=1)
+        above = np.hypot(points[0] - x, points[2] - z) <= radius
+        top = float(points[1, above].min(initial=np.inf)) if above.any() else float(box[1, 0])
+        others = [other for other in boxes if other is not box]
+        if not any(b[0, 0] <= x <= b[0, 1] and b[2, 0] <= z <= b[2, 1] and b[1, 0] < top for b in others):
+            posts.append((float(x), top, float(z), radius))
+    return tuple(posts)
+
+
+def _screen(system: OpticalSystem, size: float, top: float) -> tuple[float, float, float, float]:
     """Return half-widths of the screen and its distance from the lens, mm, and how many times smaller than it
     is it is drawn.
 
     size : half-width of the lens.  top : z of its end.
     """
-    target = problem.target
+    problem, target = system.problem, system.problem.target
     if target.far_field:
         tangents = np.tan(np.radians(np.minimum(target.half_width, WIDEST)))
         throw = size * min(FAR, LARGEST / float(tangents.max()))
         return float(throw * tangents[0]), float(throw * tangents[1]), throw, 1.0
     hx, hy = target.half_width
-    smaller = float(FACTORS[FACTORS * LARGEST * size >= max(hx, hy)].min(initial=FACTORS[-1]))
+    smaller = _smaller(target.half_width, size)
     return hx / smaller, hy / smaller, (problem.optic.thickness + problem.throw - top) / smaller, smaller
 
 
-def _aim(eye: Floats, points: Floats) -> tuple[Floats, tuple[float, float, float, float]]:
-    """Return the horizontal direction of a camera and the window of its picture that holds points (3, n)."""
-    seen = points - eye[:, None]
-    angles = np.arctan2(-seen[0], -seen[2])
-    middle = (angles.min() + angles.max()) / 2
-    forward = -np.array([np.sin(middle), 0.0, np.cos(middle)])
-    across = np.array([-forward[2], 0.0, forward[0]])
-    x, y = across @ seen / (forward @ seen), seen[1] / (forward @ seen)
+def _smaller(half_width: tuple[float, float], size: float) -> float:
+    """Return how many times smaller a screen is drawn beside a lens of a half-width."""
+    return float(FACTORS[FACTORS * LARGEST * size >= max(half_width)].min(initial=FACTORS[-1]))
+
+
+def _window(stand: _Stand, points: Floats) -> tuple[float, float, float, float]:
+    """Return the window of a camera's picture that holds points (3, n)."""
+    right, up, back = stand.turn
+    seen = points - stand.eye[:, None]
+    x, y = (axis @ seen / -(back @ seen) for axis in (right, up))
     width, height = np.ptp(x) * (1 + 2 * MARGIN), np.ptp(y) * (1 + MARGIN + BELOW)
     low = y.min() - BELOW * np.ptp(y)
     scale = max(width / PIXELS[0], height / PIXELS[1])
     width, free = scale * PIXELS[0], scale * PIXELS[1] - height
     centre, low = (x.min() + x.max()) / 2, low - free / 2
-    return forward, (centre - width / 2, centre + width / 2, low, low + scale * PIXELS[1])
+    return centre - width / 2, centre + width / 2, low, low + scale * PIXELS[1]
 
 
-def photo_caption(problem: Problem, lens: Lens) -> str:
+def photo_caption(system: OpticalSystem, lens: Lens) -> str:
     """Return what a photograph shows, and what of it is not as it is."""
-    room = photo_room(problem, lens)
-    shown = (
-        "The lens as glass and its measured light on a translucent screen, seen from behind the screen. "
-        "The room is invented"
-    )
+    room = photo_room(system, lens)
+    light = "measured light on a translucent screen"
+    shown = f"Lenses that refract and mirrors that reflect the room, and their {light}. The room is invented"
+    if system.axial:
+        shown = f"The lens as glass and its {light}, seen from behind the screen. The room is invented"
     if room.angular:
         screen = f"it shows the intensity in every direction, up to {WIDEST:g} degrees"
         return f"{shown}, and so is the screen: {screen}."

@@ -98,7 +98,7 @@ class DrawnElement:
     @cached_property
     def box(self) -> Floats:
         """The corners of its own box, (3, 8)."""
-        return np.asarray(self.pose.points(corners(_box(outermost(self.faces)))))
+        return np.asarray(self.pose.points(corners(box_of(outermost(self.faces)))))
 
     @cached_property
     def placed(self) -> list[Face]:
@@ -204,14 +204,14 @@ def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) 
         outlook = rim(screen)
         end = max(start, float((along @ outlook).min()))
     if not system.axial:
-        width, throw = max(hx, hy) + np.ptp(_box(bodies[-1]), axis=1).max() / 2, end - start
+        width, throw = max(hx, hy) + np.ptp(box_of(bodies[-1]), axis=1).max() / 2, end - start
         squeeze, face = _shorter(throw, width), -pose.rotation[:, 2] if system.reflects else None
         drawn = outlook - (1 - 1 / squeeze) * throw * along[:, None]
         turn = best_view((source, *bodies, drawn), face, target.receiver, (hx, hy))
     elif target.far_field:
         turn, squeeze = oblique(-LEAST_TURN, RISE), 1.0
     else:
-        width, throw = hx + _box(body)[0, 1], end - start
+        width, throw = hx + box_of(body)[0, 1], end - start
         squeeze = _shorter(throw, width) / FACTORS[FACTORS * throw >= SHORT * width].min(initial=FACTORS[-1])
         angle = np.degrees(np.arctan2(CLEAR * width, throw / squeeze))
         turn = oblique(-np.clip(angle, LEAST_TURN, MOST_TURN), RISE)
@@ -223,7 +223,7 @@ def _shorter(throw: float, width: float) -> float:
     return float(FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0))
 
 
-def _box(points: Floats) -> Floats:
+def box_of(points: Floats) -> Floats:
     """Return the least and the greatest corner of points (3, n), (3, 2)."""
     return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
 
@@ -233,7 +233,7 @@ def _source(system: OpticalSystem, body: Floats, widest: Floats) -> Floats:
 
     widest : greatest |x| and |y| of the front
     """
-    source, far, (*across, depth) = system.problem.source, system.source.from_afar, _box(body)
+    source, far, (*across, depth) = system.problem.source, system.source.from_afar, box_of(body)
     before = depth[0] - 0.6 * np.ptp(across, axis=1).max() if far else -source.distance
     circle = source.profile in ("round", "round_gaussian")
     around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
@@ -245,7 +245,7 @@ def _source(system: OpticalSystem, body: Floats, widest: Floats) -> Floats:
 
 def _around_far_rays(leaving: Pose, body: Floats) -> Floats:
     """Return points around the element and what is shown of rays to the far field behind it, (3, 8)."""
-    *across, (low, high) = _box(leaving.inverse().points(body))
+    *across, (low, high) = box_of(leaving.inverse().points(body))
     long = [low, high + FAR / 2 * np.ptp(across, axis=1).max()]
     return np.asarray(leaving.points(corners(np.stack([*(1.5 * a for a in across), long]))))
 

@@ -59,15 +59,14 @@ def test_the_result_folder_holds_what_the_design_contract_says(golden):
 
 
 @pytest.mark.slow
-def test_a_report_of_a_mirror_speaks_of_one_and_says_why_it_has_no_photograph(tmp_path, capsys):
+def test_a_report_of_a_mirror_speaks_of_one_and_shows_it(tmp_path, capsys):
     problem = tmp_path / "mirror.toml"
     problem.write_text(MIRROR, "utf-8")
     main(["design", str(problem), "--out", str(tmp_path / "result"), "--quiet"])
     names = {p.stem for p in (tmp_path / "result" / "figures").iterdir()}
-    assert names == FIGURES - {"photo", "sag", "mesh"} | {"face_sag", "face_mesh"}
+    assert names == FIGURES - {"sag", "mesh"} | {"face_sag", "face_mesh"}
     page = (tmp_path / "result" / "report.html").read_text("utf-8")
     page = unescape(re.sub(r'<iframe.*?</iframe>|<pre>.*?</pre>|src="[^"]*"', "", page, flags=re.DOTALL))
-    assert "There is no photograph" in page
     assert "the mirror reflects 90.0%" in page
     assert "<h2>Mirror</h2>" in page
     assert not re.search("the (front|rear|lens) (that|makes|surface)|front and rear", page)

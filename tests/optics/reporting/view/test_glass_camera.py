@@ -8,10 +8,10 @@ from PIL import Image
 from scipy.ndimage import map_coordinates
 
 from optics.light.tracing import seen_branches
-from optics.reporting.view import lens_sight, photo_caption, photograph
+from optics.reporting.view import elements_sight, photo_caption, photograph
 from optics.reporting.view.photo_light import interpolated
 from optics.reporting.view.photo_room import PIXELS, photo_room
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.lens import FreeformSurface, Lens
@@ -21,41 +21,40 @@ PLATE = Lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0)), thick
 
 @pytest.fixture
 def made(problem_file):
-    """A function from changes of the small problem to (problem, lens before optimisation)."""
+    """A function from changes of the small problem to (system, lens before optimisation)."""
 
     def make(changes):
-        problem = load_problem(problem_file(changes))
-        return problem, OpticalSystem(problem).lens
+        system = OpticalSystem(load_problem(problem_file(changes)))
+        return system, system.lens
 
     return make
 
 
 def seen(room, point):
     """Return column and row of the pixel that shows a point, by the matrix of a pinhole camera."""
-    up = np.array([0.0, 1.0, 0.0])
-    right, up, forward = np.stack([np.cross(room.forward, up), up, room.forward]) @ (point - room.eye)
+    right, up, back = room.turn @ (point - room.eye)
     left, end, bottom, top = room.window
-    column = (right / forward - left) / (end - left) * PIXELS[0]
-    return column, (top - up / forward) / (top - bottom) * PIXELS[1]
+    column = (right / -back - left) / (end - left) * PIXELS[0]
+    return column, (top - up / -back) / (top - bottom) * PIXELS[1]
 
 
 @pytest.mark.slow
 def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_bytes(made, backend):
     """One bright pixel out of 8 x 8, to the right and above: nothing else in the room is as bright there."""
-    problem, lens = made({})
+    system, lens = made({})
     irradiance = np.zeros((8, 8))
     irradiance[1, 6] = 1.0
-    sight = lens_sight(problem, lens, backend)
-    png = photograph(problem, lens, irradiance, sight)
+    sight = elements_sight(system, lens, backend)
+    png = photograph(system, lens, irradiance, sight)
     grey = np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
-    room = photo_room(problem, lens)
-    hx, hy, z = room.screen
-    column, row = seen(room, np.array([0.625 * hx, 0.625 * hy, z]))
+    room = photo_room(system, lens)
+    hx, hy = room.half_width
+    column, row = seen(room, room.screen.points(0.625 * hx, 0.625 * hy))
     assert grey[int(row), int(column)] > 240
-    column, row = seen(room, np.array([-0.625 * hx, 0.625 * hy, z]))
+    column, row = seen(room, room.screen.points(-0.625 * hx, 0.625 * hy))
     assert grey[int(row), int(column)] < 60
     assert grey.shape == PIXELS[::-1]
-    again = photograph(problem, lens, irradiance, lens_sight(problem, lens, backend))
+    again = photograph(system, lens, irradiance, elements_sight(system, lens, backend))
     assert again == png
 
 
@@ -64,12 +63,11 @@ def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_b
 def test_the_screen_leaves_the_lens_free_and_both_are_in_the_picture(made, distance, half_width):
     angle = np.isinf(distance)
     width = min(half_width, 60.0) if angle else half_width
-    problem, lens = made({"target.distance": distance, "target.half_width": [width, width]})
-    room = photo_room(problem, lens)
-    hx, hy, z = room.screen
-    box = np.array(np.meshgrid(*room.lens)).reshape(3, 8).T
+    room = photo_room(*made({"target.distance": distance, "target.half_width": [width, width]}))
+    hx, hy = room.half_width
+    box = np.array(np.meshgrid(*room.elements["lens"])).reshape(3, 8).T
     lens_points = np.array([seen(room, point) for point in box])
-    screen = np.array([seen(room, np.array([x, y, z])) for x in (-hx, hx) for y in (-hy, hy)])
+    screen = np.array([seen(room, room.screen.points(x, y)) for x in (-hx, hx) for y in (-hy, hy)])
     everything = np.concatenate([lens_points, screen])
     assert (everything > 0).all()
     assert (everything < PIXELS).all()
@@ -100,6 +98,44 @@ def test_a_plate_shows_the_room_displaced_as_snell_and_as_bright_as_fresnel_say(
     assert out.direction[:, through] == pytest.approx(direction, abs=1e-12)
     at_front = -5.0 + 10.0 * np.tan(angle) + 6.0 * np.tan(inside)
     assert out.origin[:, through][:, 0] == pytest.approx([at_front, 0.0, 0.0], abs=1e-12)
+
+
+MIRROR = {"kind": "mirror", "name": "M1", "position": (0, 0, 40), "tilt": (45, 0, 0), "thickness": 5.0}
+MIRROR |= {"face": {"half_width": (20, 30), "radius": np.inf, "conic": 0.0, "freeform": None}}
+GLASS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6.0, "front": {"half_width": (20, 20)}}
+GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_freedom": 1.0}}}
+
+
+def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
+    """The plane mirror's normal is n = (0, 1, -1) / sqrt 2; the plate, whose sag is zero, turns no ray."""
+    source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
+    target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
+    system = OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+    sight = elements_sight(system, system.lens, backend)
+    normal, (start, ray) = np.array([0.0, 1.0, -1.0]) / np.sqrt(2), sight.before.astype(float)
+    met = start + ((np.array([0, 0, 40.0]) - start.T) @ normal / (normal @ ray)) * ray
+    mirrored = ray - 2 * normal[:, None] * (normal @ ray)
+    share = np.zeros(ray.shape[1])
+    np.maximum.at(share, sight.ray, sight.flux)
+    first = (sight.flux == share[sight.ray]) & ~crosses((-20, -20, 0), (20, 20, 6), start, ray)[sight.ray]
+    first &= ((abs(met[0]) < 19.9) & (abs(met[1]) < 21.1) & (normal @ ray < 0))[sight.ray]
+    seen, goes = sight.ray[first], sight.behind[1][:, first]
+    bare = np.isclose(share[seen], 0.9, rtol=1e-6)  # its reflectance
+    assert bare.sum() > 1e4
+    np.testing.assert_allclose(goes[:, bare], mirrored[:, seen[bare]], rtol=0, atol=1e-6)
+    meets, near = (
+        crosses((-20 - e, -20 - e, -e), (20 + e, 20 + e, 6 + e), met[:, seen], mirrored[:, seen])
+        for e in (-1e-3, 1e-3)
+    )
+    assert meets.sum() > 100
+    assert not bare[meets].any()
+    assert bare[~near].all()
+
+
+def crosses(low, high, origin, direction):
+    """Return which rays meet a box, by its three pairs of planes."""
+    ends = [(np.array(end)[:, None] - origin) / direction for end in (low, high)]
+    return np.maximum(np.minimum(*ends).max(axis=0), 0) < np.maximum(*ends).min(axis=0)
 
 
 def test_between_pixels_the_picture_is_linear():
