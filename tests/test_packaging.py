@@ -304,13 +304,14 @@ def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
         p.relative_to(ROOT).as_posix()
         for package in ("thbcad", "optics")
         for p in (ROOT / package).rglob("*")
-        if p.suffix in (".py", ".typed", ".html", ".csv")
+        if p.suffix in (".py", ".typed", ".html", ".csv", ".toml")
     }
     assert {
         "thbcad/py.typed",
         "optics/py.typed",
         "optics/reporting/view/viewer.html",
         "optics/scene/photometry/cie_5nm.csv",
+        "optics/scene/photometry/fmvss_108_ub2.toml",
     } <= sources
     with tarfile.open(built[0]) as sdist:
         held = {m.name.partition("/")[2] for m in sdist.getmembers() if m.isfile()}
