@@ -26,6 +26,7 @@ from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, rip
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
 
+
 def random_points(count, seed):
     return np.random.default_rng(seed).uniform(-1, 1, (2, count)) * np.reshape(HALF_WIDTH, (2, 1))
 

@@ -76,7 +76,9 @@ def in_rows(points: np.ndarray) -> np.ndarray:
         (datx(chunks=(16, 16), compression="gzip", shuffle=True), 1e-12),
     ],
 )
-def test_a_made_surface_is_the_same_lens_in_every_format(tmp_path: Path, content: bytes, within: float) -> None:
+def test_a_made_surface_is_the_same_lens_in_every_format(
+    tmp_path: Path, content: bytes, within: float
+) -> None:
     """By files that state their units, whatever the frame says of units; heights err by half a quantum."""
     read = read_measured(written(tmp_path, content), SURFACE, FileFrame(unit="nm", height_unit="m"))
     assert (read.missing, read.beside) == (0, 0)
