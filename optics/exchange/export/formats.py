@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from optics.base.runtime import Check, UserError
 from optics.exchange.export.body import Body
 from optics.exchange.export.drawing_checks import drawing_checks
+from optics.exchange.export.height_maps import x3p_bytes, x3p_checks
 from optics.exchange.export.read_back import (
     array_checks,
     cloud_checks,
@@ -52,7 +53,8 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "glb": (glb_bytes, True),
 }
 SOLIDS = ("step", "iges", "brep")
-OF_SURFACES = ("dat", "xyz", "npz")
+TABLES = ("dat", "xyz", "x3p")
+OF_SURFACES = (*TABLES, "npz")
 FORMATS = (*SOLIDS, *OF_SURFACES, *DRAWINGS, *MESHES)
 SUFFIXES = {name: name for name in FORMATS} | {"stp": "step", "igs": "iges"}
 
@@ -118,7 +120,7 @@ def format_of(out: str, wanted: str | None) -> str:
 def output_files(path: Path, name: str, body: Body = PLAIN) -> list[Path]:
     """Return the files that an export in a format writes besides its report."""
     suffix = f".{name}" if body.separate else path.suffix
-    if body.separate or name in ("dat", "xyz"):
+    if body.separate or name in TABLES:
         return [path.with_name(f"{path.stem}_{word}{suffix}") for word in ("front", "rear")]
     return [path]
 
@@ -133,7 +135,7 @@ def export(
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
-    A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
+    A sag table, point cloud or X3P file holds one surface: OUT_front and OUT_rear are written.
 
     chord : mm, the error that meshes may have, and grid sags between their points
     body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
@@ -167,7 +169,7 @@ def export(
             write, single = MESHES[name]
             mesh = body.mesh(lens, chord, single)
             return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord, body)
-        if name in ("dat", "xyz"):
+        if name in TABLES:
             return _tables(lens, name, path, chord)
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
@@ -211,7 +213,7 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
-    """Write a sag table or a point cloud of the front and of the rear."""
+    """Write a sag table, a point cloud or an X3P file of the front and of the rear."""
     files: dict[Path, bytes] = {}
     checks = []
     faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
@@ -220,6 +222,9 @@ def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path]
         if name == "dat":
             files[file] = sag_text(surface, size)
             checks.append(partial(sag_checks, word, surface, file, chord))
+        elif name == "x3p":
+            files[file] = x3p_bytes(surface, size)
+            checks.append(partial(x3p_checks, word, surface, file))
         else:
             files[file] = cloud_text(surface, vertex, word == "rear", size)
             checks.append(partial(cloud_checks, word, surface, vertex, file))

@@ -160,7 +160,7 @@ class Design(DesignRecord):
     ) -> AsBuilt:
         """Return the lens as it was made, from measured points of its front or rear, and its light.
 
-        file : rows x y z, or a grid sag file.  frame : units and orientation of its numbers.
+        file : rows x y z, a grid sag, X3P, Zygo or GXYZF.  frame : units and orientation of its numbers.
         surface : "front" or "rear"; by default the one that is freeform.
         align : "datums", the file's frame is the lens's, or "best fit".
 

@@ -146,11 +146,11 @@ def _verify_options(command: CommandParser) -> None:
 
 def _export_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design, or a lens.json")
-    command.option("--out", "FILE", "file to write (dat and xyz: FILE_front and FILE_rear)", required=True)
+    command.option("--out", "FILE", "file to write (dat, xyz, x3p: FILE_front and FILE_rear)", required=True)
     command.option(
         "--format",
         "NAME",
-        "step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
+        "step iges brep stl 3mf obj ply glb dat xyz x3p npz svg dxf (default: the suffix of FILE; "
         "xml: Mitsuba scene; ies, ldt: intensity of the light behind the lens)",
     )
     command.add_argument(

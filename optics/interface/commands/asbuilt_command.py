@@ -34,6 +34,7 @@ def asbuilt(options: Namespace) -> Outcome:
         mirror=options.mirror,
         turn=options.turn,
         down=options.down,
+        centre=options.centre,
     )
     way: Way = "best fit" if options.align == "best-fit" else "datums"
     built = design.as_built(options.measured, frame, options.surface, way)

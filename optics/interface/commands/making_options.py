@@ -104,7 +104,7 @@ def tool_options(command: CommandParser) -> None:
 def asbuilt_options(command: CommandParser) -> None:
     """Add the options of `thbcad asbuilt`."""
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.option("--measured", "FILE", "rows x y z (XYZ, .dat, .csv), or a grid sag .dat", required=True)
+    command.option("--measured", "FILE", "rows x y z, grid sag .dat, X3P, Zygo, GXYZF", required=True)
     command.add_argument("--surface", choices=("front", "rear"), help="default: the one that is freeform")
     command.add_argument("--unit", choices=UNITS, default="mm", help="of x and y (default: mm)")
     command.add_argument(
@@ -116,6 +116,7 @@ def asbuilt_options(command: CommandParser) -> None:
         "--turn", type=int, choices=(0, 90, 180, 270), default=0, help="degrees from +x to +y (default: 0)"
     )
     command.switch("--down", "heights are positive against the light")
+    command.switch("--centre", "the middle of what was measured is the vertex of the surface")
     command.add_argument(
         "--align",
         choices=("datums", "best-fit"),

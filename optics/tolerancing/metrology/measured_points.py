@@ -1,8 +1,8 @@
 """Measured points of a surface, in the surface's own frame.
 
 The frame has its origin in the vertex of the surface, +z along the light, x and y as the lens has them, mm.
-What a file holds is brought there in this order: units, mirrored x, rotation about z, heights turned over.
-The text has rows of numbers, with headers, comments, separators and missing values.
+What a file holds is brought there in this order: units, mirrored x, rotation about z, the middle, heights
+turned over.  The text has rows of numbers, with headers, comments, separators and missing values.
 """
 
 from __future__ import annotations
@@ -15,11 +15,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from optics.base.runtime import UserError
+from optics.tolerancing.metrology.instrument_files import (
+    MILLIMETRES,
+    MOST_BYTES,
+    MOST_POINTS,
+    grid_points,
+    instrument_points,
+)
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 
-MOST_BYTES = 1 << 28  # 256 MB: 4 million rows of 64 characters, more than MOST_POINTS can use
-MOST_POINTS = 2_000_000  # their matrix of 16 functions each takes 0.4 GB
 GRID_HEADER = 7  # numbers: nx ny dx dy unit xdec ydec
 GRID_MISSING = 4  # column of a grid's rows that is not 0 where there is no data
 
@@ -31,19 +36,19 @@ EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
 SEPARATORS = str.maketrans(",;\t", "   ")
 Unit = Literal["m", "mm", "um", "nm"]
 Kind = Literal["heights", "errors"]
-MILLIMETRES: dict[str, float] = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 GRID_UNITS = (1.0, 10.0, 25.4, 1000.0)  # mm, of the unit flag of a grid sag file
 TURNS = (0, 90, 180, 270)
 LEAST_POINTS = 100  # fewer say nothing of a freeform surface
 LEAST_INSIDE = 0.5  # of the points lie on the surface, else the frame or the unit is another one
+ROUNDED = 1e-12  # of the half-width: points so far beside the rim lie on it
 LEAST_EXTENT = 0.02  # of the surface's width
 FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
 
 
-def read_text(path: str | Path) -> str:
-    """Return the text of a file.
+def read_bytes(path: str | Path) -> bytes:
+    """Return what a file holds.
 
-    Raises UserError : the file cannot be read, is too large, or holds no text.
+    Raises UserError : the file cannot be read, is empty, or too large.
     """
     path = Path(path)
     try:
@@ -55,13 +60,21 @@ def read_text(path: str | Path) -> str:
         raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; measure fewer points, or thin it out")
     if not data.strip():
         raise UserError(f"{path} is empty")
+    return data
+
+
+def text_of(data: bytes, name: str) -> str:
+    """Return the text of a file.
+
+    Raises UserError : it holds none.
+    """
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     if "\0" in text:
-        raise UserError(f"{path} is no text: a measurement is rows of numbers x y z")
+        raise UserError(f"{name} is no text: a measurement is rows x y z, or an X3P, Zygo or GXYZF file")
     return text
 
 
@@ -160,6 +173,7 @@ class FileFrame:
     mirror : x is turned over first, as where the part was measured from behind.
     turn : then x and y are turned by 0, 90, 180 or 270 degrees, from +x towards +y.
     down : heights are positive against the light.
+    centre : the middle of what was measured is the vertex.
     """
 
     unit: Unit = "mm"
@@ -168,6 +182,7 @@ class FileFrame:
     mirror: bool = False
     turn: int = 0
     down: bool = False
+    centre: bool = False
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -203,7 +218,7 @@ class MeasuredPoints:
 def read_measured(
     path: str | Path, surface: FreeformSurface, frame: FileFrame | None = None
 ) -> MeasuredPoints:
-    """Return the measured points of a surface from a file of rows x y z, or from a grid sag file.
+    """Return the measured points of a surface from rows x y z, or a grid sag, X3P, Zygo or GXYZF file.
 
     Raises UserError : a file that cannot be read, is cut off, holds too few points, or does not fit the
         surface.
@@ -216,13 +231,16 @@ def read_measured(
     values = -values[there] if frame.down else values[there]
     if len(x) < LEAST_POINTS:
         raise UserError(f"{path} holds {len(x)} points with a value, fewer than {LEAST_POINTS}")
+    if frame.centre:
+        x, y = (a - (a.min() + a.max()) / 2 for a in (x, y))
     hx, hy = surface.half_width
+    x, y = (np.where(abs(a) <= h * (1 + ROUNDED), np.clip(a, -h, h), a) for a, h in ((x, hx), (y, hy)))
     on = surface.outline.contains(x, y)
     reach = f"x from {x.min():.4g} to {x.max():.4g} mm and y from {y.min():.4g} to {y.max():.4g} mm"
     if on.mean() < LEAST_INSIDE:
         raise UserError(
             f"the points of {path} reach over {reach}, but the surface only over +-{hx:g} x +-{hy:g} mm: "
-            "is the unit right (--unit), and is the origin the vertex of the surface?"
+            "is the unit right (--unit), and is the origin the vertex of the surface (--centre)?"
         )
     if np.ptp(x[on]) < LEAST_EXTENT * 2 * hx or np.ptp(y[on]) < LEAST_EXTENT * 2 * hy:
         raise UserError(
@@ -244,20 +262,19 @@ def read_measured(
     return MeasuredPoints(np.stack([x, y, values]), missing, int(there.sum() - on.sum()))
 
 
-def _values(path: str | Path, frame: FileFrame) -> tuple[Floats, Floats, Floats]:
-    """Return x and y in mm, as the file has them, and heights or errors in mm."""
-    text = read_text(path)
-    scale = MILLIMETRES[frame.unit]
+def _values(path: str | Path, frame: FileFrame) -> Floats:
+    """Return x and y in mm, as the file has them, and heights or errors in mm, (3, n)."""
+    data, name = read_bytes(path), str(path)
+    if (points := instrument_points(data, name)) is not None:
+        return points
+    text = text_of(data, name)
     header = grid_header(text)
     if header is None:
-        x, y, z = number_rows(text, str(path)).T
-        return scale * x, scale * y, MILLIMETRES[frame.height_unit or frame.unit] * z
-    flag = int(header[4])
-    if not 0 <= flag < len(GRID_UNITS):
-        raise UserError(f"the unit flag of {path} must be 0 (mm), 1 (cm), 2 (in) or 3 (m), got {flag}")
-    nx, ny = int(header[0]), int(header[1])
-    heights = grid_rows(text, str(path), nx * ny)
-    across = header[5] + (np.arange(nx) - (nx - 1) / 2) * header[2]
-    up = header[6] + ((ny - 1) / 2 - np.arange(ny)) * header[3]
-    unit = GRID_UNITS[flag]
-    return unit * np.tile(across, ny), unit * np.repeat(up, nx), unit * heights
+        scale = MILLIMETRES[frame.unit]
+        scales = [scale, scale, MILLIMETRES[frame.height_unit or frame.unit]]
+        return (number_rows(text, name) * scales).T
+    nx, ny, dx, dy, flag, *middle = header
+    if flag not in range(len(GRID_UNITS)):
+        raise UserError(f"the unit flag of {path} must be 0 (mm), 1 (cm), 2 (in) or 3 (m), got {flag:g}")
+    heights = grid_rows(text, name, int(nx) * int(ny)).reshape(int(ny), int(nx))
+    return GRID_UNITS[int(flag)] * grid_points(heights, (dx, dy), (middle[0], middle[1]))

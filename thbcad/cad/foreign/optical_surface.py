@@ -25,6 +25,7 @@ ELLIPTIC = 1e-4  # relative difference of the squares of axes, from which an ell
 SNAP = 1e-12  # directions nearer to an axis of the file are it
 SAME = 1e-9  # between unit vectors
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
+CHAMFERED = 1e-3  # of the half-width: so far off the axis is the rim that a chamfer leaves
 ROUND = 1e-6  # relative: how well an outline must be a rectangle or an ellipse
 
 
@@ -138,7 +139,8 @@ class OpticalFace:
     radius : float, mm, of a sphere or a cylinder, else None
     faces : SurveyedFace, one or, where the surface was split, several
     outline : "rectangle", "ellipse" or "other", seen along the axis
-    half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm
+    half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm;
+        of the sphere, where a chamfer leaves a rim that is no circle
     degrees, control_points : (2,) int of a spline in one piece, else None
     knots : the knot vectors in u and v of a spline in one piece, else None
     periodic : whether the surface of a face closes in u, in v
@@ -177,6 +179,10 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     reach = np.array([[max(f.reach(way * d) for f in group) for d in axes] for way in (-1, 1)])
     low, high = reach * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
+    word = _outline_kind((outline - centre) / half)
+    if word == "other" and (middle := group[0].centre) is not None:
+        apart = in_frame(frame, middle)[:2] - centre
+        centre = centre + apart * (np.abs(apart).max() < CHAMFERED * half.max())
     spline = group[0].spline if len(group) == 1 else None
     deviation = None
     if isinstance(spline, BSplineSurface):  # between those of the poles
@@ -189,7 +195,7 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
         kind=kind,
         radius=group[0].radius,
         faces=tuple(group),
-        outline=_outline_kind((outline - centre) / half),
+        outline=word,
         half_width=half,
         centre=centre,
         degrees=None if spline is None else (spline.kv_u.degree, spline.kv_v.degree),

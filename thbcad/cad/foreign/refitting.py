@@ -17,10 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from thbcad.cad.foreign.conic_bounds import conic_deviation
-from thbcad.cad.foreign.optical_surface import OpticalFace, in_frame
+from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame
 from thbcad.cad.foreign.surveyed_faces import axial_heights
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
@@ -74,7 +73,8 @@ def refitted(
     require_number("tolerance", tolerance, above=0, finite=True)
     surfaces = []
     for name, face, vertex in zip(("front", "rear"), faces, (0.0, thickness)):
-        if np.abs(face.centre).max() > CENTRED:
+        slack = CHAMFERED * float(face.half_width.max()) if face.outline == "other" else CENTRED
+        if np.abs(face.centre).max() > slack:
             x, y = face.centre
             raise ValueError(
                 f"the {name} is centred at x = {x:.6g}, y = {y:.6g} mm of the axis; a Lens has front and "
@@ -123,9 +123,11 @@ def _plane(frame: Pose, face: OpticalFace, vertex: float) -> _Surface:
 def _sphere(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     """Return a sphere with its vertex on the axis, with the proven deviation that the place of its centre
     makes: with the centre e off the axis and d along it, d + e |grad z|."""
-    sphere = BRepAdaptor_Surface(face.faces[0].face).Sphere()
-    centre = in_frame(frame, np.array(sphere.Location().Coord())) - (0.0, 0.0, vertex)
-    radius = float(np.copysign(sphere.Radius(), centre[2]))
+    place, size = face.faces[0].centre, face.radius
+    if place is None or size is None:
+        return None
+    centre = in_frame(frame, place) - (0.0, 0.0, vertex)
+    radius = float(np.copysign(size, centre[2]))
     half = (float(face.half_width[0]), float(face.half_width[1]))
     off, along = float(np.hypot(*centre[:2])), abs(float(centre[2]) - radius)
     reach = float(np.hypot(*half)) + off

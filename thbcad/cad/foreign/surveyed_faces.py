@@ -38,7 +38,7 @@ from scipy.optimize import minimize_scalar
 
 from thbcad.cad.exchange import edges_of, faces_of
 from thbcad.cad.shapes import spline_surface
-from thbcad.checks import Floats
+from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface, NURBSSurface
 
@@ -75,13 +75,22 @@ class SurveyedFace:
     kind: str
 
     @cached_property
-    def spline(self) -> BSplineSurface | NURBSSurface | None:
-        """The spline under the face with the numbers of the file, of a spline face."""
+    def _geometry(self) -> Geom_BSplineSurface | None:
+        """OCCT's surface of a spline face."""
         if self.kind != "spline":
             return None
         surface = BRep_Tool.Surface_s(self.face)
         if not isinstance(surface, Geom_BSplineSurface):  # a Bezier surface
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
+        return surface
+
+    @cached_property
+    def spline(self) -> BSplineSurface | NURBSSurface | None:
+        """The spline under the face with the numbers of the file, of a spline face; None of the high degrees
+        that OCCT gives chamfers."""
+        surface = self._geometry
+        if surface is None or max(surface.UDegree(), surface.VDegree()) > MAX_DEGREE:
+            return None
         return spline_surface(surface)
 
     @cached_property
@@ -118,9 +127,9 @@ class SurveyedFace:
     @cached_property
     def is_ruled(self) -> bool:
         """Whether its surface consists of straight lines, by its kind or its degree."""
-        spline = self.spline
+        surface = self._geometry
         return self.kind in STRAIGHT or (
-            spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) == 1
+            surface is not None and min(surface.UDegree(), surface.VDegree()) == 1
         )
 
     @cached_property
@@ -130,6 +139,13 @@ class SurveyedFace:
         if self.kind == "sphere":
             return adaptor.Sphere().Radius()
         return adaptor.Cylinder().Radius() if self.kind == "cylinder" else None
+
+    @cached_property
+    def centre(self) -> Floats | None:
+        """(3,) mm, of a sphere, else None."""
+        if self.kind != "sphere":
+            return None
+        return np.array(BRepAdaptor_Surface(self.face).Sphere().Location().Coord())
 
     @property
     def periodic(self) -> tuple[bool, bool]:

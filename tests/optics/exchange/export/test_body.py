@@ -302,7 +302,7 @@ ALLOWED = {  # the formats of a body
     "--aperture": ([5, 5, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
     "--polygon": ([0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
 }
-FORMATS = "iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz", "svg", "dxf"
+FORMATS = "iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "x3p", "npz", "svg", "dxf"
 
 
 def _often(case):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import zipfile
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,9 +15,11 @@ from OCP.RWStl import RWStl
 
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.formats import FORMATS, MESHES, export
+from optics.exchange.export.height_maps import x3p_checks
 from optics.exchange.export.read_back import array_checks, cloud_checks, mesh_checks, sag_checks
 from optics.exchange.export.wall_distance import edge_distance
 from optics.interface.commands import main
+from optics.tolerancing.metrology import read_measured
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import THBSurface, read_lens, write_lens
 from thbcad.drawings import drawing_bytes, lens_sheet
@@ -157,6 +160,27 @@ def test_a_changed_point_or_normal_shows(tmp_path):
     changed_line(rear, 30, 2, 1e-9)
     changed_line(rear, 40, 4, 1e-9)
     assert failing(cloud_checks("rear", EQUAL.rear, EQUAL.thickness, rear)) == ["rear points", "rear normals"]
+
+
+def test_a_changed_height_or_place_of_an_x3p_file_shows(tmp_path):
+    """The same surface gives the same bytes, as no date stands in the file; `thbcad asbuilt` reads them."""
+    (_, rear), checks = export(EQUAL, "x3p", str(tmp_path / "heights.x3p"))
+    assert all(check.ok for check in checks)
+    read = read_measured(rear, EQUAL.rear)
+    assert (read.beside, read.missing) == (0, 0)
+    assert np.abs(read.points[2] - EQUAL.rear(*read.points[:2])).max() < 1e-12
+    first = rear.read_bytes()
+    assert export(EQUAL, "x3p", str(rear.with_name("heights.x3p")))[0][1].read_bytes() == first
+    with zipfile.ZipFile(rear) as parts:
+        held = {name: parts.read(name) for name in parts.namelist()}
+    for name, old, new, place in (
+        ("bindata/data.bin", held["bindata/data.bin"][:8], bytes(8), "rear heights"),
+        ("main.xml", b"<Increment>", b"<Increment>1", "rear places of the heights"),
+    ):
+        with zipfile.ZipFile(rear, "w") as parts:
+            for part, content in (held | {name: held[name].replace(old, new, 1)}).items():
+                parts.writestr(part, content)
+        assert failing(x3p_checks("rear", EQUAL.rear, rear)) == [place]
 
 
 def test_a_changed_coefficient_shows(tmp_path):

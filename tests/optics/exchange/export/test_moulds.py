@@ -31,7 +31,7 @@ def native(tmp_path):
     return tmp_path / "lens.json"
 
 
-@pytest.mark.parametrize("name", [*SOLIDS, *MESHES, "dat", "xyz", "npz", "svg", "dxf"])
+@pytest.mark.parametrize("name", [*SOLIDS, *MESHES, "dat", "xyz", "x3p", "npz", "svg", "dxf"])
 def test_every_format_holds_the_enlarged_lens(capsys, native, tmp_path, name):
     """Its checks compare the file with the enlarged lens, and the report says the factors."""
     out = tmp_path / f"body.{name}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.tolerancing.machining import LandingResponse
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
@@ -32,3 +33,10 @@ def scattered(count: int, inside: float = 1.0, seed: int = 1) -> tuple[Floats, F
 def ripple(x: Floats, y: Floats) -> Floats:
     """Return an error of height of periods 5 and 8 mm, mm."""
     return 2e-4 * np.sin(2 * np.pi * x / 5) * np.cos(2 * np.pi * y / 8)
+
+
+def everywhere(half_width=HALF_WIDTH, count=200) -> LandingResponse:
+    """Return rays all over a surface."""
+    x, y = (g.ravel() for g in np.meshgrid(*(h * np.linspace(-1, 1, count) for h in half_width)))
+    ones = np.ones(x.size)
+    return LandingResponse(ones > 0, x, y, ones, np.zeros((2, 2, x.size)))

@@ -12,7 +12,6 @@ from hypothesis import given, strategies as st
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.machining import LandingResponse
 from optics.tolerancing.metrology import (
     MeasuredPoints,
     as_built_data,
@@ -23,18 +22,9 @@ from optics.tolerancing.metrology import (
 from optics.tolerancing.metrology.corrected_surface import measured_light
 from tests.cases import examples
 from tests.optics.cases import write_problem
-from tests.optics.tolerancing.metrology.cases import ripple
+from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, ripple
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
-
-HALF_WIDTH = (10.0, 8.0)
-
-
-def everywhere(half_width=HALF_WIDTH, count=200) -> LandingResponse:
-    """Return rays all over a surface."""
-    x, y = (g.ravel() for g in np.meshgrid(*(h * np.linspace(-1, 1, count) for h in half_width)))
-    ones = np.ones(x.size)
-    return LandingResponse(ones > 0, x, y, ones, np.zeros((2, 2, x.size)))
 
 
 def random_points(count, seed):
