@@ -27,7 +27,7 @@ INTRODUCTION = """\
 `thbcad bench --markdown` writes this page from these files: some rows that other pages quote, and all whose
 limits are missed. The documentation site shows all rows.
 Each row has a limit or none; `ok` says whether the limit is met.
-The column `reference` names another code in the same run, or the thesis.
+The column `reference` names another code in the same run, or the thesis. The files name the whole machine.
 """
 COLUMNS = """\
 The column `basis` says whether the value was measured, or extrapolated by the law that `reference` names.
@@ -101,7 +101,8 @@ def overview_page(stored: Sequence[tuple[StoredRows, str]], quoted: Collection[t
         limited = [r for r in rows if r[1]["limit"] is not None and r not in chosen]
         chosen += limited[: max(0, LEAST_SHOWN - len(chosen))]
         chosen += [r for r in limited if _missed(r[1]) and r not in chosen]
-        parts += [f"## {one.name}\n", *_head(one, sentence)]
+        when = f"Measured on {one.date}, {one.machine['processor']}.\n"
+        parts += [f"## {one.name}\n", f"{sentence}\n", when]
         parts.append(_table(OVERVIEW, [], chosen or rows[:LEAST_SHOWN]))
         parts.append(f"{len(rows)} rows are in [`{one.name}.json`](data/{one.name}.json).\n")
     return "\n".join(parts)
@@ -112,16 +113,12 @@ def rows_page(stored: StoredRows, sentence: str) -> str:
     extra = [key for key in OPTIONAL if any(key in row for row in stored.rows)]
     rows = [(_indented(row["name"]), row) for row in stored.rows]
     columns = ["row", "value", "unit", "limit", "ok", "basis", *extra, "reference"]
-    return "\n".join([f"# {stored.name}\n", *_head(stored, sentence), COLUMNS, _table(columns, extra, rows)])
-
-
-def _head(stored: StoredRows, sentence: str) -> list[str]:
     m = stored.machine
-    return [
-        f"{sentence}\n",
+    when = (
         f"Measured on {stored.date}: {m['processor']}, {m['cores']} cores, {m['memory_gib']} GiB, "
-        f"{m['system']}, Python {m['python']}.\n",
-    ]
+        f"{m['system']}, Python {m['python']}.\n"
+    )
+    return "\n".join([f"# {stored.name}\n", f"{sentence}\n", when, COLUMNS, _table(columns, extra, rows)])
 
 
 def _missed(row: Mapping[str, Any]) -> bool:
