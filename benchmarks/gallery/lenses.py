@@ -169,4 +169,31 @@ LENSES = (
         "The source is a file with the intensity of a lamp, as makers publish it "
         "([luminaires](luminaires.md)).",
     ),
+    Shown(
+        "four_leds",
+        "Four LEDs",
+        "four_leds.toml",
+        "four LEDs of 2 mm",
+        "uniform square",
+        "rear",
+        "The light of all is added, and one surface makes it uniform.",
+    ),
+    Shown(
+        "street_plate",
+        "A plate of lenses",
+        "street_plate.toml",
+        "twelve LEDs of 1.5 mm",
+        "126 x 60 degrees, far field",
+        "rear",
+        "2 x 6 lenses are one solid. Light that leaves by a neighbour's faces is traced.",
+    ),
+    Shown(
+        "headlamp_led",
+        "A headlamp",
+        "headlamp_led.toml",
+        "LED of 2 mm",
+        "upper beam, FMVSS 108",
+        "rear",
+        "No picture, but a table: all of its 19 rows are kept by 29 %.",
+    ),
 )
