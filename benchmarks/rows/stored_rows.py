@@ -104,7 +104,7 @@ def overview_page(stored: Sequence[tuple[StoredRows, str]], quoted: Collection[t
         when = f"Measured on {one.date}, {one.machine['processor']}.\n"
         parts += [f"## {one.name}\n", f"{sentence}\n", when]
         parts.append(_table(OVERVIEW, [], chosen or rows[:LEAST_SHOWN]))
-        parts.append(f"{len(rows)} rows are in [`{one.name}.json`](data/{one.name}.json).\n")
+        parts.append(f"[All {len(rows)} rows](data/{one.name}.json).\n")
     return "\n".join(parts)
 
 

@@ -29,10 +29,9 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
     ranked = budget.by_cost()
     limited = [e for e in ranked if e.allowed is not None]
     free = [e.tolerance.name for e in ranked if e.allowed is None]
-    numbers = ", ".join(f"{name} {_number(name, value)}" for name, value in budget.light.data().items())
     keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
     floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
-    lines = [f"The design has {numbers}. Each error alone must keep {keep}{floats}."]
+    lines = [f"The design has {_numbers(budget.light)}. Each error alone must keep {keep}{floats}."]
     if budget.missed:
         parts = [
             f"{name} {_number(name, budget.light.data()[name])}, the limit is {_number(name, bound)}"
@@ -55,6 +54,12 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "
         "(root mean square)."
     )
+    if budget.outages:
+        number, worst = max(enumerate(budget.outages, 1), key=lambda row: row[1].rel_l2)
+        lines.append(
+            f"With one of {len(budget.outages)} sources out the light has, at worst, {_numbers(worst)} "
+            f"(source {number})."
+        )
     if "min_over_mean" in budget.bounds and budget.noise >= NOISY:  # it is that of counted rays
         lines.append(
             f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers "
@@ -70,6 +75,10 @@ def _held(effect: ToleranceEffect) -> str:
     reached = f"{allowed.limit} is {_number(allowed.limit, allowed.light.data()[allowed.limit])} there"
     cost = f"its amount, +- {tolerance.words}, is {effect.cost:.0%} of that"
     return f"Hold {tolerance.name} within +- {tolerance.in_words(allowed.amount)} ({reached}); {cost}."
+
+
+def _numbers(light: LightNumbers) -> str:
+    return ", ".join(f"{name} {_number(name, value)}" for name, value in light.data().items())
 
 
 def _number(name: str, value: float) -> str:

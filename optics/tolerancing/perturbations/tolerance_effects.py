@@ -68,6 +68,7 @@ class ToleranceBudget:
     bounds : what light must keep, by name.  floats : the target follows light that shifts as a whole.
     noise : standard deviation of a lit pixel in its mean, by the rays that are counted; 0 of cells.
     unit : of lengths on the target.  irradiance, target : (rows, columns), scaled to unit mean.
+    outages : the light with one of several sources out, of each in turn; its efficiency is that of all.
     """
 
     effects: tuple[ToleranceEffect, ...]
@@ -78,6 +79,7 @@ class ToleranceBudget:
     unit: str
     irradiance: Floats
     target: Floats
+    outages: tuple[LightNumbers, ...] = ()
 
     @property
     def rel_l2(self) -> float:
@@ -125,6 +127,8 @@ class ToleranceBudget:
             "expected_rel_l2": self.expected,
             "tolerances": {e.tolerance.name: _data(e, shares, self.unit) for e in self.by_cost()},
         }
+        if self.outages:
+            data["one_source_out"] = [light.data() for light in self.outages]
         return {key: _rounded(value) for key, value in data.items()}
 
 

@@ -7,6 +7,7 @@ is no good for a prediction: its derivative holds for hundredths of a pixel only
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import log, sqrt
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from optics.base.runtime import Backend, UserError, speaking_of
 from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
+from optics.scene.sources import SourceGroup
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import (
@@ -77,6 +79,7 @@ def tolerance_budget(
             effects.append(trial.effect(tolerance))
     return ToleranceBudget(
         effects=tuple(effects),
+        outages=trial.outages(),
         light=trial.here,
         bounds=trial.bounds,
         floats=floats,
@@ -139,6 +142,20 @@ class _Trial:
             change=image - self.scaled,
             rise=(behind.rel_l2**2 + ahead.rel_l2**2) / 2 - self.here.rel_l2**2,
         )
+
+    def outages(self) -> tuple[LightNumbers, ...]:
+        """Return what light is judged by with one of several sources out, of each in turn."""
+        light, source = self._light, self._light.system.source
+        if not isinstance(source, SourceGroup):
+            return ()
+        found = []
+        for out in source.members:
+            others = tuple(member for member in source.members if member is not out)
+            rest = replace(source, members=others, flux=source.flux - out.flux)
+            system = replace(light.system, own=replace(light.system.own, source=rest))
+            image, fates = PerturbedLight(system, light.lens, light.backend)()
+            found.append(self.judge.numbers(image, fates.on_target))
+        return tuple(found)
 
     def _traced(self, perturbation: Perturbation) -> tuple[Floats, LightNumbers]:
         """Return light scaled to unit mean, and what it is judged by."""

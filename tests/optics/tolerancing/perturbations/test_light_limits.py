@@ -23,7 +23,7 @@ from optics.tolerancing.perturbations import (
 )
 from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_of, limits_of, parts_taken
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
-from tests.cases import examples
+from tests.cases import EXAMPLES, examples
 from tests.optics.cases import write_problem
 from tests.optics.tolerancing.perturbations.cases import small_system
 
@@ -242,3 +242,20 @@ def test_errors_that_reach_no_limit_are_free() -> None:
     assert max(tried) == pytest.approx(FREE * 0.05)
     assert amount_of(ends, (0.5, 5e-4)) is None
     assert amount_of(lambda amount: 5.0, (0.5, 5.0)) == (0.0, 0.0)
+
+
+def test_one_source_out_leaves_the_light_of_the_others(backend):
+    """As `weight = 0` of that source does, but for its share of the flux, which is missing."""
+    problem = load_problem(EXAMPLES / "two_sources.toml", {"target.pixels": [24, 24]})
+    system = OpticalSystem(problem)
+    budget = budget_of(system, system.lens, backend, **{"target.decentre_x": 0.2})
+    alone = OpticalSystem(problem.with_(**{"source.others.right.weight": 0.0}))
+    lit = budget_of(alone, alone.lens, backend, **{"target.decentre_x": 0.2}).light
+    without = budget.outages[1]
+    assert without.rel_l2 == pytest.approx(lit.rel_l2, rel=0.02)  # other rays of the same source
+    assert without.efficiency == pytest.approx(lit.efficiency / 2, rel=1e-3)
+    assert sum(light.efficiency for light in budget.outages) == pytest.approx(
+        budget.light.efficiency, rel=1e-3
+    )
+    assert "With one of 2 sources out" in " ".join(shop_sentences(budget))
+    assert len(budget.data()["one_source_out"]) == 2
