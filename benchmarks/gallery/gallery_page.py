@@ -61,7 +61,7 @@ def _contact_sheet() -> str:
 
 def _table(rows: list[list[str]], line: str) -> str:
     """Return a table; line : what stands below its first row."""
-    first, *others = (f"| {' | '.join(cells)} |\n" for cells in rows)
+    first, *others = (f"|{'|'.join(cells)}|\n" for cells in rows)
     return "".join([first, f"{line}|\n", *others])
 
 

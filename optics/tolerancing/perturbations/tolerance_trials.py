@@ -144,13 +144,14 @@ class _Trial:
         )
 
     def outages(self) -> tuple[LightNumbers, ...]:
-        """Return what light is judged by with one of several sources out, of each in turn."""
+        """Return what light is judged by with one of several sources out, of each that shines in turn."""
         light, source = self._light, self._light.system.source
         if not isinstance(source, SourceGroup):
             return ()
+        lit = [member for member in source.members if member.flux]
         found = []
-        for out in source.members:
-            others = tuple(member for member in source.members if member is not out)
+        for out in lit if len(lit) > 1 else []:
+            others = tuple(member for member in lit if member is not out)
             rest = replace(source, members=others, flux=source.flux - out.flux)
             system = replace(light.system, own=replace(light.system.own, source=rest))
             image, fates = PerturbedLight(system, light.lens, light.backend)()
