@@ -44,7 +44,7 @@ def test_every_lens_has_its_pictures_and_they_are_small():
 def test_the_lenses_cover_all_kinds_of_sources_targets_and_free_surfaces():
     problems = [load_problem(ROOT / path) for path in PROBLEMS]
     assert len({problem.title for problem in problems}) >= 12
-    assert {problem.target.kind for problem in problems} == {"image", "tophat", "function"}
+    assert {problem.target.kind for problem in problems} == {"image", "tophat", "function", "zones"}
     assert {problem.source.kind for problem in problems} == {"collimated", "point", "lambertian", "luminaire"}
     free = [(p.lens.front.freeform is not None, bool(p.lens.rear.freeform)) for p in problems]
     assert set(free) == {(False, True), (True, False), (True, True)}

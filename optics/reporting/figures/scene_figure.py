@@ -225,10 +225,12 @@ def _draw(
             orders = entry, leaving if points.shape[1] > 2 else entry
             for part, order in zip((points[:, :-1], points[:, -2:]), orders):
                 axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
-    order = 3.4 if scene.nearer(scene.source) else 1.5
-    axes.fill(*scene(scene.source), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order)
-    if not np.ptp(scene.source[:2]):
-        axes.plot(*scene(scene.source[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=order)
+    for source in scene.sources:
+        outline = source.outline
+        order = 3.4 if scene.nearer(outline) else 1.5
+        axes.fill(*scene(outline), facecolor=GLOW, edgecolor=INK, lw=0.8, alpha=0.5, zorder=order)
+        if not any(source.half_width):
+            axes.plot(*scene(outline[:, :1]), "o", color=GLOW, mec=INK, ms=5, zorder=order)
     for element in sorted(elements, key=lambda e: float(scene.turn[2] @ e.box.mean(axis=1))):
         low, high = scene.box(outermost(element.placed))
         view = View(scene.turn, (low + high) / 2, 0.55 * (high - low).max())

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from optics.reporting.view.photo_room import PhotoRoom, screen_points
-from optics.reporting.view.scene_layout import box_of
+from optics.reporting.view.scene_layout import DrawnSource, box_of
 from thbcad.checks import Floats, Integers
 
 # the path to a thing, inf where it is not met, (n,), and the radiance of some of the rays that meet it
@@ -81,7 +81,8 @@ class PhotoLight:
     def _upright(self, origin: Floats, direction: Floats) -> list[Meeting]:
         """Return what is met of all that stands on the table."""
         posts = [self._post(post, origin, direction) for post in self.room.posts]
-        return [self._lamp(origin, direction), *posts, self._screen(origin, direction)]
+        lamps = [self._lamp(lamp, origin, direction) for lamp in self.room.lamps]
+        return [*lamps, *posts, self._screen(origin, direction)]
 
     def _table(self, origin: Floats, direction: Floats) -> Meeting:
         with np.errstate(divide="ignore"):
@@ -100,14 +101,15 @@ class PhotoLight:
 
         return path, shade
 
-    def _lamp(self, origin: Floats, direction: Floats) -> Meeting:
-        hx, hy, z = self.room.lamp
+    def _lamp(self, lamp: DrawnSource, origin: Floats, direction: Floats) -> Meeting:
+        to_lamp, (hx, hy) = lamp.pose.inverse(), lamp.half_width
+        origin, direction = np.asarray(to_lamp.points(origin)), np.asarray(to_lamp.directions(direction))
         with np.errstate(divide="ignore", invalid="ignore"):
-            path = (z - origin[2]) / direction[2]
+            path = -origin[2] / direction[2]
         path[~(path > LEAST * self.size)] = np.inf
         reached = np.where(np.isfinite(path), path, 0.0)
         x, y = (origin[:2] + reached * direction[:2]) / np.array([[hx], [hy]])
-        outside = x * x + y * y > 1 if self.room.round_lamp else np.maximum(abs(x), abs(y)) > 1
+        outside = x * x + y * y > 1 if lamp.round else np.maximum(abs(x), abs(y)) > 1
         path[outside] = np.inf
 
         def shade(some: Integers) -> Floats:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from optics.reporting.view.scene_layout import (
     LONG,
     SHORT,
     DrawnElement,
+    DrawnSource,
     Scene,
     box_of,
     corners,
@@ -42,7 +44,6 @@ FAR, WIDEST = (
     45.0,
 )  # half-widths of the lens to a far field's screen, at most; degrees on it
 BESIDE = 0.04  # of the lens's half-width: half the width that a point of light is given
-CORNERS = 5  # points of the outline of a rectangle, the first twice; a circle has more
 TALLER = 1.06  # half-heights of the screen from its middle down to the table
 STANDING = 1.3  # half-heights of the lens from its axis down to the table, at least
 LIFTED = 0.1  # half-widths of the lens: the least height of all things over the table
@@ -55,8 +56,7 @@ class PhotoRoom:
 
     elements : by name, least and greatest corner of the box around each, (3, 2).
     posts : (x, y, z, radius) each, of the tops of posts.
-    lamp : (hx, hy, z), half-widths and place.  round_lamp : whether it is an ellipse.
-    parallel : whether its light is.
+    lamps : the sources, a point as wide as can be seen.  parallel : whether their light is.
     screen : a receiver of lengths.  half_width : of it.  angular : it shows directions of a far field.
     table : y of its top.  eye : (3,), the camera.  turn : (3, 3), rows right, up and towards the camera.
     window : left, right, bottom and top of the picture, in tangents.
@@ -66,8 +66,7 @@ class PhotoRoom:
 
     elements: dict[str, Floats]
     posts: tuple[tuple[float, float, float, float], ...]
-    lamp: tuple[float, float, float]
-    round_lamp: bool
+    lamps: tuple[DrawnSource, ...]
     parallel: bool
     screen: Receiver
     half_width: tuple[float, float]
@@ -114,7 +113,7 @@ def photo_room(system: OpticalSystem, lens: Lens) -> PhotoRoom:
     scene = placed(system, lens, drawn)
     stand = (_from_behind if system.axial else _from_beside)(system, scene)
     boxes, size = {element.name: box_of(element.box) for element in drawn}, _size(scene.lens)
-    lamp = np.maximum(np.abs(scene.source[:2]).max(axis=1), BESIDE * size)
+    least = BESIDE * size / sqrt(len(scene.sources))
     screen = screen_points(stand.screen, stand.half_width)
     things = np.concatenate([*(corners(box) for box in boxes.values()), screen], axis=1)
     if system.axial:
@@ -125,8 +124,10 @@ def photo_room(system: OpticalSystem, lens: Lens) -> PhotoRoom:
     return PhotoRoom(
         elements=boxes,
         posts=_posts(drawn, [*boxes.values(), box_of(screen)]),
-        lamp=(float(lamp[0]), float(lamp[1]), float(scene.source[2, 0])),
-        round_lamp=scene.source.shape[1] > CORNERS,
+        lamps=tuple(
+            replace(source, half_width=(max(source.half_width[0], least), max(source.half_width[1], least)))
+            for source in scene.sources
+        ),
         parallel=system.source.from_afar,
         angular=system.target.far_field,
         table=table,

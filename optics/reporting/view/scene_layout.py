@@ -21,7 +21,7 @@ from optics.reporting.view.solid_renderer import (
 )
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane, Receiver
-from optics.scene.system import OpticalSystem, designed_part, other_parts
+from optics.scene.system import OpticalSystem, designed_part, other_parts, source_frames
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
@@ -125,13 +125,33 @@ def drawn_elements(
 
 
 @dataclass(frozen=True, eq=False)
+class DrawnSource:
+    """A source in a picture.
+
+    half_width : mm, 0 of a point.  round : an ellipse, not a rectangle.  pose : its middle in the scene.
+    """
+
+    half_width: tuple[float, float]
+    round: bool
+    pose: Pose
+
+    @property
+    def outline(self) -> Floats:
+        """Points around it, (3, n); of a point all are one."""
+        around = np.linspace(0, 2 * np.pi, 65) if self.round else np.pi / 4 * np.arange(1, 10, 2)
+        size = 1.0 if self.round else np.sqrt(2)
+        x, y = (h * size * f(around) for h, f in zip(self.half_width, (np.cos, np.sin)))
+        return np.asarray(self.pose.points(np.stack([x, y, np.zeros(around.size)])))
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Points of source, elements and target, mm, and their projection.
 
     turn : (3, 3), rows right, up and towards the viewer
     bodies : (3, 8) each, corners of the own boxes of the elements, in the order of the light
     body : that of the one which is designed
-    source : (3, n), outline
+    sources : of which light comes
     target : (3, n, m), points of it along its v and u, or (3, 0, 0) for the far field
     outlook : (3, n), how far the picture goes: the rim of the target, or what rays to the far field need
     along : (3,), direction from the element to the target
@@ -142,7 +162,7 @@ class Scene:
     turn: Floats
     bodies: tuple[Floats, ...]
     body: Floats
-    source: Floats
+    sources: tuple[DrawnSource, ...]
     target: Floats
     outlook: Floats
     along: Floats
@@ -155,6 +175,11 @@ class Scene:
         start, end = self.gap
         left_out = (1 - 1 / self.squeeze) * np.clip(self.along @ flat - start, 0.0, end - start)
         return (self.turn[:2] @ (flat - np.outer(self.along, left_out))).reshape(2, *points.shape[1:])
+
+    @property
+    def source(self) -> Floats:
+        """Points around all sources, (3, n)."""
+        return np.concatenate([source.outline for source in self.sources], axis=1)
 
     @property
     def lens(self) -> Floats:
@@ -171,9 +196,9 @@ class Scene:
 
         Parallel light comes from before it.
         """
-        points = path.T.copy()
-        if points[2, 0] < self.source[2, 0]:
-            points[:, 0] = *points[:2, 0], self.source[2, 0]
+        points, (first, *others) = path.T.copy(), self.sources
+        if not others and not first.pose.rotates and points[2, 0] < first.pose.shift[2]:
+            points[:, 0] = *points[:2, 0], first.pose.shift[2]
         return points
 
     def box(self, *parts: Floats) -> Floats:
@@ -193,7 +218,8 @@ def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) 
     bodies, first = tuple(element.box for element in elements), elements[0]
     body = bodies[[element.name for element in elements].index(system.problem.optic.called)]
     lit = first.pose.points(first.faces[0].points.reshape(3, -1))
-    source = _source(system, bodies[0], np.abs(lit).max(axis=1))
+    sources = _sources(system, bodies[0], np.abs(lit).max(axis=1))
+    source = np.concatenate([one.outline for one in sources], axis=1)
     leaving, screen = system.path(lens).leaving, np.zeros((3, 0, 0))
     outlook, along = _around_far_rays(leaving, bodies[-1]), leaving.rotation[:, 2]
     start = end = float((along @ np.concatenate([*bodies, source], axis=1)).max())
@@ -215,7 +241,7 @@ def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) 
         squeeze = _shorter(throw, width) / FACTORS[FACTORS * throw >= SHORT * width].min(initial=FACTORS[-1])
         angle = np.degrees(np.arctan2(CLEAR * width, throw / squeeze))
         turn = oblique(-np.clip(angle, LEAST_TURN, MOST_TURN), RISE)
-    return Scene(turn, bodies, body, source, screen, outlook, along, (start, end), squeeze)
+    return Scene(turn, bodies, body, sources, screen, outlook, along, (start, end), squeeze)
 
 
 def _shorter(throw: float, width: float) -> float:
@@ -228,19 +254,21 @@ def box_of(points: Floats) -> Floats:
     return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
 
 
-def _source(system: OpticalSystem, body: Floats, widest: Floats) -> Floats:
-    """Return the outline of the source, (3, n); that of a wide beam only beside the element.
+def _sources(system: OpticalSystem, body: Floats, widest: Floats) -> tuple[DrawnSource, ...]:
+    """Return the sources; of one wide beam along the axis what lies beside the element.
 
     widest : greatest |x| and |y| of the front
     """
-    source, far, (*across, depth) = system.problem.source, system.source.from_afar, box_of(body)
-    before = depth[0] - 0.6 * np.ptp(across, axis=1).max() if far else -source.distance
-    circle = source.profile in ("round", "round_gaussian")
-    around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
-    size = 1.0 if circle else np.sqrt(2)
-    extent = np.minimum(source.half_width, BESIDE * widest[:2]) if far else source.half_width
-    sides = (h * size * f(around) for h, f in zip(extent, (np.cos, np.sin)))
-    return np.stack([*sides, np.full(around.size, before)])
+    lone, far, (*across, depth) = system.problem.source.lone, system.source.from_afar, box_of(body)
+    found = []
+    for source, pose in source_frames(system.problem):
+        (hx, hy), before = source.half_width, -source.distance
+        if lone and far:
+            before = depth[0] - 0.6 * np.ptp(across, axis=1).max()
+            hx, hy = np.minimum(source.half_width, BESIDE * widest[:2]).tolist()
+        middle = pose @ Pose.at((0.0, 0.0, float(before)))
+        found.append(DrawnSource((hx, hy), source.profile in ("round", "round_gaussian"), middle))
+    return tuple(found)
 
 
 def _around_far_rays(leaving: Pose, body: Floats) -> Floats:

@@ -65,9 +65,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
         "element": system.problem.optic.noun,
         "pose": [*system.pose.rotation.T.tolist(), system.pose.shift.tolist()],
         "faces": own,
-        "source": np.unique(scene.source.T, axis=0).tolist()
-        if not np.ptp(scene.source[:2])
-        else scene.source.T.tolist(),
+        "sources": [(s.outline if any(s.half_width) else s.outline[:, :1]).T.tolist() for s in scene.sources],
         "stops": [rim.T.tolist() for rim in stops],
         "target": _target(scene, irradiance),
         "rays": _rays(shown),

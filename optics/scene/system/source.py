@@ -18,7 +18,7 @@ from optics.scene.sources import (
     RayFileSource,
     SourceGroup,
 )
-from thbcad.poses import Pose
+from thbcad.poses import IDENTITY, Pose
 
 SOURCES: dict[str, type[LightSource]] = {  # by source.kind, which nothing else asks for
     "collimated": CollimatedBeam,
@@ -72,6 +72,14 @@ def source_of(problem: Problem) -> LightSource:
         return members[0]
     flux = sum(member.flux for member in members)
     return SourceGroup(flux=flux, distance=source.distance, members=tuple(members))
+
+
+def source_frames(problem: Problem) -> list[tuple[OneSource, Pose]]:
+    """Return every source, those of an array too, with the pose of its own frame in that of the scene."""
+    source = problem.source
+    if source.lone:
+        return [(source.each[0], IDENTITY)]
+    return [(spec, pose) for spec in source.each for pose in _poses(spec)]
 
 
 def _poses(spec: OneSource) -> Iterator[Pose]:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from optics.reporting.view.scene_layout import LONG, SHORT, block_means, drawn_elements, placed
-from optics.scene.problem import load_problem
+from optics.reporting.view.photo_room import photo_room
+from optics.reporting.view.scene_layout import LONG, SHORT, block_means, box_of, drawn_elements, placed
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 
 
@@ -29,6 +30,29 @@ def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
     assert np.ptp(scene_of(problem, lens).source, axis=1) == pytest.approx(
         [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
     )
+
+
+def test_every_source_is_drawn_at_its_place():
+    """One alone, and an array of round ones that is turned a quarter around y."""
+    source = {"kind": "lambertian", "half_width": (1.0, 0.5), "half_angle": 60.0}
+    row = {
+        "tilt": (0.0, 90.0, 0.0),
+        "array": {"columns": 3, "rows": 2, "pitch": (4.0, 6.0)},
+        "profile": "round",
+    }
+    sources = [source | {"position": (1.0, 2.0, -30.0)}, source | {"position": (0.0, 0.0, -15.0)} | row]
+    side = {"half_width": (12, 12), "freeform": {"spans": (4, 4)}}
+    lens = {"index": 1.5, "thickness": 6, "front": {"half_width": (12, 12)}, "rear": side}
+    target = {"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)}
+    system = OpticalSystem(Problem(source=sources, lens=lens, target=target))
+    scene = placed(system, system.lens, drawn_elements(system, system.lens))
+    first, *others = (source.outline for source in scene.sources)
+    assert box_of(first) == pytest.approx(np.array([[0.0, 2.0], [1.5, 2.5], [-30.0, -30.0]]), abs=1e-12)
+    middles = {tuple(np.round(box_of(outline).mean(axis=1), 9) + 0.0) for outline in others}
+    assert middles == {(0.0, y, z - 15.0) for y in (-3.0, 3.0) for z in (-4.0, 0.0, 4.0)}
+    for outline in others:
+        assert np.ptp(outline, axis=1) == pytest.approx([0.0, 1.0, 2.0], abs=1e-12)
+    assert [lamp.pose for lamp in photo_room(system, system.lens).lamps] == [s.pose for s in scene.sources]
 
 
 @pytest.mark.parametrize("distance", [8.0, 60.0, 1000.0, 5e4, 1e7])
