@@ -9,7 +9,7 @@ import pytest
 
 import thbcad
 from tests.source_tree import FILES, MODULES, ROOT, calls, door_table, module_of, name, tree
-from thbcad.doors import stand_in
+from thbcad.doors import MissingPackage, loaded, stand_in
 
 PAGE_IMPORT = re.compile(r"^from ((?:thbcad|optics)\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
 DOORS = [p for p in FILES if door_table(p)]
@@ -88,3 +88,24 @@ def test_a_stand_in_is_what_it_stands_for_once_that_can_be_imported():
     assert line is stand_in("thbcad.splines", "line") is not thbcad.line
     assert line([0.0], [2.0])([0.5]).tolist() == [[1.0]]
     assert knots.uniform(2, 3).dim == knots(2, [0, 0, 0, 1, 2, 3, 3, 3]).dim == 5
+
+
+def test_shared_libraries_that_are_missing_are_named_with_their_packages(monkeypatch):
+    """Dr.Jit then raises a NameError, since its own sentence names what was not loaded."""
+
+    def failing(module):
+        raise NameError("name '_drjit_ext' is not defined")
+
+    def library(name):
+        if name != "libc.so.6":
+            raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr("thbcad.doors.import_module", failing)
+    monkeypatch.setattr("thbcad.doors.LIBRARIES", {"libc.so.6": "libc6", "libmissing.so.1": "libmissing1"})
+    monkeypatch.setattr("ctypes.CDLL", library)
+    words = r"^drjit needs libmissing\.so\.1; install them \(Debian: apt-get install libmissing1\)$"
+    with pytest.raises(MissingPackage, match=words):
+        loaded("drjit")
+    monkeypatch.setattr("thbcad.doors.LIBRARIES", {"libc.so.6": "libc6"})
+    with pytest.raises(NameError):
+        loaded("drjit")

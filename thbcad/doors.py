@@ -7,6 +7,8 @@ public one when the name is used, so that `import *`, `help`, `inspect` and `has
 from __future__ import annotations
 
 import ast
+import ctypes
+import platform
 import re
 import sys
 from collections.abc import Callable
@@ -32,10 +34,19 @@ EXTRAS = {
     "metrology": ("h5py", "x3pio"),
     "cluster": ("dask", "distributed", "pyarrow"),
 }
+# shared libraries of Linux that wheels of OpenCASCADE, VTK and Dr.Jit do not bring, with packages of Debian
+LIBRARIES = {
+    "libatomic.so.1": "libatomic1",
+    "libGL.so.1": "libgl1",
+    "libX11.so.6": "libx11-6",
+    "libXrender.so.1": "libxrender1",
+    "libexpat.so.1": "libexpat1",
+}
+DRJIT_WHEELS = (("Linux", "x86_64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
 
 
 class MissingPackage(ImportError):
-    """A package of an extra is not installed; the sentence names the command that installs it."""
+    """A package of an extra, or what it needs of the system, is not installed; a sentence with the remedy."""
 
 
 def lazy_door(
@@ -129,7 +140,7 @@ def stand_in(module: str, name: str) -> Any:
 def loaded(module: str) -> ModuleType:
     """Import a module and return it.
 
-    Raises MissingPackage : a package of an extra is not installed.
+    Raises MissingPackage : a package of an extra is not installed, or shared libraries that it needs.
     """
     try:
         return import_module(module)
@@ -137,8 +148,37 @@ def loaded(module: str) -> ModuleType:
         for extra, packages in EXTRAS.items():
             if error.name in packages:
                 sentence = f"{error.name} is not installed; {pip_command(extra)}"
+                if error.name == "drjit" and (platform.system(), platform.machine()) not in DRJIT_WHEELS:
+                    kinds = ", ".join(map(" ".join, DRJIT_WHEELS))
+                    sentence = f"drjit is not installed, and there are wheels of it for {kinds} only"
                 raise MissingPackage(sentence, name=error.name) from error
         raise
+    except (ImportError, NameError):  # Dr.Jit trips over its own sentence
+        require_libraries(module)
+        raise
+
+
+def require_libraries(name: str) -> None:
+    """Raise MissingPackage where this system lacks shared libraries; name : of what needs them."""
+    if lacking := missing_libraries():
+        packages = " ".join(lacking.values())
+        sentence = f"{name} needs {', '.join(lacking)}; install them (Debian: apt-get install {packages})"
+        raise MissingPackage(sentence, name=name)
+
+
+def missing_libraries() -> dict[str, str]:
+    """Return which shared libraries of `LIBRARIES` this system lacks, with their packages."""
+    if sys.platform != "linux":
+        return {}
+    return {library: package for library, package in LIBRARIES.items() if not _loads(library)}
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
 
 
 def missing_packages(extra: str) -> list[str]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .errors import LONGEST, NumericalError, UserError, is_text, note, printable, speaking_of
     from .garbage import collect_rarely
     from .helper_process import HelperProcess, ProcessEnded, load, peak_mb, process_for, serve
-    from .llvm import llvm_library
+    from .llvm import load_llvm
     from .lost_interrupts import lost_interrupts_again
     from .order_free_sums import OrderFreeSums
     from .progress import Phase, Progress, ProgressEvent

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime.garbage import give_back_memory
-from optics.base.runtime.llvm import llvm_library, require_loadable
+from optics.base.runtime.llvm import load_llvm
 from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
@@ -94,12 +94,10 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     Raises UserError : no usable LLVM library.
     Raises MemoryError : too little for it.
     """
-    os.environ["DRJIT_LIBLLVM_PATH"] = library = llvm_library()
     if 0 <= getrlimit(RLIMIT_AS)[0] < LEAST_ROOM:  # infinity is -1
         raise MemoryError("there is too little room for LLVM")
+    load_llvm()
     drjit = loaded("drjit")
-    if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
-        require_loadable(library)
     if threads is not None:
         drjit.set_thread_count(threads or usable_cores())
     name, dtype, resolution = PRECISIONS[precision]

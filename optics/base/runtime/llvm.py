@@ -1,8 +1,7 @@
-"""Find an LLVM library that Dr.Jit can use, before Dr.Jit is loaded.
+"""Find an LLVM library that Dr.Jit can use, and load it before Dr.Jit.
 
-Dr.Jit compiles its kernels with the system's libLLVM.  Versions 15 and 16 load and then abort the whole
-process, older ones are refused.  So the library is chosen here, by its version, and handed over in
-DRJIT_LIBLLVM_PATH.
+Dr.Jit compiles its kernels by libLLVM.  Versions 15 and 16 load and then abort the whole process, older ones
+are refused.  So the library is chosen here, and handed over in DRJIT_LIBLLVM_PATH.
 """
 
 from __future__ import annotations
@@ -11,12 +10,16 @@ import ctypes
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
 from optics.base.runtime.errors import UserError
+from thbcad.doors import pip_command, require_libraries
 
 OLDEST = 17
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+WHEEL = "karellen-llvm-core"  # of the extra `optics`
 FOLDERS = (
     "/usr/lib/*-linux-gnu",
     "/usr/lib/llvm-*/lib",
@@ -26,96 +29,86 @@ FOLDERS = (
     "/usr/local/lib",
     "/opt/homebrew/opt/llvm*/lib",
     "/usr/local/opt/llvm*/lib",
+    *(os.get_exec_path() if sys.platform == "win32" else ()),
 )
-NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM*.dylib")
-REMEDY = f"install LLVM {OLDEST} or newer (Debian/Ubuntu: apt-get install libllvm19)"
+NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM*.dylib", "LLVM-C.dll")
+VERSION = re.compile(r"libLLVM(?:-|\.so\.|\.)(\d+)")
+BESIDE = ("unwind", "c++abi", "c++")  # what the wheel's library needs, in the order of loading
+REMEDY = {
+    "darwin": f"install LLVM {OLDEST} or newer: brew install llvm",
+    "win32": f"install LLVM {OLDEST} or newer, with its folder of LLVM-C.dll on PATH",
+}.get(sys.platform, f"{pip_command('optics')} brings one, or install LLVM {OLDEST} or newer")
 
 
-def candidates(folders: Sequence[str] = FOLDERS) -> dict[str, int]:
-    """Return {path: major version} of the LLVM libraries in the given folders."""
-    versions = {}
-    for folder in folders:
-        root, pattern = folder, ""
-        if "*" in folder:
-            root = folder[: folder.index("*")].rsplit("/", 1)[0]
-            pattern = folder[len(root) + 1 :] + "/"
-        for name in NAMES:
-            for path in sorted(Path(root).glob(pattern + name)):
-                version = version_of(path)
-                if version is not None:
-                    versions[str(path)] = version
-    return versions
+def load_llvm(folders: Sequence[str] = FOLDERS, wheel: str = WHEEL) -> str:
+    """Load an LLVM library, name it in DRJIT_LIBLLVM_PATH, and return its path.
 
+    It is the one that DRJIT_LIBLLVM_PATH names, or else the first that works: that of the wheel, then those
+    in the folders, the newest first.
 
-def version_of(path: str | Path) -> int | None:
-    """Return the major version of an LLVM library, or None where it is unknown.
-
-    The version is read from the name.  Only where the name has none is the library asked.
+    Raises UserError : the one that is named, or each that was found, does not load or is too old.
+    Raises MissingPackage : none loads, and the system lacks shared libraries.
+    Raises MemoryError : there is too little of it.
     """
-    real = Path(path).resolve().name
-    if not Path(path).exists():
-        return None
-    match = re.match(r"libLLVM(?:-|\.so\.|\.)(\d+)", real)
-    if match:
-        return int(match.group(1))
-    try:
-        library = ctypes.CDLL(str(path))
-        major = ctypes.c_uint()
-        library.LLVMGetVersion(ctypes.byref(major), None, None)
-    except (OSError, AttributeError):
-        return None
-    return major.value
-
-
-def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[str] = FOLDERS) -> str:
-    """Return the path of the LLVM library to use.
-
-    It is DRJIT_LIBLLVM_PATH where that is set, otherwise the newest library in the folders.
-
-    Raises UserError : there is none, or it is too old.
-    """
-    named = environment.get("DRJIT_LIBLLVM_PATH")
-    if named:
-        version = version_of(named) if Path(named).exists() else None
-        if version is None:
-            raise UserError(f"DRJIT_LIBLLVM_PATH = {named} is not an LLVM library; unset it or {REMEDY}")
-        if version < OLDEST:
-            fault = f"DRJIT_LIBLLVM_PATH = {named} is LLVM {version}, which Dr.Jit cannot use"
-            raise UserError(f"{fault}; unset it or {REMEDY}")
+    if named := os.environ.get(VARIABLE):
+        if fault := _fault(named):
+            raise UserError(f"{VARIABLE} = {fault}; unset it or {REMEDY}")
         return named
-    versions = candidates(folders)
-    if not versions:
-        raise UserError(f"no LLVM library was found; {REMEDY}")
-    path, newest = max(versions.items(), key=lambda item: item[1])
-    if newest < OLDEST:
-        raise UserError(
-            f"the newest LLVM library found is version {newest} ({path}), too old for Dr.Jit; {REMEDY}"
-        )
-    return path
+    faults = []
+    for path in dict.fromkeys((*_in_wheel(wheel), *candidates(folders))):
+        if not (fault := _fault(path)):
+            os.environ[VARIABLE] = path
+            return path
+        faults.append(fault)
+    require_libraries("LLVM")
+    raise UserError(f"no LLVM library that works was found ({', '.join(faults) or 'none at all'}); {REMEDY}")
 
 
-def require_loadable(path: str) -> None:
-    """Raise what keeps an LLVM library from being loaded.
+def candidates(folders: Sequence[str] = FOLDERS) -> list[str]:
+    """Return the LLVM libraries in the given folders, the newest by its name first."""
+    found = []
+    for folder in folders:
+        root, star, pattern = folder.partition("*")
+        if star:
+            root, _, stem = root.rpartition("/")
+            pattern = f"{stem}*{pattern}/"
+        for name in NAMES:
+            found += sorted(Path(root).glob(pattern + name))
+    return list(map(str, sorted(found, key=lambda path: -(_named_version(path) or 0))))
+
+
+def _in_wheel(wheel: str) -> Iterator[str]:
+    """Yield the library of an installed wheel, without the links that the first start of Python makes."""
+    try:
+        for file in files(wheel) or ():
+            if VERSION.match(file.name):
+                yield str(Path(str(file.locate())).resolve())
+    except PackageNotFoundError:
+        return
+
+
+def _named_version(path: Path) -> int | None:
+    """Return the major version in the name of a library, its links followed; None where the name has none."""
+    match = VERSION.match(path.resolve().name)
+    return int(match[1]) if match else None
+
+
+def _fault(path: str) -> str:
+    """Load an LLVM library and return "", or why Dr.Jit cannot use it; one too old by its name is not loaded.
 
     Raises MemoryError : there is too little of it.
-    Raises UserError : any other reason.
     """
-    try:
-        ctypes.CDLL(path)
-    except OSError as error:
-        if "failed to map" in str(error) or "allocate" in str(error):  # of the loader of glibc and musl
-            raise MemoryError(f"there is too little memory to load {path}") from None
-        raise UserError(f"cannot load the LLVM library {path}: {error}; {REMEDY}") from None
-
-
-def main() -> None:
-    """Print the path of the LLVM library to use, or the reason why there is none (exit code 2)."""
-    try:
-        print(llvm_library())
-    except UserError as error:
-        print(error, file=sys.stderr)
-        sys.exit(error.exit_code)
-
-
-if __name__ == "__main__":
-    main()
+    version = _named_version(Path(path))
+    if version is None or version >= OLDEST:
+        try:
+            for part in BESIDE:  # LLVM has them in a folder of the target
+                for file in sorted(Path(path).parent.glob(f"*-unknown-linux-gnu/lib{part}.so.1*"))[:1]:
+                    ctypes.CDLL(str(file))
+            major = ctypes.c_uint()
+            ctypes.CDLL(path).LLVMGetVersion(ctypes.byref(major), None, None)
+        except (OSError, AttributeError) as error:
+            if "failed to map" in str(error) or "allocate" in str(error):  # of the loader of glibc and musl
+                raise MemoryError(f"there is too little memory to load {path}") from None
+            return f"{path} cannot be loaded as LLVM: {error}"
+        version = major.value
+    return f"{path} is LLVM {version}, too old for Dr.Jit" if version < OLDEST else ""

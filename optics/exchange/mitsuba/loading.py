@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from optics.base.runtime import ARRAY_TYPES, PRECISIONS, Backend, UserError, llvm_library
+from optics.base.runtime import ARRAY_TYPES, PRECISIONS, Backend, UserError, load_llvm, usable_cores
 from thbcad.doors import pip_command
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
@@ -32,15 +31,14 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
         raise UserError(f"variant must be one of {', '.join(VARIANTS)}, got {variant!r}")
     if find_spec("mitsuba") is None:
         raise UserError(f"Mitsuba is not installed; {pip_command('mitsuba')}")
-    os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
+    load_llvm()
     mitsuba = import_module("mitsuba")
     if not mitsuba.__version__.startswith(VERSION):
         raise UserError(
             f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; {pip_command('mitsuba')}"
         )
     mitsuba.set_variant(variant)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    import_module("drjit").set_thread_count(threads or cores)
+    import_module("drjit").set_thread_count(threads or usable_cores())
     return mitsuba
 
 

@@ -1,125 +1,170 @@
-"""Which LLVM library is handed to Dr.Jit."""
+"""Which LLVM library is loaded for Dr.Jit."""
 
 from __future__ import annotations
 
 import ctypes
+import os
+import subprocess
+import sys
+from importlib.metadata import distributions
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from optics.base.runtime.errors import UserError
-from optics.base.runtime.llvm import OLDEST, candidates, llvm_library, require_loadable
+from optics.base.runtime.llvm import OLDEST, VARIABLE, WHEEL, candidates, load_llvm
 
-NAMES = {
-    "libLLVM-14.so.1": 14,
-    "libLLVM-15.so.1": 15,
-    "libLLVM-16.so": 16,
-    "libLLVM.so.19.1": 19,
-    "libLLVM-22.so": 22,
-}
+NONE = "no-such-wheel"
+NAMES = ("libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-16.so", "libLLVM.so.19.1", "libLLVM-22.so")
 
 
-def place(folder, *names):
+class Library:
+    """Stands for a library: the text of its file is the version that it says, and no other text loads."""
+
+    loaded: list[str]
+
+    def __init__(self, path):
+        self.text = Path(path).read_text()
+        if self.text == "no memory":
+            raise OSError(f"{path}: failed to map segment from shared object")
+        if not self.text.isdigit():
+            raise OSError(f"{path}: invalid ELF header")
+        self.loaded.append(Path(path).name)
+
+    def LLVMGetVersion(self, major, minor, patch):
+        major._obj.value = int(self.text)
+
+
+@pytest.fixture
+def loaded(monkeypatch):
+    """The names of the libraries that are loaded; DRJIT_LIBLLVM_PATH is unset."""
+    Library.loaded = []
+    monkeypatch.setattr("ctypes.CDLL", Library)
+    monkeypatch.setattr("thbcad.doors.LIBRARIES", {})
+    monkeypatch.setitem(os.environ, VARIABLE, "")
+    return Library.loaded
+
+
+def place(folder, names=NAMES, text=None):
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
-        (folder / name).write_bytes(b"")
+        (folder / name).write_text(text or "".join(filter(str.isdigit, name))[:2])
     return str(folder)
 
 
-def test_versions_are_read_from_the_names(tmp_path):
-    found = candidates([place(tmp_path, *NAMES, "libLLVM-C.so", "libLLVMfoo.so", "notes.txt")])
-    assert {Path(path).name: version for path, version in found.items()} == NAMES
+def install(folder, monkeypatch, version="22"):
+    """Install a wheel as the one of LLVM: its metadata, its library and three that this needs, no links."""
+    monkeypatch.syspath_prepend(str(folder))
+    beside = [f"lib/x86_64-unknown-linux-gnu/lib{name}.so.1.0" for name in ("c++", "c++abi", "unwind")]
+    library = f"lib/libLLVM.so.{version}.1"
+    for name in (library, *beside):
+        place((folder / name).parent, [Path(name).name], version)
+    place(folder / "wheel-1.dist-info", ["METADATA"], "Metadata-Version: 2.4\nName: wheel\nVersion: 1\n")
+    place(folder / "wheel-1.dist-info", ["RECORD"], "".join(f"{name},,\n" for name in (*beside, library)))
+    return str(folder / library)
 
 
-def test_the_newest_is_chosen(tmp_path):
-    assert llvm_library({}, [place(tmp_path, *NAMES)]) == str(tmp_path / "libLLVM-22.so")
-
-
-def test_versions_are_compared_as_numbers(tmp_path):
-    assert llvm_library({}, [place(tmp_path, "libLLVM-9.so", "libLLVM-19.so", "libLLVM-100.so")]) == str(
-        tmp_path / "libLLVM-100.so"
+def test_libraries_are_sorted_by_the_versions_of_their_names(tmp_path):
+    (tmp_path / "libLLVM.so").symlink_to("libLLVM.so.100")
+    folder = place(
+        tmp_path, [*NAMES, "libLLVM-9.so", "libLLVM.so.100", "libLLVM-C.so", "libLLVMfoo.so", "notes"]
     )
+    found = [Path(path).name for path in candidates([folder])]
+    assert set(found[:2]) == {"libLLVM.so", "libLLVM.so.100"}
+    assert found[2:] == [*reversed(NAMES), "libLLVM-9.so"]
 
 
-def test_every_folder_is_searched_and_patterns_are_expanded(tmp_path):
-    folders = [
-        place(tmp_path / "usr", "libLLVM-17.so"),
-        str(tmp_path / "llvm-*" / "lib"),
-        str(tmp_path / "missing"),
-    ]
-    place(tmp_path / "llvm-18" / "lib", "libLLVM.so.18.1")
-    newest = place(tmp_path / "llvm-20" / "lib", "libLLVM.so.20.1")
-    assert llvm_library({}, folders) == str(Path(newest) / "libLLVM.so.20.1")
+def test_folders_may_hold_a_star(tmp_path):
+    place(tmp_path / "llvm-18" / "lib", ["libLLVM.so.18.1"])
+    newest = place(tmp_path / "llvm-20" / "lib", ["libLLVM.so.20.1"])
+    assert candidates([str(tmp_path / "llvm-*" / "lib")])[0] == str(Path(newest) / "libLLVM.so.20.1")
 
 
-def test_a_link_counts_as_what_it_points_to(tmp_path):
-    place(tmp_path, "libLLVM-14.so.1")
-    (tmp_path / "libLLVM.so").symlink_to("libLLVM-14.so.1")
-    assert candidates([str(tmp_path)]) == {
-        str(tmp_path / "libLLVM-14.so.1"): 14,
-        str(tmp_path / "libLLVM.so"): 14,
-    }
+def test_the_newest_in_the_folders_is_loaded_and_handed_over(tmp_path, loaded):
+    assert load_llvm([place(tmp_path)], NONE) == os.environ[VARIABLE] == str(tmp_path / "libLLVM-22.so")
+    assert loaded == ["libLLVM-22.so"]
 
 
-def test_a_dangling_link_is_not_chosen(tmp_path):
-    place(tmp_path, "libLLVM-18.so")
-    (tmp_path / "libLLVM-22.so").symlink_to(tmp_path / "gone" / "libLLVM-22.so")
-    assert llvm_library({}, [str(tmp_path)]) == str(tmp_path / "libLLVM-18.so")
+def test_broken_libraries_are_skipped(tmp_path, loaded):
+    place(tmp_path, ["libLLVM.so", "libLLVM-30.so"], "no library")
+    (tmp_path / "libLLVM-40.so").symlink_to(tmp_path / "gone.so")
+    assert load_llvm([place(tmp_path)], NONE) == str(tmp_path / "libLLVM-22.so")
 
 
-def test_a_file_that_is_no_library_and_names_no_version_is_ignored(tmp_path):
-    place(tmp_path, "libLLVM-18.so")
-    (tmp_path / "libLLVM.so").write_text("not a library")
-    assert llvm_library({}, [str(tmp_path)]) == str(tmp_path / "libLLVM-18.so")
+def test_the_wheel_comes_before_the_folders_with_what_it_needs(tmp_path, loaded, monkeypatch):
+    wheel = install(tmp_path / "site", monkeypatch)
+    assert load_llvm([place(tmp_path, ["libLLVM-30.so"])], "wheel") == wheel
+    assert loaded == ["libunwind.so.1.0", "libc++abi.so.1.0", "libc++.so.1.0", "libLLVM.so.22.1"]
+    loaded.clear()
+    assert load_llvm([], NONE) == wheel  # a helper process inherits its name
+    assert loaded[0] == "libunwind.so.1.0"
 
 
-def test_only_old_libraries_are_refused_with_version_and_remedy(tmp_path):
-    with pytest.raises(
-        UserError, match=r"version 16 .*libLLVM-16\.so.*install LLVM 17 or newer.*apt-get install libllvm"
-    ):
-        llvm_library({}, [place(tmp_path, "libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-16.so")])
+@pytest.mark.parametrize("version", ["broken", "16"])
+def test_a_wheel_that_does_not_work_is_skipped(tmp_path, loaded, monkeypatch, version):
+    install(tmp_path / "site", monkeypatch, version)
+    assert load_llvm([place(tmp_path)], "wheel") == str(tmp_path / "libLLVM-22.so")
 
 
-def test_no_library_is_refused_with_the_remedy(tmp_path):
-    with pytest.raises(UserError, match=r"no LLVM library was found.*install LLVM 17 or newer"):
-        llvm_library({}, [str(tmp_path)])
+def test_the_environment_decides(tmp_path, loaded, monkeypatch):
+    install(tmp_path / "site", monkeypatch)
+    monkeypatch.setitem(os.environ, VARIABLE, str(tmp_path / "libLLVM.so.19.1"))
+    assert load_llvm([place(tmp_path)], "wheel") == str(tmp_path / "libLLVM.so.19.1")
 
 
-def test_the_environment_decides(tmp_path):
-    folder = place(tmp_path, *NAMES)
-    named = str(tmp_path / "libLLVM.so.19.1")
-    assert llvm_library({"DRJIT_LIBLLVM_PATH": named}, [folder]) == named
+def test_old_libraries_are_named_and_not_loaded(tmp_path, loaded):
+    words = r"no LLVM library that works .*libLLVM-16\.so is LLVM 16, too old .*install LLVM 17 or newer"
+    with pytest.raises(UserError, match=words):
+        load_llvm([place(tmp_path, NAMES[:3])], NONE)
+    assert loaded == []
 
 
-def test_an_empty_environment_variable_is_as_none(tmp_path):
-    assert llvm_library({"DRJIT_LIBLLVM_PATH": ""}, [place(tmp_path, "libLLVM-22.so")]) == str(
-        tmp_path / "libLLVM-22.so"
-    )
+def test_where_there_is_none_the_remedy_is_told(tmp_path, loaded):
+    with pytest.raises(UserError, match=r"found \(none at all\); .*install LLVM 17 or newer"):
+        load_llvm([str(tmp_path)], NONE)
 
 
-@pytest.mark.parametrize("name", ["libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-16.so"])
-def test_an_old_library_in_the_environment_is_refused(tmp_path, name):
-    folder = place(tmp_path, *NAMES)
-    with pytest.raises(
-        UserError, match=rf"DRJIT_LIBLLVM_PATH = .*{name} is LLVM {NAMES[name]}.*unset it or install"
-    ):
-        llvm_library({"DRJIT_LIBLLVM_PATH": str(tmp_path / name)}, [folder])
-
-
-@pytest.mark.parametrize("name", ["missing/libLLVM-22.so", "text.txt"])
-def test_an_environment_path_without_a_library_is_refused(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        *((name, "is LLVM 1[456], too old") for name in NAMES[:3]),
+        ("missing/libLLVM-22.so", "cannot be loaded as LLVM"),
+        ("text.txt", "cannot be loaded as LLVM"),
+    ],
+)
+def test_a_library_of_the_environment_that_does_not_work_is_refused(
+    tmp_path, loaded, monkeypatch, name, words
+):
     (tmp_path / "text.txt").write_text("not a library")
-    with pytest.raises(
-        UserError, match=r"DRJIT_LIBLLVM_PATH = .* is not an LLVM library; unset it or install"
-    ):
-        llvm_library({"DRJIT_LIBLLVM_PATH": str(tmp_path / name)}, [place(tmp_path, *NAMES)])
+    monkeypatch.setitem(os.environ, VARIABLE, str(tmp_path / name))
+    with pytest.raises(UserError, match=rf"{VARIABLE} = .*{name} {words}.*; unset it or "):
+        load_llvm([place(tmp_path)], NONE)
 
 
-def test_this_machine_has_a_usable_llvm():
-    library = ctypes.CDLL(llvm_library({}))
-    major = ctypes.c_uint()
-    library.LLVMGetVersion(ctypes.byref(major), None, None)
+def test_a_library_that_finds_no_memory_is_a_lack_of_memory(tmp_path, loaded):
+    with pytest.raises(MemoryError):
+        load_llvm([place(tmp_path, ["libLLVM-22.so"], "no memory")], NONE)
+
+
+def test_this_machine_has_one_that_works_beside_a_broken_one(tmp_path, backend):
+    """Dr.Jit has it in a process of its own, whose folders begin with files that are no libraries."""
+    place(tmp_path, ["libLLVM.so", "libLLVM.so.99"], "no library")
+    program = (
+        "from optics.base.runtime import llvm, load_backend\n"
+        f"llvm.load_llvm([{str(tmp_path)!r}, *llvm.FOLDERS])\n"
+        "print((load_backend().Float([1.0, 2.0]) / 4).numpy())"
+    )
+    environment = os.environ | {VARIABLE: "", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("[0.25 0.5 ]\n", "")
+
+
+@pytest.mark.skipif(WHEEL not in {d.name for d in distributions()}, reason="no wheel of LLVM for this system")
+def test_the_wheel_suffices(monkeypatch):
+    monkeypatch.setitem(os.environ, VARIABLE, "")
+    path, major = load_llvm([]), ctypes.c_uint()
+    ctypes.CDLL(path).LLVMGetVersion(ctypes.byref(major), None, None)
     assert major.value >= OLDEST
 
 
@@ -127,18 +172,3 @@ def test_drjit_computes_with_it_in_double_precision(backend):
     third = backend.Float([1.0, 2.0]) / 3
     np.testing.assert_array_equal(third.numpy(), np.array([1.0, 2.0]) / 3)
     assert third.numpy().dtype == np.float64
-
-
-def test_a_library_that_cannot_be_loaded_is_named(tmp_path):
-    (tmp_path / "libLLVM.so.19").write_bytes(b"no library")
-    with pytest.raises(UserError, match=r"cannot load the LLVM library .*libLLVM\.so\.19.*; install LLVM 17"):
-        require_loadable(str(tmp_path / "libLLVM.so.19"))
-
-
-def test_a_library_that_finds_no_memory_is_a_lack_of_memory(monkeypatch):
-    def failing(path):
-        raise OSError(f"{path}: failed to map segment from shared object")
-
-    monkeypatch.setattr("ctypes.CDLL", failing)
-    with pytest.raises(MemoryError):
-        require_loadable("libLLVM.so.19")
