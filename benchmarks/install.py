@@ -170,7 +170,7 @@ def _download(
 def _chroot(root: Path, command: str) -> str:
     """Run a command of the shell in a system of its own, as a user who is not root."""
     quiet = {"HOME": "/home", "PATH": "/usr/bin:/bin", "LANG": "C.UTF-8"}
-    return _run(["chroot", f"--userspec={USER}", str(root), "sh", "-c", command], quiet)
+    return _run([str(shutil.which("chroot")), f"--userspec={USER}", str(root), "sh", "-c", command], quiet)
 
 
 def _run(command: list[str], environment: dict[str, str] | None = None) -> str:

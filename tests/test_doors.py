@@ -98,7 +98,7 @@ def test_shared_libraries_that_are_missing_are_named_with_their_packages(monkeyp
 
     def library(name):
         if name != "libc.so.6":
-            raise OSError(f"{name}: cannot open shared object file")
+            raise OSError(f"{name}: cannot open shared object file: No such file or directory")
 
     monkeypatch.setattr("thbcad.doors.import_module", failing)
     monkeypatch.setattr("thbcad.doors.LIBRARIES", {"libc.so.6": "libc6", "libmissing.so.1": "libmissing1"})

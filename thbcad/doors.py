@@ -176,8 +176,8 @@ def missing_libraries() -> dict[str, str]:
 def _loads(library: str) -> bool:
     try:
         ctypes.CDLL(library)
-    except OSError:
-        return False
+    except OSError as error:  # it may be there, and find no memory
+        return "No such file" not in str(error)
     return True
 
 
