@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.checkout import EXAMPLES, ROOT
@@ -28,7 +29,6 @@ MIRROR = "http://deb.debian.org/debian"
 SYSTEMS = ("bookworm", "trixie")
 HEAVY = 50.0  # MB installed: a package that has a row
 USER = "1000:1000"
-PYTHON = "home/v/bin/python"
 LINK = "usr/lib/x86_64-linux-gnu/libLLVM.so"
 # what installs thbcad from the files in /wheels, and the program that it makes
 PIP = (
@@ -82,11 +82,14 @@ def rows() -> list[Row]:
 
 
 def _extras(folder: Path, wheel: Path) -> list[Row]:
-    _download(folder, sys.executable, f"{wheel}[all]")
+    _download(folder / "wheels", f"{wheel}[all]")
+    lean = f"cadquery-ocp-novtk=={version('cadquery-ocp')}"
+    _download(folder / "wheels", lean)
+    environments = [(extra, extra, packages, "") for extra, packages in EXTRAS.items()]
+    environments += [("optics, without VTK", "optics", EXTRAS["optics"], lean), ("all", "all", (), "")]
     found, sizes = [], {}
-    for extra, packages in EXTRAS.items():
-        sizes[extra] = _sizes(folder / extra, f"{wheel}[{extra}]", folder / "wheels", packages)
-    sizes["all"] = _sizes(folder / "all", f"{wheel}[all]", folder / "wheels", ())
+    for title, extra, packages, instead in environments:
+        sizes[title] = _sizes(folder / "v", f"{wheel}[{extra}]", folder / "wheels", packages, instead)
     for extra, installed in sizes.items():
         files = [
             path for path in (folder / "wheels").iterdir() if _named(path.name.split("-")[0]) in installed
@@ -100,11 +103,20 @@ def _extras(folder: Path, wheel: Path) -> list[Row]:
     return found
 
 
-def _sizes(venv: Path, wanted: str, wheels: Path, packages: tuple[str, ...]) -> dict[str, float]:
-    """Install in an environment of its own, import the packages, and return MB of each distribution."""
+def _sizes(
+    venv: Path, wanted: str, wheels: Path, packages: tuple[str, ...], instead: str
+) -> dict[str, float]:
+    """Install in an environment of its own, import the packages, and return MB of each distribution.
+
+    instead : what takes the place of OpenCASCADE with VTK, if anything.
+    """
     _run([sys.executable, "-m", "venv", str(venv)])
     python = str(venv / "bin" / "python")
-    _run([python, "-m", "pip", "install", "-q", "--no-index", "--find-links", str(wheels), wanted])
+    install = [python, "-m", "pip", "install", "-q", "--no-index", "--find-links", str(wheels)]
+    _run([*install, wanted])
+    if instead:
+        _run([python, "-m", "pip", "uninstall", "-q", "-y", "cadquery-ocp", "cadquery-vtk"])
+        _run([*install, instead])
     sizes = json.loads(_run([python, "-c", SIZES, *packages]))
     shutil.rmtree(venv)
     return {_named(name): size for name, size in sizes.items() if name != "setuptools"}
@@ -117,17 +129,15 @@ def _bare(folder: Path, system: str, wheel: Path) -> list[Row]:
     _run(["debootstrap", "--variant=minbase", f"--include={packages}", system, str(root), MIRROR])
     for path in (root / LINK).parent.glob("libLLVM*"):  # of the driver of OpenGL
         path.unlink()
-    version = _run(
-        ["chroot", str(root), "python3", "-c", "import sys; print(*sys.version_info[:2], sep='.')"]
-    )
+    running = _chroot(root, "python3 -c \"import sys; print(*sys.version_info[:2], sep='.')\"").strip()
     wheels = root / "wheels"
-    _download(folder, "python3", f"{wheel}[optics]", "pipx", "uv", into=wheels, version=version.strip())
+    _download(wheels, f"{wheel}[optics]", "pipx", "uv", running=running)
     shutil.copy(wheel, wheels)
     for name in ("pearl.toml", "pearl.png"):
         shutil.copy(EXAMPLES / name, root / "wheels")
     found = []
     for way, commands in WAYS.items():
-        title = f"{system}, Python {version.strip()}, {way}"
+        title = f"{system}, Python {running}, {way}"
         found += _design(root, title, [command.format(wheel=f"/wheels/{wheel.name}") for command in commands])
         if way == "pip":
             (root / LINK).write_bytes(b"no library")
@@ -157,13 +167,10 @@ def _design(root: Path, title: str, commands: list[str]) -> list[Row]:
     return [*found, Row("  the first design, its STEP verified", done - installed, "s")]
 
 
-def _download(
-    folder: Path, python: str, *wanted: str, into: Path | None = None, version: str | None = None
-) -> None:
-    """Put the wheels of packages into a folder, those of another version of Python where one is given."""
-    other = ("--python-version", version, "--only-binary", ":all:") if version else ()
+def _download(into: Path, *wanted: str, running: str = "") -> None:
+    """Put the wheels of packages into a folder; running : another version of Python that they are for."""
+    other = ("--python-version", running, "--only-binary", ":all:") if running else ()
     constraints = ("-c", str(ROOT / "constraints.txt"))
-    into = into or folder / "wheels"
     _run([sys.executable, "-m", "pip", "download", "-q", *constraints, *other, "-d", str(into), *wanted])
 
 

@@ -386,3 +386,9 @@ def test_uvx_runs_the_program_of_the_wheel(built, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("usage: thbcad")
+
+
+def test_no_group_of_a_pattern_is_repeated_possessively():
+    """`(...)*+` matches too much before Python 3.11.5 (gh-106052); `(?>(...)*)` says the same."""
+    wrong = re.compile(r"\)[+*?]\+(?!\s)")
+    assert [str(path) for path in PACKAGE_FILES if wrong.search(path.read_text("utf-8"))] == []

@@ -42,7 +42,7 @@ LIBRARIES = {
     "libXrender.so.1": "libxrender1",
     "libexpat.so.1": "libexpat1",
 }
-DRJIT_WHEELS = (("Linux", "x86_64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
+DRJIT_WHEELS = (("Linux", "x86_64"), ("Linux", "aarch64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
 
 
 class MissingPackage(ImportError):

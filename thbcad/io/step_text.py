@@ -18,25 +18,25 @@ MOST_ENTITIES = 4_000_000
 MOST_NESTED = 16  # lists within lists
 NUMBER = r"\d{1,15}+(?!\d)"
 REAL = r"[+-]?\d++\.\d*+(?:E[+-]?\d++)?"
-STRING = r"'(?:[^']|'')*+'"
+STRING = r"'(?>(?:[^']|'')*)'"
 
-# a statement ends with ";", but not within a string; "++" and "*+" never step back, so that no damaged text
-# takes long
-STATEMENT = rf"(?:[^';]++|{STRING})++;\s*+"
+# a statement ends with ";", but not within a string; "(?>...)", "++" and "*+" never step back, so that no
+# damaged text takes long; "++" and "*+" behind a group are wrong before Python 3.11.5
+STATEMENT = rf"(?>(?:[^';]++|{STRING})+);\s*+"
 HEAD = re.compile(
-    rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?P<statements>(?:(?!ENDSEC\b){STATEMENT})*+)"
+    rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?P<statements>(?>(?:(?!ENDSEC\b){STATEMENT})*))"
     r"ENDSEC\s*+;\s*+DATA\s*+;\s*+",
     re.ASCII,
 )
-HEADER_ENTITY = re.compile(rf"((?:[^';]++|{STRING})++);\s*+", re.ASCII)
-ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?:[^';]++|{STRING})++);\s*+", re.ASCII)
+HEADER_ENTITY = re.compile(rf"((?>(?:[^';]++|{STRING})+));\s*+", re.ASCII)
+ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?>(?:[^';]++|{STRING})+));\s*+", re.ASCII)
 TAIL = re.compile(r"ENDSEC\s*+;\s*+END-ISO-10303-21\s*+;\s*+", re.ASCII)
 COMMENT = re.compile(rf"({STRING})|/\*.*?\*/", re.DOTALL)
 TEXT_OR_REFERENCE = re.compile(rf"{STRING}|#(\d++)", re.ASCII)
 KEYWORD = r"[A-Z_][A-Z0-9_]*+"
 # control directives: two or four bytes a character, one byte, a character of the upper half, an alphabet
 DIRECTIVE = re.compile(
-    r"\\X2\\(?P<two>(?:[0-9A-F]{4})++)\\X0\\|\\X4\\(?P<four>(?:[0-9A-F]{8})++)\\X0\\"
+    r"\\X2\\(?P<two>(?>(?:[0-9A-F]{4})+))\\X0\\|\\X4\\(?P<four>(?>(?:[0-9A-F]{8})+))\\X0\\"
     r"|\\X\\(?P<byte>[0-9A-F]{2})|\\S\\(?P<upper>.)|\\P[A-I]\\|(?P<backslash>\\\\)|[\r\n]",
     re.ASCII,
 )
@@ -46,7 +46,7 @@ TOKEN = re.compile(
     rf"|(?P<string>{STRING})|\.(?P<enumeration>{KEYWORD})\.|(?P<keyword>{KEYWORD})|(?P<omitted>\$)|(?P<derived>\*))\s*+",
     re.ASCII,
 )
-REFERENCES = re.compile(rf"(?:#{NUMBER}\s*+,\s*+)++#{NUMBER}\s*+\)\s*+", re.ASCII)  # and nothing else
+REFERENCES = re.compile(rf"(?>(?:#{NUMBER}\s*+,\s*+)+)#{NUMBER}\s*+\)\s*+", re.ASCII)  # and nothing else
 
 
 class Reference(int):

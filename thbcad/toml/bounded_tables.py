@@ -15,8 +15,8 @@ MOST_DEPTH = 16  # of brackets and braces within each other
 # what holds dots and brackets that say nothing; one that does not end goes on to the end of its line or text.
 # The last of the quotes that end several lines may be preceded by two of their own
 _QUOTED = re.compile(
-    r'"""(?:\\.|(?!""").)*+"{0,5}|\'\'\'(?:(?!\'\'\').)*+\'{0,5}'
-    r'|"(?:\\.|[^"\\\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
+    r'"""(?>(?:\\.|(?!""").)*)"{0,5}|\'\'\'(?>(?:(?!\'\'\').)*)\'{0,5}'
+    r'|"(?>(?:\\.|[^"\\\n])*)"?|\'[^\'\n]*+\'?|#[^\n]*+',
     re.DOTALL,
 )
 _LONG_KEY = re.compile(r"(?:\.[^.,=\n\[\]{}]*+)" + f"{{{MOST_PARTS}}}")

@@ -29,7 +29,7 @@ from thbcad.cad.exchange.occt_texts import occt_settings
 from thbcad.io import rewritten
 
 COMPLEX_SPLINE = re.compile(rb"=\s*+\([^;]*?\bB_SPLINE_(?:SURFACE|CURVE)\b")
-TOKEN = re.compile(r"'(?:[^']|'')*+'|\(|\)|[A-Z_][A-Z0-9_]*+", re.ASCII)
+TOKEN = re.compile(r"'(?>(?:[^']|'')*)'|\(|\)|[A-Z_][A-Z0-9_]*+", re.ASCII)
 EXCEPTIONS = [
     e
     for module in (Standard, Topology)
