@@ -151,7 +151,9 @@ def _design(root: Path, title: str, commands: list[str]) -> list[Row]:
     """Install by all but the last command, which is the program; return seconds, and what the design says."""
     *installing, program = commands
     home = root / "home"
-    home.mkdir(exist_ok=True)
+    if installing:
+        shutil.rmtree(home)
+        home.mkdir()
     os.chown(home, *map(int, USER.split(":")))
     start = time.perf_counter()
     for command in installing:
