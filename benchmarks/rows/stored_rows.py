@@ -128,13 +128,9 @@ def _missed(row: Mapping[str, Any]) -> bool:
 def _table(
     columns: Sequence[str], extra: Sequence[str], rows: Sequence[tuple[str, Mapping[str, Any]]]
 ) -> str:
-    """Return rows, each with the name to show, as a table."""
-    lines = [
-        "| " + " | ".join(columns) + " |",
-        "|" + "|".join("---:" if column == "value" else "---" for column in columns) + "|",
-    ]
-    for name, row in rows:
-        cells = {
+    """Return rows, each with the name to show, as a table of the columns that are not blank."""
+    cells = [
+        {
             "row": name,
             "value": shown(row["value"]),
             "unit": row["unit"],
@@ -142,8 +138,16 @@ def _table(
             "ok": "" if row["limit"] is None else "yes" if row["ok"] else "**no**",
             "basis": row["basis"],
             "reference": row["reference"],
-        } | {key: _text(row.get(key, "")) for key in extra}
-        lines.append("| " + " | ".join(_escaped(cells[column]) for column in columns) + " |")
+        }
+        | {key: _text(row.get(key, "")) for key in extra}
+        for name, row in rows
+    ]
+    columns = [column for column in columns if any(row[column] for row in cells)]
+    lines = [
+        "| " + " | ".join(columns) + " |",
+        "|" + "|".join("---:" if column == "value" else "---" for column in columns) + "|",
+        *("| " + " | ".join(_escaped(row[column]) for column in columns) + " |" for row in cells),
+    ]
     return "\n".join([*lines, ""])
 
 
