@@ -60,7 +60,7 @@ for name in sys.argv[1:]:
 sizes = {}
 for one in distributions():
     paths = [one.locate_file(file) for file in one.files or ()]
-    sizes[one.name] = sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+    sizes[one.name] = sum(path.lstat().st_size for path in paths if path.is_file()) / 1e6  # links are small
 print(json.dumps(sizes))
 """
 
@@ -98,8 +98,8 @@ def _extras(folder: Path, wheel: Path) -> list[Row]:
         found.append(Row("  installed", sum(installed.values()), "MB"))
     for package, size in sorted(sizes["all"].items(), key=lambda item: -item[1]):
         if size > HEAVY:
-            holders = ", ".join(extra for extra in EXTRAS if package in sizes[extra])
-            found.append(Row(f"{package}, of {holders or 'all'}", size, "MB"))
+            holders = [extra for extra in EXTRAS if package in sizes[extra]]
+            found.append(Row(f"{package}, of {holders[0] if len(holders) == 1 else 'several'}", size, "MB"))
     return found
 
 
@@ -115,7 +115,7 @@ def _sizes(
     install = [python, "-m", "pip", "install", "-q", "--no-index", "--find-links", str(wheels)]
     _run([*install, wanted])
     if instead:
-        _run([python, "-m", "pip", "uninstall", "-q", "-y", "cadquery-ocp", "cadquery-vtk"])
+        _run([python, "-m", "pip", "uninstall", "-q", "-y", "cadquery-ocp", "cadquery-vtk", "vtk"])
         _run([*install, instead])
     sizes = json.loads(_run([python, "-c", SIZES, *packages]))
     shutil.rmtree(venv)
