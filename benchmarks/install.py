@@ -99,7 +99,9 @@ def _extras(folder: Path, wheel: Path) -> list[Row]:
     for package, size in sorted(sizes["all"].items(), key=lambda item: -item[1]):
         if size > HEAVY:
             holders = [extra for extra in EXTRAS if package in sizes[extra]]
-            found.append(Row(f"{package}, of {holders[0] if len(holders) == 1 else 'several'}", size, "MB"))
+            found.append(
+                Row(f"{package}, of {'several' if len(holders) > 1 else (holders or ['all'])[0]}", size, "MB")
+            )
     return found
 
 
