@@ -61,6 +61,7 @@ def designed(
     engine: str | Engine | None = None,
     state: State | None = None,
     keep: Callable[[State], object] = lambda state: None,
+    watching: Callable[[Listener, Engine], Listener] = lambda listener, engine: listener,
 ) -> Design:
     """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
 
@@ -68,6 +69,7 @@ def designed(
 
     asked : the problem as it was read.  state : to go on from.
     keep : called with the State after every level, and with that of an interrupted one.
+    watching : returns the listener that is told of the run, of the one that would be; see `LiveView.watching`.
     """
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
@@ -81,7 +83,8 @@ def designed(
     if system.problem.run.keep == "levels":
         listener = replace(listener, seen=levels)
     try:
-        _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
+        watched = watching(listener, chosen)
+        _, state = shape_lens(traced, backend, chosen, state, ready.start, watched)
         for _ in range(ROUNDS):
             again = re_aimed(system, traced, state, chosen)
             if again is None:

@@ -26,8 +26,9 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
     main = CommandParser(
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
-        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
-        "70 internal error, 130 interrupted, 143 terminated",
+        epilog="exit codes: 0 done; 1 the light misses what was asked for, or that is not decided; "
+        "2 bad input; 3 numerical failure; 4 a file, a part or a limit of making fails; 70 internal error; "
+        "130 interrupted; 143 terminated",
     )
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     added = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -94,6 +95,7 @@ def _design_options(command: CommandParser) -> None:
         "with --resume: iterations on each level that is left, or more on the last one",
         type=int,
     )
+    command.switch("--live", "write DIR/live.html, which shows the light while it is designed, and open it")
     command.option(
         "--from", "DIR", "start from the free surfaces of an earlier design, on their meshes", dest="earlier"
     )

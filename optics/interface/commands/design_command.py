@@ -8,17 +8,27 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import UserError, check_lines, note
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
-from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
+from optics.exchange.results import (
+    LIVE,
+    ResultFolder,
+    read_checkpoint,
+    require_room_for_live_page,
+    write_checkpoint,
+)
+from optics.interface.commands.live_option import live_view, show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.reporting.live import LiveView
 
 
 @dataclass(frozen=True)
@@ -26,6 +36,7 @@ class _Run:
     """One design on its way.
 
     asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    live : the page that shows it, where one is asked for.
     """
 
     asked: Problem
@@ -34,24 +45,33 @@ class _Run:
     clock: RunClock
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
     history: list[Row] = field(default_factory=list)
+    live: LiveView | None = None
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = RunClock(DesignProgress())
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    live = live_view(folder.path) if options.live else None
+    clock = RunClock(DesignProgress(watch=live))
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
     system = system_of(options)
     problem = system.problem
-    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run = _Run(problem, options.words, folder, clock)
+    run = _Run(problem, options.words, folder, clock, live=live)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
+        if live:
+            require_room_for_live_page(folder.path, options.force)
         try:
             return _designed(run, system, options)
-        except KeyboardInterrupt:
-            run.notes(_what_is_kept(run))
+        except BaseException as error:
+            ended = "the run has ended without a result; the terminal says why"
+            if isinstance(error, KeyboardInterrupt):
+                ended = _what_is_kept(run)
+                run.notes(ended)
+            if live:
+                live.stop(ended)
             raise
 
 
@@ -74,14 +94,21 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
+        if run.live:
+            run.live.begin(resolved.title, state.history if state else ())
+            show_in_browser(run.folder.path / LIVE)
+
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
+        also = {"watching": run.live.watching} if run.live else {}
+        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep, **also)
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
+        if run.live:
+            run.live.done(resolved.title)
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(
