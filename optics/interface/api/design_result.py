@@ -20,7 +20,7 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import other_source, relit
+from optics.interface.relighting import ExploredLight, Explorer, other_source, relit, sliders
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
@@ -30,6 +30,8 @@ from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
+    from ipywidgets import HBox
+
     from optics.reporting.figures import OverviewFigure
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
@@ -188,6 +190,23 @@ class Design(DesignRecord):
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
+
+    def explore(self, pixels: int = 128) -> HBox:
+        """Return sliders for a notebook, which move the lens, its source and its target, beside the light.
+
+        pixels : of the longer side of the target, at most; more take longer.
+
+        Raises UserError : ipywidgets is not installed; light that cannot be traced for errors of the lens.
+        """
+        self._require_told("explored")
+        with DEVICE:
+            explorer = Explorer(self.system, self.lens, self.system.backend, pixels)
+
+        def light(values: Mapping[str, float]) -> ExploredLight:
+            with DEVICE:
+                return explorer(values)
+
+        return sliders(explorer.knobs, light)
 
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.

@@ -61,7 +61,7 @@ def designed(
     engine: str | Engine | None = None,
     state: State | None = None,
     keep: Callable[[State], object] = lambda state: None,
-    watching: Callable[[Listener, Engine], Listener] = lambda listener, engine: listener,
+    watching: Callable[[Listener, Engine], Listener] | None = None,
 ) -> Design:
     """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
 
@@ -69,7 +69,7 @@ def designed(
 
     asked : the problem as it was read.  state : to go on from.
     keep : called with the State after every level, and with that of an interrupted one.
-    watching : returns the listener that is told of the run, of the one that would be; see `LiveView.watching`.
+    watching : returns the Listener to be told in place of one, and takes the engine; see `LiveView`.
     """
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
@@ -82,9 +82,10 @@ def designed(
     listener = Listener(clock.progress, keep, notes)
     if system.problem.run.keep == "levels":
         listener = replace(listener, seen=levels)
+    if watching:
+        listener = watching(listener, chosen)
     try:
-        watched = watching(listener, chosen)
-        _, state = shape_lens(traced, backend, chosen, state, ready.start, watched)
+        _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
         for _ in range(ROUNDS):
             again = re_aimed(system, traced, state, chosen)
             if again is None:

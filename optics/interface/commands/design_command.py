@@ -102,8 +102,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        also = {"watching": run.live.watching} if run.live else {}
-        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep, **also)
+        watching = run.live.watching if run.live else None
+        design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, watching)
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)

@@ -19,6 +19,7 @@ from thbcad.pictures import line_path, svg
 REPORT = "report.html"
 RELOADED = 2  # seconds
 WIDTH, HEIGHT = 600.0, 260.0  # of the loss curve, in units of its picture
+GRID = "display:grid;grid-template-columns:repeat(auto-fit,minmax(18rem,1fr));gap:1.5rem"
 NOT_FRESH = (
     "These numbers are of the optimiser's own light, which it fits; the verdict at the end is of fresh light."
 )
@@ -53,7 +54,7 @@ def live_page(state: LiveState) -> str:
         f'<p class="banner {"bad" if state.stopped else "open"}">{escape(state.stopped or words)}</p>'
         f'<p><progress max="1" value="{event.fraction:.3f}" style="width:100%"></progress></p>'
         f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in said)}"
-        f'<div class="levels">{figures_html(state.pictures)}{_loss_curve(state.rows)}</div>'
+        f'<div style="{GRID}">{figures_html(state.pictures)}{_loss_curve(state.rows)}</div>'
         f"<p>As of {escape(state.time)}. A time that stands still says that the run was killed.</p></html>\n"
     )
 
@@ -79,8 +80,8 @@ def _loss_curve(rows: Sequence[Row]) -> str:
         for colour, (_, numbers) in zip(_two_colours(len(rows)), stages)
     )
     caption = (
-        f"Misfit ||E - T|| / ||T||, logarithmic, from {10**high:.3g} (top) to {10**low:.3g}, over evaluations "
-        f"{first} to {last}; a new colour where a stage begins"
+        f"Misfit ||E - T|| / ||T||, logarithmic, from {10**high:.3g} (top) to {10**low:.3g}, over "
+        f"evaluations {first} to {last}; a new colour where a stage begins"
     )
     return f"<figure>{svg(lines, WIDTH, HEIGHT)}<figcaption>{caption}</figcaption></figure>"
 

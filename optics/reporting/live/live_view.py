@@ -93,10 +93,8 @@ class LiveView:
             self._write(page)
 
 
-def _light(
-    stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine
-) -> dict[str, Any]:
-    """Return what a page shows of the light of a stage, as the optimiser measures it on the stage's pixels."""
+def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:
+    """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
     objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
     wanted = stage.screen.crop(objective.target)
     image = objective.image([sag.coefficients for sag in system.sags(lens)])
@@ -111,5 +109,7 @@ def _light(
         blur = spot_rms(system, lens, system.backend) if system.source.extended or system.blurred else 0.0
         least = uniformity(image, region, stage.screen.half_width, None, blur, asked.grid).min_over_mean
         if least is not None:
-            so_far.append(f"U0 = E_min/E_mean {least:.3g} so far, and at least {asked.min_over_mean:g} is asked for.")
+            so_far.append(
+                f"U0 = E_min/E_mean {least:.3g} so far, and at least {asked.min_over_mean:g} is asked for."
+            )
     return {"pictures": pictures, "so_far": so_far}
