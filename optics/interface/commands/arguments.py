@@ -20,6 +20,13 @@ from optics.interface.commands.making_options import (
 from optics.scene.problem import ENGINES, STARTS
 from thbcad import __version__
 
+FIRST_STEPS = """thbcad designs freeform lenses: from the light that is asked for to a verified STEP solid.
+  thbcad new                          ask three questions, write my_lens.toml
+  thbcad check my_lens.toml           say in seconds what lens to expect
+  thbcad design my_lens.toml --live   design it, and show the light in a browser meanwhile
+  exports/my_lens/report.html         open it: the light, the lens, all checks
+  docs/first_lens.md                  the same step by step; thbcad --help lists all commands"""
+
 
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
     """Return the parser of the command line and those of its commands (nothing heavy is imported)."""
@@ -47,14 +54,14 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
+    """Return the options of a command line, with its `words`; None after what `thbcad` alone prints.
 
     Raises UserError : an unknown command or option, an argument that is missing or has a wrong value.
     Raises OSError : stdout cannot be written, where help or version is asked for.
     """
     main, commands = parsers()
     if not words:
-        main.print_help()
+        print(FIRST_STEPS)
         return None
     require_known(words, main, commands)
     options = main.parse_args(words, argparse.Namespace(words=tuple(words)))

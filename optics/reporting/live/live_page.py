@@ -20,9 +20,7 @@ REPORT = "report.html"
 RELOADED = 2  # seconds
 WIDTH, HEIGHT = 600.0, 260.0  # of the loss curve, in units of its picture
 GRID = "display:grid;grid-template-columns:repeat(auto-fit,minmax(18rem,1fr));gap:1.5rem"
-NOT_FRESH = (
-    "These numbers are of the optimiser's own light, which it fits; the verdict at the end is of fresh light."
-)
+NOT_FRESH = "These numbers are of light that the optimiser fits; the verdict at the end is of fresh light."
 
 
 @dataclass(frozen=True)
