@@ -15,6 +15,6 @@ if TYPE_CHECKING:
         section_page,
     )
     from .irradiance_files import light_files
-    from .light_pictures import light_pictures
+    from .small_pictures import light_pictures
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

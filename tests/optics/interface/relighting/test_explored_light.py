@@ -9,7 +9,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 import optics
 from optics import UserError
 from optics.interface.relighting.explored_light import Explorer
-from optics.interface.relighting.sliders import light_html, sliders
+from optics.interface.relighting.slider_box import light_html, sliders
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
 from optics.scene.system import solvable_system
