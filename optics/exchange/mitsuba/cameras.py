@@ -18,6 +18,7 @@ from thbcad.poses import Pose
 
 FIELD = 40.0  # degrees, of the camera, where the bodies leave room
 NEAREST = 0.9  # of the distance at which a body would come between camera and screen
+ROOM = 1.25  # around the screen, of half its diagonal, in the picture of the other camera
 WIDE = (640, 480)  # pixels of the camera that sees an element and the screen
 FLAT = 1e-6  # relative difference of a pixel's sides
 
@@ -96,9 +97,10 @@ def overview_camera(
     origin = covered + (middle - covered) * (away / apart)
     up = pose.directions(np.array([0.0, 1.0, 0.0]))
     view = {"origin": origin.tolist(), "target": pose.shift.tolist(), "up": up.tolist()}
+    seen = atan2(ROOM * np.hypot(hx, hy), np.linalg.norm(origin - pose.shift))
     return _pinhole(
         to_world=mi.ScalarTransform4f().look_at(**view),
-        fov=(FIELD, "smaller"),
+        fov=(2 * degrees(seen), "smaller"),
         clip=(1e-3 * away, 10 * (away + hx + hy)),
         pixels=WIDE,
         window={"type": "box"},
