@@ -20,7 +20,7 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import ExploredLight, Explorer, other_source, relit, sliders
+from optics.interface.relighting import other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
@@ -32,6 +32,7 @@ from thbcad.lens import Lens
 if TYPE_CHECKING:
     from ipywidgets import HBox
 
+    from optics.interface.relighting import ExploredLight
     from optics.reporting.figures import OverviewFigure
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
@@ -196,8 +197,10 @@ class Design(DesignRecord):
 
         pixels : of the longer side of the target, at most; more take longer.
 
-        Raises UserError : ipywidgets is not installed; light that cannot be traced for errors of the lens.
+        Raises UserError : light that tolerances do not follow.  MissingPackage : no ipywidgets.
         """
+        from optics.interface.relighting import Explorer, sliders  # few designs ask
+
         self._require_told("explored")
         with DEVICE:
             explorer = Explorer(self.system, self.lens, self.system.backend, pixels)

@@ -61,7 +61,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """
     main, commands = parsers()
     if not words:
-        print(FIRST_STEPS)
+        print(FIRST_STEPS, flush=True)
         return None
     require_known(words, main, commands)
     options = main.parse_args(words, argparse.Namespace(words=tuple(words)))

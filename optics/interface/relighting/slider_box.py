@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from html import escape
+
+import ipywidgets
 
 from optics.base.runtime import UserError
 from optics.interface.relighting.explored_light import ExploredLight, Knob
 from optics.reporting.report import figures_html, light_pictures
-from thbcad.doors import pip_command
-
-if TYPE_CHECKING:
-    import ipywidgets
 
 STEPS = 200  # of a slider
 
 
 def sliders(knobs: Sequence[Knob], light: Callable[[Mapping[str, float]], ExploredLight]) -> ipywidgets.HBox:
-    """Return sliders of knobs beside pictures and numbers of the light that their values make.
-
-    Raises UserError : ipywidgets is not installed.
-    """
-    try:
-        import ipywidgets
-    except ImportError:
-        raise UserError(f"ipywidgets is not installed; {pip_command('notebook')}") from None
+    """Return sliders of knobs beside pictures and numbers of the light that their values make."""
     rows = {
         knob.name: ipywidgets.FloatSlider(
             value=knob.value,
@@ -44,7 +35,7 @@ def sliders(knobs: Sequence[Knob], light: Callable[[Mapping[str, float]], Explor
         try:
             shown.value = light_html(light({name: row.value for name, row in rows.items()}))
         except UserError as error:  # no light passes, or no lens is so wrong
-            shown.value = str(error)
+            shown.value = escape(str(error))
 
     for row in rows.values():
         row.observe(show, "value")

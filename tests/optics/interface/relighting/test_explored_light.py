@@ -1,5 +1,6 @@
 """The light behind sliders: against the tolerance code, and against other problems measured afresh."""
 
+import sys
 from dataclasses import replace
 
 import pytest
@@ -9,12 +10,13 @@ from nbformat.v4 import new_code_cell, new_notebook
 import optics
 from optics import UserError
 from optics.interface.relighting.explored_light import Explorer
-from optics.interface.relighting.slider_box import light_html, sliders
+from optics.interface.relighting.slider_box import light_html
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
 from optics.scene.system import solvable_system
 from optics.tolerancing.perturbations import tolerance_budget, tolerances_of
 from tests.optics.cases import write_problem
+from thbcad.doors import MissingPackage
 
 AMOUNTS = {"lens.decentre_x": 0.3, "lens.tilt_y": 1.5, "index": 0.01, "target.defocus": 4.0}
 POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 40.0}
@@ -96,10 +98,15 @@ def test_other_names_and_values_beyond_the_ends_are_refused(tmp_path, backend, v
         explorer_of(system_of(tmp_path), backend)(values)
 
 
-def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "ipywidgets", None)
-    with pytest.raises(UserError, match=r'ipywidgets is not installed; pip install "thbcad\[notebook\]"'):
-        sliders((), lambda values: None)
+def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch, tmp_path):
+    system = optics.System(load_problem(write_problem(tmp_path))).optical
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    for name in ("optics.interface.relighting.slider_box", "optics.interface.relighting"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with pytest.raises(
+        MissingPackage, match=r'ipywidgets is not installed; pip install "thbcad\[notebook\]"'
+    ):
+        optics.Design(asked=system.problem, system=system, lens=system.lens).explore()
 
 
 PROGRAM = """
