@@ -53,7 +53,7 @@ def live_page(state: LiveState) -> str:
         f'<p><progress max="1" value="{event.fraction:.3f}" style="width:100%"></progress></p>'
         f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in said)}"
         f'<div style="{GRID}">{figures_html(state.pictures)}{_loss_curve(state.rows)}</div>'
-        f"<p>As of {escape(state.time)}. A time that stands still says that the run was killed.</p></html>\n"
+        f"<p>As of {escape(state.time)}; where that is long ago, the run was killed.</p></html>\n"
     )
 
 

@@ -11,17 +11,19 @@ from PIL import Image
 from thbcad.checks import Floats
 
 LONGEST, ENLARGED = 512, 256  # pixels: larger pictures are reduced, smaller ones enlarged
+ALMOST = 0.999  # of the pixels
 MOST, LEAST = (178, 24, 43), (33, 102, 172)  # colours of too much light and of too little
 
 
 def light_pictures(target: Floats, irradiance: Floats) -> list[tuple[str, bytes]]:
-    """Return (caption, PNG) of target T, light E and their difference, on one scale from 0 to max T.
+    """Return (caption, PNG) of target T, light E and their difference.
 
-    target, irradiance : (rows, columns) in one unit, row 0 at +y.  Both are shown by square roots, as a
-        screen shows grey.  E - T is red where light is too much and blue where it lacks; full colours are at
-        the greatest |E - T|.
+    T and E are shown by square roots, as a screen shows grey, on one scale whose top is max T, or almost all
+    of E.  E - T is red where light is too much and blue where it lacks; full colours are at max |E - T|.
+
+    target, irradiance : (rows, columns) in one unit, row 0 at +y.
     """
-    top = float(target.max()) or 1.0
+    top = max(float(target.max()), float(np.quantile(irradiance, ALMOST))) or 1.0
     apart = irradiance - target
     span = float(np.abs(apart).max()) or 1.0
     greatest = f"; the greatest is {span / (float(target.mean()) or 1.0):.0%} of the target's mean"
