@@ -125,14 +125,8 @@ class DesignProgress:
         self._drawing = None if show else drawing(sys.stderr)
         self._size = USUAL
         phases = [*USUAL.earlier(), USUAL.stage(USUAL_ITERATIONS), *USUAL.later(USUAL.dof)]
-        shown = show or cast("Bar | Lines", self._drawing)
-
-        def both(event: ProgressEvent) -> None:
-            shown(event)
-            if watch:
-                watch(event)
-
-        self._progress = Progress(phases, both, clock)
+        shows = (show or cast("Bar | Lines", self._drawing), watch)
+        self._progress = Progress(phases, lambda event: [shown(event) for shown in shows if shown], clock)
         self._first = self._rows = 0  # of the present stage: its first evaluation, and rows so far
 
     def __enter__(self) -> DesignProgress:

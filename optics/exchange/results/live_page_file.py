@@ -1,8 +1,4 @@
-"""The file of the page that shows a run while it goes on.
-
-It belongs to the run that goes on and claims nothing of a result: no record speaks of it, and a mark at its
-end tells it from files of others.
-"""
+"""The file of the page that shows a run: it belongs to the last run, and no record speaks of it."""
 
 from __future__ import annotations
 
@@ -16,10 +12,7 @@ MARK = "<!-- a live page of thbcad: the next run in this folder replaces it -->\
 
 
 def write_live_page(folder: Path, page: str) -> None:
-    """Write the page.
-
-    Raises OSError : it cannot be written.
-    """
+    """Write the page, with the mark that tells it from files of others."""
     write_text(folder / LIVE, page + MARK)
 
 
@@ -31,10 +24,9 @@ def remove_live_page(folder: Path) -> None:
 
 
 def require_room_for_live_page(folder: Path, force: bool) -> None:
-    """Raise UserError where a file of somebody else would be replaced; without `force`, or a folder."""
+    """Raise UserError where a folder, or without `force` a file of somebody else, would be replaced."""
     path = folder / LIVE
     if path.is_dir() or (path.exists() and not force):
         raise UserError(
-            f"{path} would be replaced, but is no page of this program; move it, choose another --out, or "
-            "leave out --live"
+            f"{path} would be replaced, but is no page of this program; move it, or leave out --live"
         )

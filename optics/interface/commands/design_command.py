@@ -7,8 +7,9 @@ from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optics.base.runtime import UserError, check_lines, note
 from optics.designing.optimisation import Row, State, earlier_state
@@ -19,16 +20,15 @@ from optics.exchange.results import (
     read_checkpoint,
     require_room_for_live_page,
     write_checkpoint,
+    write_live_page,
 )
-from optics.interface.commands.live_option import live_view, show_in_browser
+from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
+from optics.reporting.live import LiveView
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-
-if TYPE_CHECKING:
-    from optics.reporting.live import LiveView
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,22 @@ class _Run:
     """One design on its way.
 
     asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
-    live : the page that shows it, where one is asked for.
+    live : the page that shows it, once it has begun.
     """
 
     asked: Problem
     words: Sequence[str]
     folder: ResultFolder
     clock: RunClock
+    live: LiveView
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
     history: list[Row] = field(default_factory=list)
-    live: LiveView | None = None
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    live = live_view(folder.path) if options.live else None
+    live = LiveView(partial(write_live_page, folder.path))
     clock = RunClock(DesignProgress(watch=live))
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
@@ -59,9 +59,9 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
     system = system_of(options)
     problem = system.problem
-    run = _Run(problem, options.words, folder, clock, live=live)
+    run = _Run(problem, options.words, folder, clock, live)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
-        if live:
+        if options.live:
             require_room_for_live_page(folder.path, options.force)
         try:
             return _designed(run, system, options)
@@ -70,8 +70,7 @@ def design(options: Namespace) -> Outcome:
             if isinstance(error, KeyboardInterrupt):
                 ended = _what_is_kept(run)
                 run.notes(ended)
-            if live:
-                live.stop(ended)
+            live.stop(ended)
             raise
 
 
@@ -94,7 +93,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
-        if run.live:
+        if options.live:
             run.live.begin(resolved.title, state.history if state else ())
             show_in_browser(run.folder.path / LIVE)
 
@@ -102,13 +101,11 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        watching = run.live.watching if run.live else None
-        design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, watching)
+        design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, run.live.watching)
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
-        if run.live:
-            run.live.done(resolved.title)
+        run.live.done()
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(

@@ -8,7 +8,7 @@ from functools import reduce
 from math import inf
 from operator import add
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import Backend
 from optics.light.analysis import unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.problem import Problem
@@ -76,20 +76,9 @@ class Explorer:
         self.knobs = tuple(known)
 
     def __call__(self, values: Mapping[str, float]) -> ExploredLight:
-        """Return the light where knobs have these values, and the others those of the design.
-
-        Raises UserError : an unknown knob, or a value beyond its ends.
-        """
-        for name, value in values.items():
-            ends = next(((k.low, k.high) for k in self.knobs if k.name == name), None)
-            if ends is None:
-                raise UserError(
-                    f"there is no knob {name!r}; there are {', '.join(k.name for k in self.knobs)}"
-                )
-            if not ends[0] <= value <= ends[1]:
-                raise UserError(f"{name} must lie between {ends[0]:g} and {ends[1]:g}, got {value!r}")
-        divergence = values.get(DIVERGENCE, self._divergence)
-        if divergence != self._divergence:
+        """Return the light where knobs have these values, and the others those of the design."""
+        divergence = values.get(DIVERGENCE, self._problem.source.half_divergence)
+        if divergence != self._divergence:  # the last one
             self._divergence, self._judge = divergence, self._judge_at(divergence)
         errors = [t.at(values[name]) for name, t in self._tolerances.items() if values.get(name)]
         image, fates = self._judge.light(reduce(add, errors, NOMINAL))

@@ -17,7 +17,7 @@ from optics.designing.optimisation import Listener, Row, Stage, stage_objective,
 from optics.light.analysis import picture_limit
 from optics.light.blur import spot_rms
 from optics.light.engines import Engine
-from optics.reporting.live.live_page import LiveState, done_page, live_page
+from optics.reporting.live.live_page import LiveState, live_page
 from optics.reporting.report import light_pictures
 from optics.scene.photometry import uniformity
 from optics.scene.system import OpticalSystem
@@ -29,9 +29,9 @@ NOTHING = ProgressEvent("setup", 0.0, "", 0.0, 0.0)
 
 
 class LiveView:
-    """A run as a page; what it shows was computed for the run, but one image at the end of each stage.
+    """A run as a page, once it has begun; what it computes itself is an image at the end of every stage.
 
-    Progress is told by threads of their own, too.  A page that cannot be written is left out.
+    Another thread may tell progress, too.  A page that cannot be written is left out.
 
     write : called with the page.  clock : seconds.
     """
@@ -56,6 +56,8 @@ class LiveView:
 
     def watching(self, listener: Listener, engine: Engine) -> Listener:
         """Return the listener that this page hears too.  engine : that makes the light."""
+        if self._state is None:
+            return listener
 
         def progress(plan: Sequence[Stage], stage: Stage, dof: int, row: Row | None) -> None:
             self._rows += [row] if row else []
@@ -71,26 +73,21 @@ class LiveView:
         """Write the last page of a run that has no result."""
         self._tell(at_once=True, stopped=sentence)
 
-    def done(self, title: str) -> None:
-        """Lead to the report."""
-        with self._lock:
-            self._state = None
-            self._put(done_page(title))
+    def done(self) -> None:
+        """Write the page that leads to the report."""
+        self._tell(at_once=True, done=True)
 
     def _tell(self, at_once: bool = False, **changes: Any) -> None:
         """Change what the page shows, and write it where it is time."""
         with self._lock:
-            if self._state is None or self._state.stopped:
+            if self._state is None or self._state.stopped or self._state.done:
                 return
             self._state = replace(self._state, **changes)
             if at_once or self._clock() - self._written >= SECONDS:
                 self._written = self._clock()
                 now = replace(self._state, event=self._event, rows=self._rows, time=strftime("%H:%M:%S"))
-                self._put(live_page(now))
-
-    def _put(self, page: str) -> None:
-        with suppress(OSError):  # the design matters more
-            self._write(page)
+                with suppress(OSError):  # the design matters more
+                    self._write(live_page(now))
 
 
 def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:

@@ -66,8 +66,10 @@ def test_light_is_that_of_another_problem_measured_afresh(tmp_path, backend, kno
 
 def test_the_beam_widens_and_becomes_parallel_again(tmp_path, backend):
     explorer = explorer_of(system_of(tmp_path), backend)
-    before, wide, after = (explorer({"source.divergence": d}).numbers for d in (0.0, 1.0, 0.0))
-    assert before == after != wide
+    values = {}, {"source.divergence": 1.0}, {}, {"source.divergence": 0.0}
+    before, wide, *after = (explorer(v).numbers for v in values)
+    assert before != wide
+    assert after == [before, before]
 
 
 def test_the_source_of_an_led_has_a_size_and_a_beam_a_divergence(tmp_path, backend):
@@ -84,18 +86,6 @@ def test_even_light_has_its_uniformity_on_at_most_so_many_pixels(tmp_path, backe
     light = explorer_of(system, backend, 48)({})
     assert light.irradiance.shape == light.target.shape == (24, 48)
     assert "U0 = E_min/E_mean" in light_html(light)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"lens.decentre": 1.0}, "there is no knob 'lens.decentre'; there are lens.decentre_x, "),
-        ({"index": 1.5}, "index must lie between -0.05 and 0.05, got 1.5"),
-    ],
-)
-def test_other_names_and_values_beyond_the_ends_are_refused(tmp_path, backend, values, words):
-    with pytest.raises(UserError, match=words.replace(".", r"\.")):
-        explorer_of(system_of(tmp_path), backend)(values)
 
 
 def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Row
-from optics.reporting.live.live_page import LiveState, done_page, live_page
+from optics.reporting.live.live_page import LiveState, live_page
 from optics.reporting.report import light_pictures
 from tests.browser import LIMIT, Browser, browser_path
 
@@ -44,5 +44,5 @@ def test_the_page_of_a_run_loads_itself_again_and_leads_to_the_report(tmp_path):
             assert browser.console == []
         page.write_text(page_of("second"), "utf-8")
         wait_until(lambda: browser.value("document.title") == "second")
-        page.write_text(done_page("third"), "utf-8")
+        page.write_text(live_page(LiveState("third", EVENT, done=True)), "utf-8")
         wait_until(lambda: browser.value("document.title") == "report")

@@ -7,7 +7,7 @@ import pytest
 
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row
-from optics.reporting.live.live_page import NOT_FRESH, LiveState, done_page, live_page
+from optics.reporting.live.live_page import NOT_FRESH, LiveState, live_page
 from optics.reporting.live.live_view import SECONDS, LiveView
 
 EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
@@ -35,14 +35,24 @@ def test_a_page_comes_at_once_and_then_every_two_seconds_at_most(watched):
 def test_rows_reach_the_page_and_the_listener_that_was_there(watched):
     view, pages, clock = watched
     told = []
-    listener = view.watching(Listener(progress=lambda plan, stage, dof, row: told.append(row)), None)
     view.begin("lens")
+    listener = view.watching(Listener(progress=lambda plan, stage, dof, row: told.append(row)), None)
     for row in (None, *ROWS):
         listener.progress((), None, 100, row)
     clock.now = SECONDS
     view(EVENT)
     assert told == [None, *ROWS]
     assert pages[-1].count("<path") == 2  # a line for each stage
+
+
+def test_a_page_that_is_not_asked_for_hears_and_costs_nothing(watched):
+    view, pages, _ = watched
+    listener = Listener()
+    assert view.watching(listener, None) is listener
+    view(EVENT)
+    view.stop("stopped")
+    view.done()
+    assert pages == []
 
 
 def test_the_page_of_a_stopped_run_says_why_and_stays(watched):
@@ -61,7 +71,7 @@ def test_a_page_that_cannot_be_written_ends_no_design():
 
     view = LiveView(full)
     view.begin("lens")
-    view.done("lens")
+    view.done()
 
 
 def test_a_page_says_how_far_the_run_is_and_that_its_numbers_are_not_the_verdict():
@@ -75,7 +85,9 @@ def test_a_page_says_how_far_the_run_is_and_that_its_numbers_are_not_the_verdict
 
 
 def test_pages_need_no_file_but_the_report():
-    pages = live_page(LiveState("lens", EVENT, ROWS, pictures=[("Light", b"png")])) + done_page("lens")
+    pages = live_page(LiveState("lens", EVENT, ROWS, pictures=[("Light", b"png")])) + live_page(
+        LiveState("lens", EVENT, done=True)
+    )
     links = re.findall(r'(?:src|href|url)="?=?([^"]+)"', pages)
     assert {link.partition(",")[0] for link in links} == {"data:image/png;base64", "report.html"}
 
