@@ -85,6 +85,7 @@ QUICK = \
 	tests/optics/designing/progress \
 	tests/optics/scene/ray_files \
 	tests/optics/interface/relighting \
+	tests/optics/reporting/live/test_live.py \
 	tests/optics/reporting/report/test_html.py \
 	tests/optics/exchange/results \
 	tests/optics/scene/receivers \

@@ -37,7 +37,7 @@ WINGS = {
     "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
     "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],
-    "reporting": ["report view", "figures"],
+    "reporting": ["report view", "figures live"],
     "interface": ["relighting", "api", "sweeps", "commands"],
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
