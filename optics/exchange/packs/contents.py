@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -17,7 +18,7 @@ from optics.exchange.export import Body, Labels, export
 from optics.exchange.packs.dense_points import dense_points
 from optics.exchange.packs.light_to_expect import Quantity, light_quantities, ray_files, ray_table
 from optics.exchange.packs.programs import PROGRAMS
-from optics.exchange.packs.readme import geometry_quantities, readme_text, table_text
+from optics.exchange.packs.readme import DRAWING, Told, geometry_quantities, table_text
 from optics.exchange.results import ResultFolder
 from optics.scene.ray_files import RaySet
 from optics.scene.receivers import FarField, Plane
@@ -27,7 +28,7 @@ from thbcad.lens import Lens
 
 EPOCH = 1980, 1, 1, 0, 0, 0  # the date of every file in a zip
 LEVEL = 1  # of zlib: a tenth larger than by 6, in a fifth of the time
-MESH, DRAWING = "lens.stl", "drawing.svg"
+MESH = "lens.stl"
 CHORDS = {MESH: 0.01, "sag.dat": 1e-3, DRAWING: 1e-3}  # mm; the mesh is for looking at
 CLAIMS = ("lens.step", "verify.json", "metrics.json", "irradiance.npz", "irradiance_16bit.png")
 
@@ -68,12 +69,12 @@ def packed(result: str, wanted: str) -> Pack:
         light, light_rows = _light(folder, system, lens, rays, metrics)
         files, rows = files | light, rows + light_rows
     files["compare.csv"] = table_text(rows)
-    readme = readme_text(system, lens, program, record["verdict"], [*files], grids, rows, rays, CHORDS[MESH])
-    files = {"README.txt": readme} | files
+    told = Told(system, lens, program, record["verdict"], metrics["paths"], CHORDS[MESH], grids, rows, rays)
+    files = {"README.txt": told.readme(files)} | files
     return Pack(_zipped(files), tuple(files), (*checks, *point_checks), tuple(rows))
 
 
-def _verified(folder: ResultFolder) -> dict[str, float]:
+def _verified(folder: ResultFolder) -> dict[str, Any]:
     """Return the metrics of a result.
 
     Raises UserError : its STEP file is not verified, or its light not measured.
@@ -128,7 +129,7 @@ def _exported(system: OpticalSystem, lens: Lens) -> tuple[dict[str, bytes], list
 
 
 def _light(
-    folder: ResultFolder, system: OpticalSystem, lens: Lens, rays: RaySet, metrics: Mapping[str, float]
+    folder: ResultFolder, system: OpticalSystem, lens: Lens, rays: RaySet, metrics: Mapping[str, Any]
 ) -> tuple[dict[str, bytes], list[Quantity]]:
     """Return the files of the light to expect, and its numbers."""
     npz, png = (folder.path / name for name in CLAIMS[3:])

@@ -20,6 +20,7 @@ from thbcad.lens import Lens
 
 LISTED, MANY = (100, 100), (1000, 1000)  # rays of the table, and of the files
 ASIDE = 0.1  # of a pixel, by which landing points of another program may be off
+SINGLE = 1e-6  # relative: sums in single precision
 U0_NEAR = 0.05  # of the boxes of a grid, with as many rays as their noise needs
 
 
@@ -109,7 +110,7 @@ def light_quantities(
         scale * _numbers(screen, land.points + np.multiply(screen.pitch, step), land.flux, light["target"])
         for step in ((0.0, 0.0), (ASIDE, 0.0), (-ASIDE, 0.0), (0.0, ASIDE), (0.0, -ASIDE))
     )
-    within = np.abs(np.subtract(aside, here)).max(axis=0)
+    within = np.abs(np.subtract(aside, here)).max(axis=0) + SINGLE * here
     peak = density.factor * float(light["irradiance"].max())
     names = ("efficiency", ""), ("rel_l2", ""), (f"peak {density.quantity}", density.shown)
     values = metrics["efficiency"], metrics["rel_l2"], peak

@@ -28,7 +28,8 @@ PROGRAMS = {
         "Ansys Zemax OpticStudio",
         ".dat",
         (
-            "Use non-sequential mode. Set the lens units to millimetres before anything is loaded.",
+            "Use non-sequential mode. Set the lens units to millimetres before anything is loaded, and the "
+            "wavelength to {wavelength}.",
             "Copy lens.step to the folder Objects/CAD Files of your Zemax data folder, and the files "
             "rays_*.dat to Objects/Sources/Source Files.",
             'Insert an object "CAD Part: STEP/IGES/SAT" with lens.step at X = Y = Z = 0 without tilt. '

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -23,10 +24,13 @@ UNTESTED = (
     "knowledge, and nobody has tried them. Menus differ between versions. What the files hold was read back "
     "and compared with the exact surfaces."
 )
+MEASURED = "Fill in compare.csv: what you measured beside what was expected."
+DRAWING = "drawing.svg"
+WITHOUT_DRAWING = "A drawing is left out: it would show the lens without the body that leaves the mould."
 FILES = {
     "lens.step": "the part as one solid, verified: the exact faces",
-    "drawing.svg": "views, sections and dimensions",
-    "lens.stl": "triangles, nowhere farther than {chord:g} mm from the part; not for tracing",
+    DRAWING: "views, sections and dimensions",
+    "lens.stl": "triangles, nowhere farther than {chord} mm from the part; not for tracing",
     "sag_front.dat": "regular table z, dz/dx, dz/dy, d2z/dxdy of the front (Zemax grid sag), from its vertex",
     "sag_rear.dat": "the same of the rear",
     "points_front.xyz": "x y z nx ny nz, mm, outward normals; {front}",
@@ -64,46 +68,75 @@ def table_text(rows: Iterable[Quantity]) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def readme_text(
-    system: OpticalSystem,
-    lens: Lens,
-    program: Program,
-    verdict: str,
-    names: Sequence[str],
-    grids: dict[str, DenseGrid],
-    rows: Sequence[Quantity],
-    rays: RaySet | None,
-    chord: float,
-) -> bytes:
-    """Return README.txt.  names : of the files.  rays : of the source; None in a pack without light."""
-    facts = {
-        "index": f"{lens.index:.9g}",
-        "wavelength": f"{system.problem.source.wavelength:g} nm",
-        "shown": system.density.shown,
-        "chord": chord,
-    } | {word: _grid_words(grid) for word, grid in grids.items()}
-    blocks = [
-        f"{system.problem.title or 'Lens'}: for {program.name}",
-        f"Made by thbcad {__version__} of a finished result. {verdict[:1].upper()}{verdict[1:]}.",
-        *([UNTESTED] if program.traces else []),
-        "FILES",
-        "\n".join(f"  {name:<20} {FILES[_kind(name)].format(**facts)}" for name in names),
-        *(
-            []
-            if "drawing.svg" in names
-            else ["A drawing is left out: it would show the lens without its body."]
-        ),
-        "FRAME AND UNITS",
-        *_frame(lens),
-        *([] if rays is None else ["SOURCE AND SCREEN", *_light(system, lens, rays)]),
-        "STEPS",
-        *(f"{k}. {step.format(**facts)}" for k, step in enumerate(program.steps, 1)),
-        "WHAT SHOULD COME OUT",
-        *_outcome(system, rays),
-        "\n".join(_table(rows)),
-    ]
-    filled = (b if "\n" in b else "\n".join(textwrap.wrap(b, WIDTH)) for b in blocks)
-    return ("\n\n".join(filled) + "\n").encode()
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a README tells of.
+
+    verdict : of the result, a sentence.  paths : "all" or "sequential", by which its light was measured.
+    chord : mm, of the mesh.  grids : of the points of front and rear.  rows : the numbers to compare.
+    rays : before the lens, as their file holds them; None in a pack without light.
+    """
+
+    system: OpticalSystem
+    lens: Lens
+    program: Program
+    verdict: str
+    paths: str
+    chord: float
+    grids: Mapping[str, DenseGrid]
+    rows: Sequence[Quantity]
+    rays: RaySet | None
+
+    def readme(self, names: Iterable[str]) -> bytes:
+        """Return README.txt.  names : of the other files."""
+        facts = {
+            "index": f"{self.lens.index:.9g}",
+            "wavelength": f"{self.system.problem.source.wavelength:g} nm",
+            "shown": self.system.density.shown,
+            "chord": f"{self.chord:g}",
+        } | {word: _grid_words(grid) for word, grid in self.grids.items()}
+        files = {name: FILES[_kind(name)].format(**facts) for name in names}
+        blocks = [
+            f"{self.system.problem.title or 'Lens'}: for {self.program.name}",
+            f"Made by thbcad {__version__} of a finished result. "
+            f"{self.verdict[:1].upper()}{self.verdict[1:]}.",
+            *([UNTESTED] if self.program.traces else []),
+            "FILES",
+            "\n".join(_hanging(name, words) for name, words in files.items()),
+            *([] if DRAWING in files else [WITHOUT_DRAWING]),
+            "FRAME AND UNITS",
+            *_frame(self.lens),
+            *([] if self.rays is None else ["SOURCE AND SCREEN", *_light(self.system, self.lens, self.rays)]),
+            "STEPS",
+            *(f"{k}. {step.format(**facts)}" for k, step in enumerate(self.program.steps, 1)),
+            "WHAT SHOULD COME OUT",
+            *(self._light_to_expect() if self.rays is not None else [MEASURED]),
+            "\n".join(_table(self.rows)),
+        ]
+        filled = (block if "\n" in block else textwrap.fill(block, WIDTH) for block in blocks)
+        return ("\n\n".join(filled) + "\n").encode()
+
+    def _light_to_expect(self) -> Iterator[str]:
+        ways = "all ways" if self.paths == "all" else "front and rear"
+        yield (
+            f'Fill in compare.csv. "of the lens" is its light by {ways}, without noise. "by the rays" is '
+            "what "
+            "the rays of rays_source make by front and rear, each in the pixel where it lands: compare with "
+            "that "
+            'column. "within" is by how much it changes where all landing points are off by '
+            f"{ASIDE:g} of a pixel. Rays of your own add noise: N at random on P pixels about sqrt(P / N) to "
+            "rel_l2. ray_table.csv has landing points of single rays."
+        )
+        unit = self.system.units.flux
+        yield (
+            f"efficiency = flux on the screen / {self.system.problem.flux:.6g} {unit}. rel_l2 = ||E - T|| / "
+            "||T|| of the light E and the light asked for T on all pixels, each divided by its mean. U0 = "
+            "least / mean over the boxes of a grid. The peak is the brightest pixel."
+        )
+
+
+def _hanging(name: str, words: str) -> str:
+    return textwrap.fill(words, WIDTH, initial_indent=f"  {name:<19}  ", subsequent_indent=" " * 23)
 
 
 def _kind(name: str) -> str:
@@ -171,27 +204,8 @@ def _vector(numbers: Sequence[float]) -> str:
     return f"({', '.join(f'{float(n) + 0.0:.9g}' for n in numbers)})"
 
 
-def _outcome(system: OpticalSystem, rays: RaySet | None) -> Iterator[str]:
-    if rays is None:
-        yield "Fill in compare.csv: what you measured beside what was expected."
-        return
-    yield (
-        'Fill in compare.csv. "of the lens" is exact light, "by the rays" is what the rays of rays_source '
-        "make in the pixels of the screen, each in the pixel where it lands: compare with that column. "
-        '"within" is by '
-        f"how much it changes where all landing points are off by {ASIDE:g} of a pixel. With rays of your "
-        "own at random, noise adds: N rays on P pixels are about sqrt(P / N) of rel_l2. ray_table.csv has "
-        "landing points for single rays."
-    )
-    yield (
-        f"efficiency = flux on the screen / {system.problem.flux:.6g} {rays.unit}; rel_l2 = ||E - T|| / "
-        "||T|| of the light E and the light asked for T on all pixels, each divided by its mean; U0 = least "
-        "/ mean over the boxes of a grid; peak is the brightest pixel."
-    )
-
-
 def _table(rows: Iterable[Quantity]) -> Iterator[str]:
-    yield f"  {'quantity':<38} {'unit':<8} {'of the lens':>14} {'by the rays':>14} {'within':>10}   found"
+    yield f"  {'quantity':<36} {'unit':<8} {'of the lens':>14} {'by the rays':>14} {'within':>10}   found"
     for r in rows:
         by_rays = "" if r.by_rays is None else f"{r.by_rays:.7g}"
-        yield f"  {r.name:<38} {r.unit:<8} {r.value:>14.7g} {by_rays:>14} {r.within:>10.2g}   ________"
+        yield f"  {r.name:<36} {r.unit:<8} {r.value:>14.7g} {by_rays:>14} {r.within:>10.2g}   ________"
