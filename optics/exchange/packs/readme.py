@@ -127,6 +127,11 @@ class Told:
             f"{ASIDE:g} of a pixel. Rays of your own add noise: N at random on P pixels about sqrt(P / N) to "
             "rel_l2. ray_table.csv has landing points of single rays."
         )
+        if self.paths == "all":
+            yield (
+                "Light by edges, or reflected inside, reaches the screen too. A non-sequential trace finds "
+                'it as well: its efficiency lies between the columns, or at "of the lens" where rays split.'
+            )
         unit = self.system.units.flux
         yield (
             f"efficiency = flux on the screen / {self.system.problem.flux:.6g} {unit}. rel_l2 = ||E - T|| / "
@@ -160,9 +165,10 @@ def _frame(lens: Lens) -> Iterator[str]:
         f"optical axis, light travels to +z, the rear's vertex lies at z = {lens.thickness:.9g}. +y is up. "
         "Seen from behind the lens, against the light, +x is to the right."
     )
+    round_it = "" if lens.rear.outline.is_rectangle else " of which the outline leaves out the corners"
     yield (
-        f"The front fills |x| <= {a:.9g}, |y| <= {b:.9g}, the rear |x| <= {c:.9g}, |y| <= {d:.9g}; where the "
-        "outline is round, tables and points go on over the whole rectangle."
+        f"The front fills |x| <= {a:.9g}, |y| <= {b:.9g}, the rear |x| <= {c:.9g}, |y| <= {d:.9g}{round_it}. "
+        "Tables and points go over the whole rectangles."
     )
 
 
@@ -170,11 +176,13 @@ def _light(system: OpticalSystem, lens: Lens, rays: RaySet) -> Iterator[str]:
     """Yield paragraphs about source, faces and screen."""
     source, screen, receiver = system.problem.source, system.target.screen(), system.target.receiver
     place = "a beam along +z" if system.source.from_afar else f"at z = {-source.distance:.9g}"
+    kind = "several, which lie where rays start" if system.source.several else f"{source.kind}, {place}"
+    lines = len(system.wavelengths)
+    spectrum = f" The lens was measured in light of {lines} wavelengths, these rays have one." * (lines > 1)
     yield (
-        f'Source: "{source.kind}", {place}, {system.problem.flux:.6g} {rays.unit} at {source.wavelength:g} '
-        "nm. "
-        f"rays_source holds {len(rays)} rays with {rays.total:.9g} {rays.unit}; the rest passes beside the "
-        "lens."
+        f"Source: {kind}, {system.problem.flux:.6g} {rays.unit} at {source.wavelength:g} nm. rays_source "
+        f"holds {len(rays)} rays with {rays.total:.9g} {rays.unit}; the rest passes beside the "
+        f"lens.{spectrum}"
     )
     absorbs = [m.absorption for m in system.path(lens).media]
     coats = [s.share for s in system.path(lens).surfaces]
@@ -190,7 +198,9 @@ def _light(system: OpticalSystem, lens: Lens, rays: RaySet) -> Iterator[str]:
     (hu, hv), (columns, rows) = screen.half_width, screen.pixels
     where = receiver.normal if screen.angular else receiver.points
     middle, left, below = (_vector(where(u, v)) for u, v in ((0.0, 0.0), (-hu, hv), (hu, -hv)))
-    what = "directions of the far field, u = atan(l / n), v = atan(m / n)" if screen.angular else "a plane"
+    what = "a plane"
+    if screen.angular:
+        what = "directions of the far field, u = atan(l / n), v = atan(m / n) seen along its middle"
     kind = "direction" if screen.angular else "corner at"
     yield (
         f"Screen: {what}; |u| <= {hu:.9g}, |v| <= {hv:.9g} {screen.unit}, {columns} x {rows} pixels. Its "
