@@ -6,6 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .contents import Pack, packed
-    from .programs import PROGRAMS, Program
+    from .readme import texts
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

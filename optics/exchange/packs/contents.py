@@ -16,9 +16,15 @@ import numpy as np
 from optics.base.runtime import Check, UserError, checks_of
 from optics.exchange.export import Body, Labels, export
 from optics.exchange.packs.dense_points import dense_points
-from optics.exchange.packs.light_to_expect import Quantity, light_quantities, ray_files, ray_table
-from optics.exchange.packs.programs import PROGRAMS
-from optics.exchange.packs.readme import DRAWING, Told, geometry_quantities, table_text
+from optics.exchange.packs.expected import (
+    Quantity,
+    light_quantities,
+    part_quantities,
+    ray_files,
+    ray_table,
+    table_text,
+)
+from optics.exchange.packs.readme import DRAWING, Told, texts
 from optics.exchange.results import ResultFolder
 from optics.scene.ray_files import RaySet
 from optics.scene.receivers import FarField, Plane
@@ -45,26 +51,26 @@ class Pack:
 
 
 def packed(result: str, wanted: str) -> Pack:
-    """Return the pack of a result for a program, one of PROGRAMS.
+    """Return the pack of a result for a program, of `texts`.
 
     Raises UserError : no result folder with a verified STEP file, a result that a pack cannot hold, as
         `export` and `outgoing_rays`.
     """
-    folder, program = ResultFolder(result), PROGRAMS[wanted]
+    folder, program = ResultFolder(result), texts()["programs"][wanted]
     if not folder.path.is_dir():
         raise UserError(f"a pack needs a result folder, and {result} is none")
     system, lens, record = folder.read()
     metrics = _verified(folder)
-    _require_packable(system, folder.path, program.traces)
+    _require_packable(system, folder.path, bool(program["rays"]))
     try:
         points, point_checks, grids = dense_points(lens)
     except ValueError as error:
         raise UserError(f"cannot pack {folder.path}: {error}") from None
     exported, checks = _exported(system, lens)
     files = {"lens.step": folder.step.read_bytes()} | exported | points
-    rows, rays = geometry_quantities(system, lens), None
-    if program.traces:
-        written, rays = ray_files(system, lens, program.rays)
+    rows, rays = part_quantities(system, lens), None
+    if program["rays"]:
+        written, rays = ray_files(system, lens, program["rays"])
         files |= {"ray_table.csv": ray_table(system, lens)} | written
         light, light_rows = _light(folder, system, lens, rays, metrics)
         files, rows = files | light, rows + light_rows

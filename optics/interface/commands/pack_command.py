@@ -8,7 +8,7 @@ from pathlib import Path
 
 from optics.base.runtime import UserError
 from optics.exchange.export import require_free_files
-from optics.exchange.packs import PROGRAMS, packed
+from optics.exchange.packs import packed, texts
 from optics.interface.commands.light_export import reported
 from optics.interface.commands.outcome import Outcome
 from thbcad.io import write_bytes
@@ -30,8 +30,9 @@ def pack(options: Namespace) -> Outcome:
         "contents": list(made.names),
         "expected": [asdict(row) for row in made.rows],
     }
+    name = texts()["programs"][options.program]["name"]
     lines = [
         f"wrote {out}, {out.stat().st_size / 1e6:.3g} MB, {len(made.names)} files for "
-        f"{PROGRAMS[options.program].name}; its README.txt says how to bring them in"
+        f"{name}; its README.txt says how to bring them in"
     ]
     return reported(options.out, "zip", [out], made.checks, numbers, lines)

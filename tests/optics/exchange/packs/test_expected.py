@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.exchange.packs.light_to_expect import light_quantities, ray_files, ray_table
+from optics.exchange.packs.expected import light_quantities, ray_files, ray_table
 from optics.light.analysis import fresh_light, measure
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
@@ -23,8 +23,8 @@ def test_rays_make_nearly_the_light_of_the_lens(
     monkeypatch, tmp_path, backend, changes, lens, unit, quantity
 ):
     """Up to the noise of 147 rays a pixel or more, five standard deviations of the peak's."""
-    monkeypatch.setattr("optics.exchange.packs.light_to_expect.MANY", (512, 512))
-    monkeypatch.setattr("optics.exchange.packs.light_to_expect.LISTED", (8, 8))
+    monkeypatch.setattr("optics.exchange.packs.expected.MANY", (512, 512))
+    monkeypatch.setattr("optics.exchange.packs.expected.LISTED", (8, 8))
     system = OpticalSystem(load_problem(write_problem(tmp_path, changes | {"target.pixels": [24, 24]})))
     found = measure(system, lens, backend)
     files, rays = ray_files(system, lens, ".tm25ray")

@@ -1,16 +1,18 @@
-"""The light of a result for other programs: rays with their landing points, and what these rays make."""
+"""What another program shall find: rays with their landing points, numbers of the part and its light."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from itertools import product
+from typing import Any, Literal
 
 import numpy as np
 
 from optics.light.analysis import rel_l2
 from optics.light.outgoing import outgoing_rays
-from optics.light.tracing import Tracer
+from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.ray_files import RaySet, ray_bytes
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
@@ -19,6 +21,8 @@ from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 LISTED, MANY = (100, 100), (1000, 1000)  # rays of the table, and of the files
+PLACES = 0.0, 0.5  # of the half-widths, at which heights are compared
+HEIGHT_NEAR, VOLUME_NEAR = 1e-4, 1e-6  # mm; relative
 ASIDE = 0.1  # of a pixel, by which landing points of another program may be off
 SINGLE = 1e-6  # relative: sums in single precision
 U0_NEAR = 0.05  # of the boxes of a grid, with as many rays as their noise needs
@@ -28,8 +32,8 @@ U0_NEAR = 0.05  # of the boxes of a grid, with as many rays as their noise needs
 class Quantity:
     """A number to compare.
 
-    value : by the lens.  by_rays : by the rays of the pack; None where they tell
-        nothing.  within : how near another program shall come, to by_rays where that is known.
+    value : by the lens.  by_rays : by the rays of the pack; None where they tell nothing.
+    within : how near another program shall come, to by_rays where that is known.
     """
 
     name: str
@@ -39,40 +43,36 @@ class Quantity:
     within: float
 
 
-class Landed(NamedTuple):
-    """Where rays land.  points : (n, 2) of the receiver's chart.  direction : (3, n).  flux : (n,), 0 of lost
-    ones."""
+def table_text(rows: Iterable[Quantity]) -> bytes:
+    """Return the table to fill in, CSV."""
+    lines = ["quantity,unit,of the lens,by the rays of this pack,within,found"]
+    for r in rows:
+        by_rays = "" if r.by_rays is None else f"{r.by_rays:.9g}"
+        lines.append(f"{r.name},{r.unit},{r.value:.9g},{by_rays},{r.within:.3g},")
+    return ("\n".join(lines) + "\n").encode()
 
-    points: Floats
-    direction: Floats
-    flux: Floats
 
-
-def landed(system: OpticalSystem, lens: Lens, rays: Rays) -> Landed:
-    """Return where rays land that go through a lens."""
-    backend, receiver = system.backend, system.target.receiver
-    with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, system.path(lens), rays).trace()
-        values = [landing.x, landing.y, landing.p, landing.q, landing.flux]
-        backend.dr.eval(values)
-    u, v, p, q, flux = (a.numpy() for a in values)
-    own = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-    return Landed(np.column_stack([u, v]), receiver.pose.directions(own), flux)
+def part_quantities(system: OpticalSystem, lens: Lens) -> list[Quantity]:
+    """Return what a program that holds the part may measure of it."""
+    volume = system.made(lens).volume()
+    rows = [Quantity("volume", "mm^3", volume, None, VOLUME_NEAR * volume)]
+    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
+    for (word, surface, vertex), *shares in product(faces, PLACES, PLACES):
+        x, y = (share * h for share, h in zip(shares, surface.half_width))
+        z = vertex + float(surface(x, y))
+        rows.append(Quantity(f"z of the {word} at x = {x:g}; y = {y:g}", "mm", z, None, HEIGHT_NEAR))
+    return rows
 
 
 def ray_table(system: OpticalSystem, lens: Lens) -> bytes:
-    """Return a CSV of about 1e4 rays: where they start, and where they land; lost ones do nowhere."""
-    rays, unit = _source_rays(system, lens, LISTED), system.target.receiver.unit
-    land, flux = landed(system, lens, rays), system.units.flux
-    head = ["x_mm", "y_mm", "z_mm", "l", "m", "n", f"flux_{flux}"]
-    head += [f"landing_u_{unit}", f"landing_v_{unit}", "landing_l", "landing_m", "landing_n"]
-    head.append(f"landing_flux_{flux}")
-    behind = np.column_stack([land.points, land.direction.T, land.flux])
-    lines = [",".join(head)]
-    for start, end in zip(np.column_stack([rays.origin.T, rays.direction.T, rays.flux]), behind):
-        there = [*end] if end[-1] > 0 else [""] * len(end)
-        lines.append(",".join(n if n == "" else f"{n:.17g}" for n in (*start, *there)))
-    return ("\n".join(lines) + "\n").encode()
+    """Return a CSV of about 1e4 rays: where they start and land, NaN where they do not."""
+    rays, unit, flux = _source_rays(system, lens, LISTED), system.target.receiver.unit, system.units.flux
+    land, text = _landed(system, lens, rays), io.BytesIO()
+    head = f"x_mm,y_mm,z_mm,l,m,n,flux_{flux},landing_u_{unit},landing_v_{unit},landing_flux_{flux}"
+    points = np.where(land.flux[:, None] > 0, land.points, np.nan)
+    columns = np.column_stack([rays.origin.T, rays.direction.T, rays.flux, points, land.flux])
+    np.savetxt(text, columns, "%.17g", ",", header=head, comments="")
+    return text.getvalue()
 
 
 def ray_files(system: OpticalSystem, lens: Lens, suffix: str) -> tuple[dict[str, bytes], RaySet]:
@@ -95,7 +95,7 @@ def ray_files(system: OpticalSystem, lens: Lens, suffix: str) -> tuple[dict[str,
 def light_quantities(
     system: OpticalSystem, lens: Lens, rays: RaySet, light: Mapping[str, Floats], metrics: Mapping[str, Any]
 ) -> list[Quantity]:
-    """Return the numbers to compare: of the lens, and of the rays as their file holds them.
+    """Return the numbers of the light: of the lens, and of the rays as their file holds them.
 
     `within` is what changes where all landing points are off by a tenth of a pixel along u or v.
 
@@ -103,7 +103,7 @@ def light_quantities(
     """
     position, direction, flux = (a.T.astype(np.float64) for a in (rays.position, rays.direction, rays.flux))
     direction /= np.linalg.norm(direction, axis=0)  # rounded to single precision
-    land = landed(system, lens, Rays(position, direction, flux))
+    land = _landed(system, lens, Rays(position, direction, flux))
     screen, density = system.target.screen(), system.density
     scale = np.array([1 / system.problem.flux, 1.0, density.factor])
     here, *aside = (
@@ -128,8 +128,16 @@ def _source_rays(system: OpticalSystem, lens: Lens, counts: tuple[int, int]) -> 
     return rays if isinstance(rays, Rays) else rays.rays(system.path(lens).before)
 
 
+def _landed(system: OpticalSystem, lens: Lens, rays: Rays) -> LandingPoints:
+    """Return where rays land that go through a lens; the flux of others is 0."""
+    with system.backend.dr.suspend_grad():
+        _, landing = Tracer(system.backend, system.path(lens), rays).trace()
+        u, v, flux = (a.numpy() for a in (landing.x, landing.y, landing.flux))
+    return LandingPoints(np.column_stack([u, v]), flux)
+
+
 def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Floats:
     """Return the flux on the screen, rel_l2, and the greatest light per area, of rays in box pixels."""
-    light = screen.binned(points, flux) / (screen.pixel_area * screen.projection())
-    on_screen = float(screen.binned(points, flux).sum())
-    return np.array([on_screen, rel_l2(light, target), light.max()])
+    sums = screen.binned(points, flux)
+    light = sums / (screen.pixel_area * screen.projection())
+    return np.array([sums.sum(), rel_l2(light, target), light.max()])
