@@ -104,7 +104,7 @@ def _require_packable(system: OpticalSystem, path: Path, traces: bool) -> None:
     shop = "take --for shop, or the rays of `thbcad export --light rear`"
     curved = not isinstance(system.target.receiver, Plane | FarField)
     for found, what, remedy in (
-        (bool(system.problem.element), "elements of a row", row),
+        (bool(system.problem.element), "elements in places of their own", row),
         (system.problem.optic.array is not None, "a plate of lenses", "design and pack one lens of it"),
         (traces and bool(system.stops), "stops", shop),
         (traces and any(system.slope_rms), "rough faces, which rays in files do not know", shop),
