@@ -13,8 +13,8 @@ meets cubics of Hermite in place of the sides, so that it is wrong by at most
 
 All knots are lines of the grid: within a cell the graph is one polynomial.
 
-Source: G. Farin, Curves and surfaces for CAGD, 5th edition, section 22.1; P. J. Davis, Interpolation and
-approximation, theorem 3.5.1.
+Source: G. Farin, Curves and surfaces for CAGD, on Coons patches; P. J. Davis, Interpolation and
+approximation, chapter 3, on remainders.
 """
 
 from __future__ import annotations
@@ -57,22 +57,21 @@ def dense_grid(graph: BSplineSurface, linear: float, cubic: float) -> DenseGrid:
     for name, error in (("linear", linear), ("cubic", cubic)):
         require_number(name, error, above=0, finite=True)
     xx, xy, yy, x4, xxyy, y4 = cell_bounds(graph, ORDERS)
-    lines, steps = [], []
+    parts, steps = [], []
     for axis, (kv, second, fourth) in enumerate(zip((graph.kv_u, graph.kv_v), (xx, yy), (x4, y4))):
         needs = (second + xy) / (4 * linear), (fourth / 3 + xxyy) / (64 * cubic)
         bends, twists = (need.max(axis=1 - axis) for need in needs)
         width = np.diff(kv.breaks)
         per_mm = np.maximum(np.maximum(bends**0.5, twists**0.25), LEAST_STEPS / width.sum())
-        parts = np.ceil(np.clip(width * per_mm, 1, MOST_POINTS))
-        lines.append(parts)
-        steps.append(width / parts)
-    count = (lines[0].sum() + 1) * (lines[1].sum() + 1)
+        parts.append(np.ceil(np.clip(width * per_mm, 1, MOST_POINTS)))
+        steps.append(width / parts[-1])
+    count = (parts[0].sum() + 1) * (parts[1].sum() + 1)
     if count > MOST_POINTS:
         raise ValueError(
             f"points that give {linear:g} mm linearly and {cubic:g} mm cubically would be {count:,.0f}, more "
             f"than {MOST_POINTS:,}"
         )
-    x, y = (subdivided(kv.breaks, n.astype(np.int64)) for kv, n in zip((graph.kv_u, graph.kv_v), lines))
+    x, y = (subdivided(kv.breaks, n.astype(np.int64)) for kv, n in zip((graph.kv_u, graph.kv_v), parts))
     h, k = steps[0][:, None], steps[1][None, :]
     return DenseGrid(
         x,
