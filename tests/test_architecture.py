@@ -36,7 +36,7 @@ WINGS = {
     "light": ["intersections measuring refraction roads", "tracing", "blur", "analysis engines", "outgoing"],
     "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
-    "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],
+    "exchange": ["results verification", "export mitsuba", "assemblies cross_checks packs"],
     "reporting": ["report view", "figures live"],
     "interface": ["relighting", "api", "sweeps", "commands"],
 }

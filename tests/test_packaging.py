@@ -33,6 +33,7 @@ ARGUMENTS = {
     "completion": ["bash"],
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
+    "pack": ["result", "--for", "shop", "--out", "pack.zip"],
     "relight": ["result", "--source", "sun"],
     "road": ["lamp.ies", "--class", "P4", "--height", "8", "--spacing", "30"],
     "tolerance": ["result"],

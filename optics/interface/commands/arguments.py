@@ -224,6 +224,19 @@ def _export_options(command: CommandParser) -> None:
     force_option(command)
 
 
+def _pack_options(command: CommandParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--for",
+        dest="program",
+        choices=("zemax", "lighttools", "speos", "shop"),
+        required=True,
+        help="whom the pack is for; shop: who makes the lens, without rays and light",
+    )
+    command.option("--out", "FILE", "zip to write", required=True)
+    force_option(command)
+
+
 def _trace_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
     command.option("--rays", "N", "N x N rays (default: 513)", type=int, default=513)
@@ -286,6 +299,10 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
     "export": (
         "write the lens for other programs, read it back and compare it with the exact surfaces",
         _export_options,
+    ),
+    "pack": (
+        "put part, drawing, points, rays and expected light into one zip for another program or the shop",
+        _pack_options,
     ),
     "trace": (
         "trace the lens of a result folder again: flux by fate, reflections, phase space",
