@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optics.base.runtime import Backend
+from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_light import light_on, picture_on
 from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
 from optics.designing.starts.transport_chart import Middle, TransportChart
@@ -126,7 +127,9 @@ def shaped_along(
         off = sum((d * n / 2) ** 2 for d, n in zip(beside, wanted.flux.shape))
         far = bool(np.average(off, weights=flux) > FAR**2)
         before = asked
-        asked = replace(wanted, flux=prewarped(wanted.flux, wanted.relative(sent), beside, flux, far))
+        share = passing_share(path.surfaces[number], shaped, light.direction, slopes)
+        at = wanted.relative(sent)
+        asked = replace(wanted, flux=prewarped(wanted.flux, at, beside, flux, far, share))
         p, q, r = light.direction
         aside = (sag.grid(light.x, light.y) - first) * np.hypot(p, q) / r
         moved = np.sqrt(np.average(aside**2, weights=flux)) / (2 * max(shape.half_width))
