@@ -20,12 +20,12 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import other_source, relit
+from optics.interface.relighting import given_lens, other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
-from optics.scene.system import OpticalSystem, given_lens, solvable_system
+from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 

@@ -16,9 +16,10 @@ from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import changes_of, system_of
+from optics.interface.relighting import given_lens
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, given_lens, solvable_system
+from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.io import read_lens
 from thbcad.lens import Lens
 

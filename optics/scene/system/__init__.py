@@ -7,7 +7,6 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.elements import TURNED, freeforms, lens_product, pose_of
     from optics.scene.system.geometry_search import nearest_geometry
-    from optics.scene.system.given_lens import given_lens
     from optics.scene.system.lens_material import index_at, indexing_material
     from optics.scene.system.made_parts import (
         MadePart,

@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Freeform, Problem
-from optics.scene.system.lens_material import with_material
+from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import KnotVector
@@ -31,7 +31,7 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
     if lens.front.sag is None and lens.rear.sag is None:
         lens = replace(lens, rear=_with_zeros(lens.rear))
     keys: dict[str, Any] = {"lens.thickness": lens.thickness, **_outline_keys(lens)}
-    if with_material(problem).optic.known_index != lens.index:
+    if OpticalSystem(problem).problem.optic.known_index != lens.index:
         keys["lens.index"] = lens.index
     for name, surface in (("front", lens.front), ("rear", lens.rear)):
         keys |= {
