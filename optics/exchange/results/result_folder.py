@@ -110,7 +110,7 @@ class ResultFolder:
         """
         if self.path.is_file():
             raise UserError(
-                f"{self.path} is a file, not a result folder; of a lens in STEP or lens.json one is made by "
+                f"{self.path} is not a result folder but a file; of a lens in STEP or lens.json one is made by "
                 f"`thbcad design PROBLEM.toml --lens {self.path}`"
             )
         if not self.problem.exists():
