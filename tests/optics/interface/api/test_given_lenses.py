@@ -101,6 +101,6 @@ def test_a_step_file_where_a_result_is_wanted_is_told_the_way(foreign, capsys, t
         sentence = refused(capsys, command[0], path, *command[1:])
         assert f"thbcad design PROBLEM.toml --lens {path}" in sentence
     toml = write_problem(tmp_path, ROUND)
-    assert "--resume and --from" in refused(capsys, "design", toml, "--lens", path, "--resume")
+    assert "--resume, --from and --live" in refused(capsys, "design", toml, "--lens", path, "--resume")
     (tmp_path / "no.step").write_text("no")
     assert "no.step" in refused(capsys, "design", toml, "--lens", tmp_path / "no.step")
