@@ -55,7 +55,7 @@ def lens_sheet(
     chord : mm, the error that curves may have; the sheet states what they keep.
     aperture : semi-axes (a, b), mm, to which the lens is cut.  flange : Flange.
     polygon : corners (x, y), mm, to which it is cut.  Sections of an outline beside the axis pass through its
-        middle.  panel : to the right of the views, which makes the sheet an A3.1 (594 x 297 mm).
+        middle.  panel : to the right of the views, which makes the sheet an A3.2 (594 x 297 mm).
 
     Raises ValueError : as `require_sound`, `section_view`, `side_view`, `require_aperture`, `require_clear`
         and `require_polygon`; a lens that no scale puts on the sheet.
@@ -70,7 +70,7 @@ def lens_sheet(
     scale = _scale(top, low)
     placed = _placed(top, low, scale)
     bound = float(max(view.bound for view in (*top, *low))) + DIGITS / scale
-    size, paper = (PAPER, "A3") if panel is None else (WIDE, "A3.1")
+    size, paper = (PAPER, "A3") if panel is None else (WIDE, "A3.2")
     sheet = Sheet(product.name, size, scale, bound, tuple(placed))
     sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", ""), paper))
     if panel is not None:

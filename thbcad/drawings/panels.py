@@ -1,4 +1,4 @@
-"""A panel of texts to the right of a drawing, which makes its sheet as wide as an A2 (A3.1 of ISO 5457)."""
+"""A panel of texts to the right of a drawing, which makes its sheet as wide as an A2 (A3.2 of ISO 5457)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from textwrap import wrap
 
 from thbcad.checks import Floats
 from thbcad.drawings.annotations import MARGINS, PAPER, Marks
-from thbcad.drawings.sheets import ASPECT, SMALL, TEXT, Label, rectangle
+from thbcad.drawings.sheets import ASPECT, SMALL, TEXT, Label, number, rectangle
 from thbcad.outlines import Outline
 
 WIDE = (594.0, 297.0)  # mm
 LEFT, LOW = PAPER[0] - MARGINS[1], MARGINS[1]
 SIZE = (WIDE[0] - PAPER[0], WIDE[1] - 2 * LOW)  # mm, of the panel
-MARKS, TEXTS = 33.0, 50.0  # mm from the left, behind the names
-LETTER = 1.08 * ASPECT  # of the height: the width that a line reckons with
+MARKS, TEXTS = 35.0, 52.0  # mm from the left, behind the names
+LETTER = 1.15 * ASPECT  # of the height: the width that a line reckons with
 INSET = 2.0  # mm
 PITCH, LEADING = 4.4, 1.6  # mm between lines at most, and in heights of capitals at least
 COLUMNS = 6  # of a grid: y, and five of x
@@ -55,8 +55,8 @@ class Panel:
         height = min(SMALL, pitch / LEADING)
         marks: Marks = [rectangle((LEFT, LOW), (LEFT + SIZE[0], LOW + SIZE[1]))]
         marks.append(Label(self.heading, (LEFT + INSET, top + TEXT / 2), TEXT))
-        for number, entries in enumerate(lines, 1):
-            y = top - number * pitch
+        for k, entries in enumerate(lines, 1):
+            y = top - k * pitch
             marks += [Label(text, (LEFT + x, y), height, anchor) for x, text, anchor in entries]
         return marks
 
@@ -71,7 +71,7 @@ class Panel:
         yield [(INSET + k * width, grid.title, "start") for k, grid in enumerate(self.grids)]
         for row in zip(*map(_cells, self.grids)):
             yield [
-                (k * width + (n + 1) * width / COLUMNS - INSET, cell, "end")
+                (k * width + (n + 1) * width / COLUMNS - INSET / 2, cell, "end")
                 for k, cells in enumerate(row)
                 for n, cell in enumerate(cells)
             ]
@@ -86,6 +86,6 @@ def _wrapped(text: str, width: float) -> list[str]:
 
 def _cells(grid: Grid) -> Iterator[list[str]]:
     """Yield the rows of a grid, the greatest y first, heights to 0.1 um."""
-    yield ["y \\ x", *(f"{x:.3f}" for x in grid.x)]
+    yield ["y \\ x", *map(number, grid.x.tolist())]
     for y, row in reversed([*zip(grid.y, grid.heights.T)]):
-        yield [f"{y:.3f}", *(f"{round(z, 4) + 0.0:.4f}" for z in row.tolist())]
+        yield [number(float(y)), *(f"{round(z, 4) + 0.0:.4f}" for z in row.tolist())]

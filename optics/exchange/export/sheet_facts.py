@@ -22,6 +22,7 @@ from optics.exchange.results import ResultFolder, sha256_of
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
 
 FACES = ("front", "rear")
@@ -106,6 +107,17 @@ class SheetFacts:
             slope = rounded_down(1e3 * 2 * pi * band["allowed_rms"] / sqrt(low * high))
             said.append(f"{low:g} to {high:g} mm: {slope} mrad")
         return "; ".join(said) or None
+
+    @property
+    def body(self) -> BodyOptions | None:
+        """What makes the lens a body that leaves a mould, None without lens.body."""
+        return self.system.body
+
+    @property
+    def parting(self) -> str | None:
+        """Where the parting line of that body lies."""
+        solid = self.system.solid(self.lens)
+        return f"z = {solid.parting:.4f} mm" if isinstance(solid, MouldedBody) else None
 
     def test_points(self, face: str) -> tuple[Floats, Floats, Floats]:
         """Return x (5,), y (5,) and the sag z (5, 5), from the vertex of the base surface, mm.

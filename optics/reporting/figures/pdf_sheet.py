@@ -43,6 +43,7 @@ def sheet_pdf(sheet: Sheet) -> bytes:
                 fontsize=label.height / CAPITALS * POINTS,
                 horizontalalignment={"start": "left", "middle": "center", "end": "right"}[label.anchor],
                 verticalalignment="baseline",
+                fontweight="medium",  # as its metrics call it
                 rotation=label.angle,
                 rotation_mode="anchor",
                 parse_math=False,
