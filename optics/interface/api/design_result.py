@@ -30,6 +30,9 @@ from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
+    from ipywidgets import HBox
+
+    from optics.interface.relighting import ExploredLight
     from optics.reporting.figures import OverviewFigure
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
@@ -188,6 +191,25 @@ class Design(DesignRecord):
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
+
+    def explore(self, pixels: int = 128) -> HBox:
+        """Return sliders for a notebook, which move the lens, its source and its target, beside the light.
+
+        pixels : of the longer side of the target, at most; more take longer.
+
+        Raises UserError : light that tolerances do not follow.  MissingPackage : no ipywidgets.
+        """
+        from optics.interface.relighting import Explorer, sliders  # few designs ask
+
+        self._require_told("explored")
+        with DEVICE:
+            explorer = Explorer(self.system, self.lens, self.system.backend, pixels)
+
+        def light(values: Mapping[str, float]) -> ExploredLight:
+            with DEVICE:
+                return explorer(values)
+
+        return sliders(explorer.knobs, light)
 
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.

@@ -7,16 +7,26 @@ from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, check_lines, note
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
-from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
+from optics.exchange.results import (
+    LIVE,
+    ResultFolder,
+    read_checkpoint,
+    require_room_for_live_page,
+    write_checkpoint,
+    write_live_page,
+)
+from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
+from optics.reporting.live import LiveView
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 
@@ -26,32 +36,41 @@ class _Run:
     """One design on its way.
 
     asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    live : the page that shows it, once it has begun.
     """
 
     asked: Problem
     words: Sequence[str]
     folder: ResultFolder
     clock: RunClock
+    live: LiveView
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
     history: list[Row] = field(default_factory=list)
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = RunClock(DesignProgress())
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    live = LiveView(partial(write_live_page, folder.path))
+    clock = RunClock(DesignProgress(watch=live))
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
     system = system_of(options)
     problem = system.problem
-    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run = _Run(problem, options.words, folder, clock)
+    run = _Run(problem, options.words, folder, clock, live)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
+        if options.live:
+            require_room_for_live_page(folder.path, options.force)
         try:
             return _designed(run, system, options)
-        except KeyboardInterrupt:
-            run.notes(_what_is_kept(run))
+        except BaseException as error:
+            ended = "the run has ended without a result; the terminal says why"
+            if isinstance(error, KeyboardInterrupt):
+                ended = _what_is_kept(run)
+                run.notes(ended)
+            live.stop(ended)
             raise
 
 
@@ -74,14 +93,19 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
+        if options.live:
+            run.live.begin(resolved.title, state.history if state else ())
+            show_in_browser(run.folder.path / LIVE)
+
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
+        design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, run.live.watching)
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
+        run.live.done()
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from .explored_light import ExploredLight, Explorer
     from .other_light import other_source, relit
+    from .slider_box import sliders
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
