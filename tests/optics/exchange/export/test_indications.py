@@ -3,9 +3,8 @@
 import pytest
 
 from optics.base.runtime import UserError
-from optics.exchange.export.indications import TABLES, indications_of
+from optics.exchange.export.indications import indications_of
 from optics.exchange.export.sheet_facts import SheetFacts, rounded_down
-from optics.interface.commands.arguments import parsers
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
@@ -62,11 +61,6 @@ def test_a_gate_beside_the_dome_stands_beside_both_apertures(dome):
     assert indications_of(dome, "moulded", {"gate": "0,-11.5"})
     with pytest.raises(UserError, match="the point 6,0 lies in the clear aperture of the rear"):
         indications_of(dome, "moulded", {"gate": "6,0"})  # outside that of the front
-
-
-def test_the_parser_knows_the_manners():
-    (manner,) = (a for a in parsers()[1]["sheet"]._actions if a.dest == "manner")
-    assert tuple(manner.choices) == tuple(TABLES)
 
 
 @pytest.mark.parametrize(
