@@ -110,6 +110,11 @@ class ResultFolder:
 
         Raises UserError : it is not whole, a file is damaged, or files of several runs lie here.
         """
+        if self.path.is_file():
+            raise UserError(
+                f"{self.path} is not a result folder but a file; of a lens in STEP or lens.json one is made "
+                f"by `thbcad design PROBLEM.toml --lens {self.path}`"
+            )
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
         if not taken:

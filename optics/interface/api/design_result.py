@@ -20,12 +20,12 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import other_source, relit
+from optics.interface.relighting import given_lens, other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
@@ -82,6 +82,18 @@ class Design(DesignRecord):
             interrupted=interrupted,
             levels=tuple(levels),
         )
+
+    @classmethod
+    def of_lens(cls, problem: Problem, lens: Lens) -> Design:
+        """Return a lens that is there already, such as `refit` makes of another program's, as a design for
+        the light of a problem: nothing is optimised.
+
+        problem : source, target and limits; the shape that its table [lens] describes gives way to `lens`.
+
+        Raises UserError : a problem with [[element]]; a lens that does not go with the light.
+        """
+        asked, lens = given_lens(problem, lens)
+        return cls(asked=asked, system=solvable_system(asked), lens=lens)
 
     @classmethod
     def load(cls, folder: str | Path) -> Design:

@@ -108,6 +108,7 @@ def _design_options(command: CommandParser) -> None:
     command.option(
         "--from", "DIR", "start from the free surfaces of an earlier design, on their meshes", dest="earlier"
     )
+    command.option("--lens", "LENS", "lens.json, or STEP of any program: this lens as it is, not optimised")
 
 
 def _check_options(command: CommandParser) -> None:

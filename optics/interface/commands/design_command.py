@@ -9,9 +9,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from optics.base.runtime import UserError, check_lines, note
+from optics.base.runtime import UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import (
@@ -24,11 +24,17 @@ from optics.exchange.results import (
 )
 from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.problem_options import system_of
+from optics.interface.commands.problem_options import changes_of, system_of
+from optics.interface.relighting import given_lens
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.reporting.live import LiveView
-from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.problem import Problem, load_problem
+from optics.scene.system import OpticalSystem, solvable_system
+from thbcad.io import read_lens
+from thbcad.lens import Lens
+
+if TYPE_CHECKING:
+    from optics.interface.api import Written
 
 
 @dataclass(frozen=True)
@@ -57,14 +63,16 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
-    system = system_of(options)
+    if options.lens and (options.resume or options.earlier or options.live):
+        raise UserError("--lens takes a lens as it is: --resume, --from and --live are for designs")
+    system, lens = _given(options) if options.lens else (system_of(options), None)
     problem = system.problem
     run = _Run(problem, options.words, folder, clock, live)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         if options.live:
             require_room_for_live_page(folder.path, options.force)
         try:
-            return _designed(run, system, options)
+            return _designed(run, system, options, lens)
         except BaseException as error:
             ended = "the run has ended without a result; the terminal says why"
             if isinstance(error, KeyboardInterrupt):
@@ -74,12 +82,36 @@ def design(options: Namespace) -> Outcome:
             raise
 
 
-def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
+def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
+    """Return the system of the problem with the lens of --lens, and that lens.
+
+    Raises UserError : the file cannot be read or holds no lens; see `given_lens` and `solvable_system`.
+    """
+    path, problem = Path(options.lens), load_problem(options.problem, changes_of(options))
+    with reading(path):
+        if path.suffix.lower() == ".json":
+            lens = read_lens(path)
+        else:
+            from thbcad.cad import read_lens_solid  # OCCT
+
+            refit = read_lens_solid(path).refit(OpticalSystem(problem).problem.optic.known_index)
+            note(str(refit))
+            lens = refit.lens
+    problem, lens = given_lens(problem, lens)
+    return solvable_system(problem), lens
+
+
+def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens | None) -> Outcome:
     # a problem that is refused needs none of it
-    from optics.interface.api import DesignFigures, designed, helpers, prepared, write_result
+    from optics.interface.api import Design, DesignFigures, designed, helpers, prepared, write_result
 
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
+        if lens is not None:
+            solids, drawing = stack.enter_context(helpers())
+            design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
+            written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
+            return _outcome(written, system)
         ready = prepared(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
@@ -106,6 +138,10 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
         run.live.done()
+    return _outcome(written, system)
+
+
+def _outcome(written: Written, system: OpticalSystem) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(

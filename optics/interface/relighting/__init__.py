@@ -1,4 +1,4 @@
-"""Finished lenses in other light than they were designed for."""
+"""Finished lenses in other light than they were designed for, and lenses that were there before a problem."""
 
 from typing import TYPE_CHECKING
 
@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .explored_light import ExploredLight, Explorer
+    from .lens_in_problem import given_lens
     from .other_light import other_source, relit
     from .slider_box import sliders
 
