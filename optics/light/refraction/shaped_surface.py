@@ -54,7 +54,8 @@ class ShapedSurface:
         start = None
         if near is not None and self.rest.surfaces:
             start, _ = bent(self.mirror, self.indices, along, near)
-        leaving, leads = self.rest.toward(points, *wanted, near=start)
+        u, v = wanted
+        leaving, leads = self.rest.toward(points, u, v, start)
         sense = 1.0 if self.mirror or before > behind else -1.0
         normal = [sense * (before * a - behind * d) for a, d in zip(along, leaving)]
         length = np.sqrt(sum(np.square(m) for m in normal))
