@@ -117,23 +117,29 @@ def test_files_are_data():
 
 def test_only_commands_set_signal_handlers():
     """A script that imports the library keeps its own; `serve`, a helper process in its main function,
-    begins with `_end_with`, and `optics/__main__.py` is the program."""
+    begins with `obey`, and `optics/__main__.py` is the program."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
         path: [node.lineno for node in calls(path, *setters)]
         for path in PACKAGE_FILES
         if not name(path).startswith("optics/interface/commands/")
     }
-    second = ROOT / "optics/base/runtime/helper_process.py"
+    second, systems = (ROOT / "optics/base/runtime" / f"{stem}.py" for stem in ("helper_process", "systems"))
+    assert [name(path) for path, lines in found.items() if lines] == [
+        "optics/__main__.py",
+        name(second),
+        name(systems),
+    ]
     ways = {
         n.name: n
-        for n in nodes(second)
-        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "_end_with")
+        for path in (second, systems)
+        for n in nodes(path)
+        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "obey")
     }
-    assert [name(path) for path, lines in found.items() if lines] == ["optics/__main__.py", name(second)]
-    assert all(any(w.lineno < line <= w.end_lineno for w in ways.values()) for line in found[second])
+    for path, way in ((second, ways["serve"]), (systems, ways["obey"])):
+        assert all(way.lineno < line <= way.end_lineno for line in found[path])
     assert [name(path) for path in PACKAGE_FILES if list(calls(path, "serve"))] == []
-    (start,) = (call.lineno for path in PACKAGE_FILES for call in calls(path, "_end_with"))
+    (start,) = (call.lineno for path in PACKAGE_FILES for call in calls(path, "obey"))
     assert ways["serve"].lineno < start <= ways["serve"].end_lineno
 
 

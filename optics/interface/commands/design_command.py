@@ -7,7 +7,6 @@ from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, check_lines, note
@@ -15,7 +14,7 @@ from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.problem_options import system_of
+from optics.interface.commands.problem_options import result_path, system_of
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
@@ -45,7 +44,7 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
     system = system_of(options)
     problem = system.problem
-    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    folder = ResultFolder(result_path(options))
     run = _Run(problem, options.words, folder, clock)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         try:
