@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from tests.cases import ROOT
-from tests.source_tree import PACKAGE_FILES, calls, name, nodes, packages
+from tests.source_tree import PACKAGE_FILES, calls, imported, name, nodes, packages, text
+from tests.without_posix import HIDDEN, MODULES
 
 HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scipy", "numpy", "skimage", "PIL"]
 
@@ -113,6 +114,44 @@ def test_files_are_data():
             call.func.id for call in calls(path, "eval", "exec", "compile") if isinstance(call.func, ast.Name)
         }
     assert {path: executed for path, executed in found.items() if executed} == {}
+
+
+def posix_names(path):
+    """Return what a file uses of `os` and `signal` that Windows lacks."""
+    wanted = {f"{module}.{name}" for module, names in HIDDEN.items() for name in names}
+    used = {
+        ast.unparse(node)
+        for node in (nodes(path) if "signal" in text(path) or "import os" in text(path) else ())
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+    }
+    return wanted & (used | imported(path))
+
+
+def test_one_file_asks_for_what_only_posix_has():
+    found = {name(path) for path in PACKAGE_FILES if packages(path) & MODULES or posix_names(path)}
+    assert found == {"optics/base/runtime/systems.py"}
+
+
+ALIKE = (
+    "'rb'",
+    "'wb'",
+    "devnull",
+    ".read_text('utf-8')",
+    ".read_text('ascii')",
+    "newline='', encoding='utf-8'",
+)
+OTHERS = ("Image.open", "os.open", "write_text")  # the last one is that of thbcad.io, which writes bytes
+
+
+def test_text_is_read_and_written_alike_on_all_systems():
+    """A text stream would have line ends and encoding of the system."""
+    found = [
+        f"{name(path)}: {ast.unparse(call)}"
+        for path in PACKAGE_FILES
+        for call in calls(path, "open", "fdopen", "read_text", "write_text")
+        if ast.unparse(call.func) not in OTHERS and not any(word in ast.unparse(call) for word in ALIKE)
+    ]
+    assert found == []
 
 
 def test_only_commands_set_signal_handlers():

@@ -22,7 +22,11 @@ def environment(tmp_path):
 def started(stack, program, environment, *arguments):
     """Start a program, and return it once it has printed a line, with the line."""
     process = subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments)], env=environment, stdout=-1, stderr=-1, text=True
+        [sys.executable, "-c", program, *map(str, arguments)],
+        env=environment,
+        stdout=-1,
+        stderr=-1,
+        text=True,
     )
     stack.callback(process.communicate)
     stack.callback(process.kill)
@@ -123,7 +127,21 @@ def test_without_posix_a_helper_process_tidies_up_and_ends_with_the_first(tmp_pa
         pytest.fail("the helper process goes on")
 
 
-NAMES = ["CON", "nul", "Com1", "LPT9.front", "aux .x", "L1.", "L1 ", "a:b", 'a"b', "a/b", "a\\b", "a\tb", "what?"]
+NAMES = [
+    "CON",
+    "nul",
+    "Com1",
+    "LPT9.front",
+    "aux .x",
+    "L1.",
+    "L1 ",
+    "a:b",
+    'a"b',
+    "a/b",
+    "a\\b",
+    "a\tb",
+    "what?",
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,5 +1,6 @@
 """A design where the packages find what Windows has: no fcntl, no resource, few signals."""
 
+import json
 import subprocess
 import sys
 
@@ -19,6 +20,8 @@ def test_a_design_needs_no_posix_and_has_the_same_bytes(tmp_path, golden):
         text=True,
     )
     assert (done.returncode, done.stderr) == (golden.code, "")
+    (out / ".lock").unlink()  # filelock takes it away on Windows only
     assert {p.name for p in out.iterdir()} == {p.name for p in golden.path.iterdir()}
+    assert json.loads((out / "result.json").read_text("utf-8"))["ok"]
     for name in ("lens.step", "lens.json", "problem.toml", "verify.json"):
         assert (out / name).read_bytes() == (golden.path / name).read_bytes()
