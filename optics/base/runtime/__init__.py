@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from .garbage import collect_rarely
     from .helper_process import HelperProcess, ProcessEnded, load, process_for, serve
     from .llvm import load_llvm
-    from .locks import Held, file_lock, require_free
     from .lost_interrupts import lost_interrupts_again
     from .order_free_sums import OrderFreeSums
     from .progress import Phase, Progress, ProgressEvent
-    from .systems import address_limit, limit_memory, machine_memory, peak_mb, usable_cores
+    from .systems import POSIX, address_limit, flocked, limit_memory, machine_memory, peak_mb, usable_cores
     from .user_files import read_at_most, reading, require_file_name, require_regular_file
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
