@@ -85,8 +85,10 @@ QUICK = \
 	tests/optics/designing/progress \
 	tests/optics/scene/ray_files \
 	tests/optics/interface/relighting \
+	tests/optics/reporting/live/test_live.py \
 	tests/optics/reporting/report/test_html.py \
 	tests/optics/exchange/results \
+	tests/optics/exchange/packs/test_dense_points.py \
 	tests/optics/scene/receivers \
 	tests/optics/base/runtime \
 	tests/benchmarks/test_quoted_numbers.py \

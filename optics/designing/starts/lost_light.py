@@ -11,7 +11,7 @@ from optics.designing.starts.rear_light import Floats, RearLight
 from optics.designing.transport import height_from_slopes
 from optics.light.refraction import ShapedSurface
 from optics.light.tracing import transmittances
-from optics.scene.paths import LightPath
+from optics.scene.paths import LightPath, Surface
 
 CELLS = 64  # in a direction, at most: they tell the share to a thousandth
 STEPS = 4  # of slopes and height, which depend on each other
@@ -30,6 +30,21 @@ def stretched(places: Sequence[Floats], before: RearLight, now: RearLight) -> li
     return [map_coordinates(place, grid, order=1, mode="nearest") for place in places]
 
 
+def passing_share(
+    surface: Surface, shaped: ShapedSurface, along: Sequence[Floats], slopes: Sequence[Floats]
+) -> Floats:
+    """Return the share of light that a surface sends on, by Fresnel's equations where it is bare, (nx, ny).
+
+    along : its unit directions.  slopes : of the surface.
+    """
+    (p, q, r), (sx, sy) = along, slopes
+    if surface.share is not None:
+        return np.ones_like(sx)
+    cosine = (r - p * sx - q * sy) / np.sqrt(1 + sx**2 + sy**2)
+    passing = np.mean(transmittances(*shaped.indices, np.arccos(np.clip(cosine, 0, 1)).ravel()), axis=0)
+    return np.asarray(passing.reshape(cosine.shape))
+
+
 def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[Floats]) -> float:
     """Return the share of the light that a surface loses which sends it to places of the receiver.
 
@@ -40,7 +55,7 @@ def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[
     shaped, surface = ShapedSurface.of(path, number), path.surfaces[number]
     some = tuple(slice(n // CELLS // 2, None, max(1, n // CELLS)) for n in (light.x.size, light.y.size))
     x, y = (row[part] for row, part in zip((light.x, light.y), some))
-    p, q, r = along = [d[some] for d in light.direction]
+    along = [d[some] for d in light.direction]
     flux, wanted = light.emitted(light.direction[0].shape)[some], [a[some] for a in places]
     jet = [surface.shape.conic(x[:, None], y[None, :], d) for d in ((0, 0), (1, 0), (0, 1))]
     height, base = jet[0], jet[1:]
@@ -48,8 +63,5 @@ def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[
         asked, possible = shaped.slopes((x[:, None], y[None, :], height), along, wanted)
         sx, sy = (np.where(possible & (flux > 0), s, b) for s, b in zip(asked, base))
         height = height_from_slopes(sx, sy, [x[1] - x[0], y[1] - y[0]]) + jet[0].mean()
-    if surface.share is None:
-        cosine = (r - p * sx - q * sy) / np.sqrt(1 + sx**2 + sy**2)
-        passing = np.mean(transmittances(*shaped.indices, np.arccos(np.clip(cosine, 0, 1)).ravel()), axis=0)
-        possible = possible * passing.reshape(cosine.shape)
+    possible = possible * passing_share(surface, shaped, along, (sx, sy))
     return 1 - float(np.average(possible, weights=flux))

@@ -1,12 +1,12 @@
-"""Light that lands beside its place: the density to ask for, so that the one that is wanted arrives.
+"""Light that lands beside its place, or is lost: the density to ask for, so that the one that is wanted arrives.
 
 The slopes that would send all light to its place are those of no surface, where light goes far aside.  The
 surface with the nearest slopes moves the light that is sent to y on to y + d(y).  This d hardly changes where
 light is sent a little elsewhere.  So a map to
 
-    g(y) = T(y + d(y)) det(1 + Dd(y))
+    g(y) = T(y + d(y)) det(1 + Dd(y)) / s(y)
 
-brings the density T.
+brings the density T, where the share s(y) of the light that is sent to y goes on.
 """
 
 from __future__ import annotations
@@ -20,31 +20,40 @@ from thbcad.checks import Floats
 
 CELLS_PER_BIN = 4  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
 CELLS_PER_FINE_BIN = 2
+LEAST_SHARE = 0.1  # that is made up for: with less, grazing light would take the light of all else
 FEW = 1e-3  # of the mean light of a bin: with less its d is that of the nearest other
 SAMPLES = 2  # of a cell in each direction
 
 
 def prewarped(
-    wanted: Floats, sent: Sequence[Floats], beside: Sequence[Floats], light: Floats, fine: bool = False
+    wanted: Floats,
+    sent: Sequence[Floats],
+    beside: Sequence[Floats],
+    light: Floats,
+    fine: bool = False,
+    share: Floats | None = None,
 ) -> Floats:
     """Return the density to ask for, (nx, ny), of any scale.
 
     wanted : T, (nx, ny), its cell means over the target.
     sent : two arrays (mx, my), where the light of source cells is sent, the target being [-1, 1]^2.
     beside : two such arrays, d.  light : (mx, my), flux of the source cells.
-    fine : d is as uneven as the picture.
+    fine : d is as uneven as the picture.  share : (mx, my), of the light that goes on; None is all.
     """
     bins = [-(-n // (CELLS_PER_FINE_BIN if fine else CELLS_PER_BIN)) for n in wanted.shape]
     samples = [SAMPLES * n for n in wanted.shape]
-    cells = [
-        zoom(d, [m / k for m, k in zip(samples, bins)], order=1, mode="nearest", grid_mode=True) * (n / 2)
-        for d, n in zip(_binned(sent, beside, light, bins), samples)
+    smooth = [
+        zoom(d, [m / k for m, k in zip(samples, bins)], order=1, mode="nearest", grid_mode=True)
+        for d in _binned(sent, [*beside, *([] if share is None else [share])], light, bins)
     ]
+    cells = [d * (n / 2) for d, n in zip(smooth, samples)]
     row, column = (np.floor(d + k + 0.5).astype(int) // SAMPLES for d, k in zip(cells, np.indices(samples)))
     on_target = (row >= 0) & (row < wanted.shape[0]) & (column >= 0) & (column < wanted.shape[1])
     arriving = np.where(on_target, wanted[np.where(on_target, row, 0), np.where(on_target, column, 0)], 0.0)
     (xx, xy), (yx, yy) = (np.gradient(d) for d in cells)
     asked = arriving * np.maximum((1 + xx) * (1 + yy) - xy * yx, 0.0)
+    if share is not None:
+        asked /= np.maximum(smooth[2], LEAST_SHARE)
     return np.asarray(asked.reshape(wanted.shape[0], SAMPLES, wanted.shape[1], SAMPLES).mean(axis=(1, 3)))
 
 

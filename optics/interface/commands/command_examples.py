@@ -27,6 +27,10 @@ EXAMPLES = {
         "thbcad export lens --out mounted.step --aperture 40 40 --flange 5 2 6",
         "thbcad export lens/lens.json --out surface.dat",
     ),
+    "pack": (
+        "thbcad pack exports/pearl --for zemax --out pearl_zemax.zip",
+        "thbcad pack exports/pearl --for shop --out pearl_shop.zip",
+    ),
     "trace": (
         "thbcad trace lens",
         "thbcad trace lens --rays 1025 --out traced",

@@ -162,11 +162,11 @@ def check_page(
     return f"{page_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
 
 
-def page_head(title: str) -> str:
-    """Return the begin of a page, up to its title; title : HTML."""
+def page_head(title: str, more: str = "") -> str:
+    """Return the begin of a page, up to its title; title : HTML.  more : elements of its head."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f'<meta name="viewport" content="width=device-width,initial-scale=1">{more}'
         f"<title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
     )
 
