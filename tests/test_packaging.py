@@ -36,6 +36,7 @@ ARGUMENTS = {
     "pack": ["result", "--for", "shop", "--out", "pack.zip"],
     "relight": ["result", "--source", "sun"],
     "road": ["lamp.ies", "--class", "P4", "--height", "8", "--spacing", "30"],
+    "sheet": ["result", "--out", "lens.svg"],
     "tolerance": ["result"],
     "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
     "tool": ["result"],

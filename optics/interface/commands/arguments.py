@@ -9,10 +9,12 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    chord_option,
     force_option,
     problem_options,
     ray_options,
     road_options,
+    sheet_options,
     sweep_options,
     tolerance_options,
     tool_options,
@@ -215,13 +217,7 @@ def _export_options(command: CommandParser) -> None:
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
     ray_options(command)
-    command.option(
-        "--chord",
-        "MM",
-        "error that meshes and drawings may have, in mm (default: 1e-3)",
-        type=float,
-        default=1e-3,
-    )
+    chord_option(command)
     force_option(command)
 
 
@@ -301,6 +297,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         "write the lens for other programs, read it back and compare it with the exact surfaces",
         _export_options,
     ),
+    "sheet": ("write the drawing of the lens with its indications for the shop", sheet_options),
     "pack": (
         "put part, drawing, points, rays and expected light into one zip for another program or the shop",
         _pack_options,

@@ -54,7 +54,7 @@ class ShapedSurface:
         start = None
         if near is not None and self.rest.surfaces:
             start, _ = bent(self.mirror, self.indices, along, near)
-        leaving, leads = self.rest.toward(points, *wanted, start)
+        leaving, leads = self.rest.toward(points, wanted[0], wanted[1], start)
         sense = 1.0 if self.mirror or before > behind else -1.0
         normal = [sense * (before * a - behind * d) for a, d in zip(along, leaving)]
         length = np.sqrt(sum(np.square(m) for m in normal))

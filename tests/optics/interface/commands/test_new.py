@@ -19,7 +19,7 @@ from optics.scene.problem import (
     load_problem,
     problem_to_toml,
 )
-from tests.cases import EXAMPLES
+from tests.cases import EXAMPLES, ROOT
 
 
 def keys(record, prefix=""):
@@ -49,6 +49,10 @@ def test_new_prints_a_problem_that_can_be_checked(tmp_path, capsys):
     assert isinstance(problem, Problem)
     assert main(["check", str(tmp_path / "my.toml")]) == 0
     assert tomllib.loads(text)["target"]["image"] == "picture.png"
+
+
+def test_the_page_of_keys_has_what_new_prints():
+    assert (ROOT / "docs" / "every_key.toml").read_text("utf-8") == commented_problem()
 
 
 def test_every_key_is_there_and_explained(tmp_path):
