@@ -5,7 +5,7 @@
 #             costly claims; and the property tests once more, with more examples
 # make all    every test once: as `make test` and `make slow` together, without the properties twice
 # make coverage  runs the tests and prints what they cover
-# make lint   ruff and mypy
+# make lint   ruff and mypy, also for Windows and macOS
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
 # make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
@@ -144,6 +144,8 @@ lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
+	@.venv/bin/mypy --platform win32 --cache-dir .mypy_cache/win32
+	@.venv/bin/mypy --platform darwin --cache-dir .mypy_cache/darwin
 
 # A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
 docs:

@@ -27,24 +27,21 @@ FOLDERS = (
     "/usr/lib64/llvm*/lib64",
     "/usr/lib",
     "/usr/local/lib",
-    "/opt/homebrew/opt/llvm*/lib",
-    "/usr/local/opt/llvm*/lib",
-    *(os.get_exec_path() if sys.platform == "win32" else ()),
 )
-NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM*.dylib", "LLVM-C.dll")
+NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*")
 VERSION = re.compile(r"libLLVM(?:-|\.so\.|\.)(\d+)")
 BESIDE = ("unwind", "c++abi", "c++")  # what the wheel's library needs, in the order of loading
-REMEDY = {
+SEARCHED = {  # remedies of systems where Dr.Jit's own search is left alone
     "darwin": f"install LLVM {OLDEST} or newer: brew install llvm",
     "win32": f"install LLVM {OLDEST} or newer, with its folder of LLVM-C.dll on PATH",
-}.get(sys.platform, f"{pip_command('optics')} brings one, or install LLVM {OLDEST} or newer")
+}
 
 
 def load_llvm(folders: Sequence[str] = FOLDERS, wheel: str = WHEEL) -> str:
     """Load an LLVM library, name it in DRJIT_LIBLLVM_PATH, and return its path.
 
     It is the one that DRJIT_LIBLLVM_PATH names, or else the first that works: that of the wheel, then those
-    in the folders, the newest first.
+    in the folders, the newest first.  On Windows and macOS it is "", and Dr.Jit searches by itself.
 
     Raises UserError : the one that is named, or each that was found, does not load or is too old; a Dr.Jit
         that was imported before has taken one of the system's that is too old.
@@ -53,9 +50,11 @@ def load_llvm(folders: Sequence[str] = FOLDERS, wheel: str = WHEEL) -> str:
     """
     if named := os.environ.get(VARIABLE):
         if fault := _fault(named):
-            raise UserError(f"{VARIABLE} = {fault}; unset it or {REMEDY}")
+            raise UserError(f"{VARIABLE} = {fault}; unset it or {remedy()}")
         _require_usable(_of_dr_jit(), named)
         return named
+    if sys.platform in SEARCHED:
+        return ""
     faults = []
     for path in dict.fromkeys((*_in_wheel(wheel), *candidates(folders))):
         if not (fault := _fault(path)):
@@ -64,7 +63,15 @@ def load_llvm(folders: Sequence[str] = FOLDERS, wheel: str = WHEEL) -> str:
             return path
         faults.append(fault)
     require_libraries("LLVM")
-    raise UserError(f"no LLVM library that works was found ({', '.join(faults) or 'none at all'}); {REMEDY}")
+    raise UserError(
+        f"no LLVM library that works was found ({', '.join(faults) or 'none at all'}); {remedy()}"
+    )
+
+
+def remedy() -> str:
+    """Return how to come by an LLVM library on this system."""
+    brought = f"{pip_command('optics')} brings one, or install LLVM {OLDEST} or newer"
+    return SEARCHED.get(sys.platform, brought)
 
 
 def _of_dr_jit() -> int | None:

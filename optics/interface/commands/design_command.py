@@ -24,7 +24,7 @@ from optics.exchange.results import (
 )
 from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.problem_options import changes_of, system_of
+from optics.interface.commands.problem_options import changes_of, result_path, system_of
 from optics.interface.relighting import given_lens
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
 from optics.reporting.live import LiveView
@@ -56,7 +56,7 @@ class _Run:
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    folder = ResultFolder(result_path(options))
     live = LiveView(partial(write_live_page, folder.path))
     clock = RunClock(DesignProgress(watch=live))
     if options.resume and options.earlier:

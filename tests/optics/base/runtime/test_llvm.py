@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optics.base.runtime import llvm
+from optics.base.runtime import llvm, load_backend
 from optics.base.runtime.errors import UserError
 from optics.base.runtime.llvm import OLDEST, VARIABLE, WHEEL, candidates, load_llvm
 
@@ -120,6 +120,26 @@ def test_old_libraries_are_named_and_not_loaded(tmp_path, loaded):
     with pytest.raises(UserError, match=words):
         load_llvm([place(tmp_path, NAMES[:3])], NONE)
     assert loaded == []
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [("darwin", "17 or newer: brew install llvm$"), ("win32", r"with its folder of LLVM-C\.dll on PATH$")],
+)
+def test_the_search_of_drjit_is_left_alone_where_it_has_its_own(tmp_path, loaded, monkeypatch, system, words):
+    """On Windows and macOS; what is named is still looked at."""
+    monkeypatch.setattr("optics.base.runtime.llvm.sys.platform", system)
+    assert load_llvm([place(tmp_path)], NONE) == os.environ[VARIABLE] == ""
+    assert loaded == []
+    monkeypatch.setitem(os.environ, VARIABLE, str(tmp_path / NAMES[0]))
+    with pytest.raises(UserError, match=words):
+        load_llvm()
+
+
+def test_an_llvm_that_drjit_does_not_find_is_told(backend, monkeypatch):
+    monkeypatch.setattr(backend.dr, "has_backend", lambda kind: False)
+    with pytest.raises(UserError, match=r"^Dr\.Jit found no LLVM library; .*install LLVM 17 or newer"):
+        load_backend()
 
 
 def test_where_there_is_none_the_remedy_is_told(tmp_path, loaded):

@@ -184,6 +184,15 @@ def test_a_key_that_cannot_be_set_is_refused_by_name(tmp_path, capsys):
         assert line == f"thbcad: {path}: target.distance must be at least 1e-06, got -3"
 
 
+@pytest.mark.parametrize(
+    "arguments", [["design"], ["sweep", "--vary", "target.distance=[60, 70]"]], ids=" ".join
+)
+def test_a_folder_is_not_named_after_a_file_whose_name_windows_refuses(arguments, tmp_path, capsys):
+    line = refused(capsys, *arguments, write_problem(tmp_path, name="a:b.toml"))
+    assert line.startswith("thbcad: the problem file 'a:b")
+    assert line.endswith("Windows does not take: ':' in it; choose a folder with --out")
+
+
 def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
     path = write_problem(tmp_path)
     assert main(["check", str(path), "--set", "title=other title", "--set", "lens.thickness=7"]) == 0
