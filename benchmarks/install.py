@@ -25,7 +25,6 @@ from optics.base.runtime import UserError
 from thbcad.doors import EXTRAS, LIBRARIES
 
 MB = 1e6
-MIRROR = "http://deb.debian.org/debian"
 SYSTEMS = ("bookworm", "trixie")
 HEAVY = 50.0  # MB installed: a package that has a row
 USER = "1000:1000"
@@ -128,7 +127,7 @@ def _bare(folder: Path, system: str, wheel: Path) -> list[Row]:
     """Return the rows of a bare Debian: each way of installing, and one with a broken LLVM of the system."""
     root = folder / system
     packages = ",".join(("python3-venv", *LIBRARIES.values()))
-    _run(["debootstrap", "--variant=minbase", f"--include={packages}", system, str(root), MIRROR])
+    _run(["debootstrap", "--variant=minbase", f"--include={packages}", system, str(root)])
     for path in (root / LINK).parent.glob("libLLVM*"):  # of the driver of OpenGL
         path.unlink()
     running = _chroot(root, "python3 -c \"import sys; print(*sys.version_info[:2], sep='.')\"").strip()
