@@ -5,7 +5,7 @@
 #             costly claims; and the property tests once more, with more examples
 # make all    every test once: as `make test` and `make slow` together, without the properties twice
 # make coverage  runs the tests and prints what they cover
-# make lint   ruff and mypy
+# make lint   ruff and mypy, also for Windows and macOS
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
 # make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
@@ -85,8 +85,10 @@ QUICK = \
 	tests/optics/designing/progress \
 	tests/optics/scene/ray_files \
 	tests/optics/interface/relighting \
+	tests/optics/reporting/live/test_live.py \
 	tests/optics/reporting/report/test_html.py \
 	tests/optics/exchange/results \
+	tests/optics/exchange/packs/test_dense_points.py \
 	tests/optics/scene/receivers \
 	tests/optics/base/runtime \
 	tests/benchmarks/test_quoted_numbers.py \
@@ -142,6 +144,8 @@ lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
+	@.venv/bin/mypy --platform win32 --cache-dir .mypy_cache/win32
+	@.venv/bin/mypy --platform darwin --cache-dir .mypy_cache/darwin
 
 # A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
 docs:

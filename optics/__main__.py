@@ -35,7 +35,8 @@ def _run() -> int:
 
     collect_rarely()
     if isinstance(sys.stdout, TextIOWrapper):  # None where it is closed
-        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: a locale may lack a title's letters
+        # as stderr: a locale may lack a title's letters; the same bytes on all systems
+        sys.stdout.reconfigure(errors="backslashreplace", newline="\n")
     code = main()
     gc.freeze()  # else Python searches all that is loaded three more times before it ends: 0.3 s
     return code

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from optics.base.runtime import load_backend
+from optics.base.runtime import load_backend, load_llvm
 from tests.cases import ROOT
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -45,6 +45,11 @@ def narrow_kernels():
     cpu.restype = features.restype = ctypes.c_char_p
     if width() > 8:
         dr["_Z19jit_llvm_set_targetPKcS0_j"](cpu(), features(), 8)
+
+
+def pytest_configure():
+    """Dr.Jit takes an LLVM when it is imported, as tests that need Mitsuba do while they are collected."""
+    load_llvm()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -36,8 +36,8 @@ WINGS = {
     "light": ["intersections measuring refraction roads", "tracing", "blur", "analysis engines", "outgoing"],
     "designing": ["etendue penalties transport", "starts", "optimisation", "prediction progress"],
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
-    "exchange": ["results verification", "export mitsuba", "assemblies cross_checks"],
-    "reporting": ["report view", "figures"],
+    "exchange": ["results verification", "export mitsuba", "assemblies cross_checks packs"],
+    "reporting": ["report view", "figures live"],
     "interface": ["relighting", "api", "sweeps", "commands"],
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second

@@ -9,7 +9,7 @@ import pytest
 
 import thbcad
 from tests.source_tree import FILES, MODULES, ROOT, calls, door_table, module_of, name, tree
-from thbcad.doors import MissingPackage, loaded, stand_in
+from thbcad.doors import WHEELS, MissingPackage, loaded, not_installed, stand_in
 
 PAGE_IMPORT = re.compile(r"^from ((?:thbcad|optics)\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
 DOORS = [p for p in FILES if door_table(p)]
@@ -88,6 +88,28 @@ def test_a_stand_in_is_what_it_stands_for_once_that_can_be_imported():
     assert line is stand_in("thbcad.splines", "line") is not thbcad.line
     assert line([0.0], [2.0])([0.5]).tolist() == [[1.0]]
     assert knots.uniform(2, 3).dim == knots(2, [0, 0, 0, 1, 2, 3, 3, 3]).dim == 5
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "packages"),
+    [
+        ("Linux", "x86_64", []),
+        ("Windows", "AMD64", []),
+        ("Darwin", "arm64", []),
+        ("Darwin", "x86_64", ["drjit"]),
+        ("Linux", "aarch64", ["OCP", "lib3mf"]),
+        ("Windows", "ARM64", ["drjit", "OCP", "lib3mf"]),
+    ],
+)
+def test_a_system_without_wheels_is_told_so(system, machine, packages, monkeypatch):
+    monkeypatch.setattr("platform.system", lambda: system)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    lacking = [
+        p for p in WHEELS if not_installed([p], "optics").startswith(f"{p} is not installed, and there are")
+    ]
+    assert lacking == packages
+    words = not_installed(["matplotlib", *WHEELS], "optics")
+    assert words.endswith(" only" if packages else '; pip install "thbcad[optics]"')
 
 
 def test_shared_libraries_that_are_missing_are_named_with_their_packages(monkeypatch):

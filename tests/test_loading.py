@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from tests.cases import ROOT
-from tests.source_tree import PACKAGE_FILES, calls, name, nodes, packages
+from tests.source_tree import PACKAGE_FILES, calls, imported, name, nodes, packages, text
+from tests.without_posix import HIDDEN, MODULES
 
 HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scipy", "numpy", "skimage", "PIL"]
 
@@ -115,25 +116,69 @@ def test_files_are_data():
     assert {path: executed for path, executed in found.items() if executed} == {}
 
 
+def posix_names(path):
+    """Return what a file uses of `os` and `signal` that Windows lacks."""
+    wanted = {f"{module}.{name}" for module, names in HIDDEN.items() for name in names}
+    used = {
+        ast.unparse(node)
+        for node in (nodes(path) if "signal" in text(path) or "import os" in text(path) else ())
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+    }
+    return wanted & (used | imported(path))
+
+
+def test_one_file_asks_for_what_only_posix_has():
+    found = {name(path) for path in PACKAGE_FILES if packages(path) & MODULES or posix_names(path)}
+    assert found == {"optics/base/runtime/systems.py"}
+
+
+ALIKE = (
+    "'rb'",
+    "'wb'",
+    "devnull",
+    ".read_text('utf-8')",
+    ".read_text('ascii')",
+    "newline='', encoding='utf-8'",
+)
+OTHERS = ("Image.open", "os.open", "write_text")  # the last one is that of thbcad.io, which writes bytes
+
+
+def test_text_is_read_and_written_alike_on_all_systems():
+    """A text stream would have line ends and encoding of the system."""
+    found = [
+        f"{name(path)}: {ast.unparse(call)}"
+        for path in PACKAGE_FILES
+        for call in calls(path, "open", "fdopen", "read_text", "write_text")
+        if ast.unparse(call.func) not in OTHERS and not any(word in ast.unparse(call) for word in ALIKE)
+    ]
+    assert found == []
+
+
 def test_only_commands_set_signal_handlers():
     """A script that imports the library keeps its own; `serve`, a helper process in its main function,
-    begins with `_end_with`, and `optics/__main__.py` is the program."""
+    begins with `obey`, and `optics/__main__.py` is the program."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
         path: [node.lineno for node in calls(path, *setters)]
         for path in PACKAGE_FILES
         if not name(path).startswith("optics/interface/commands/")
     }
-    second = ROOT / "optics/base/runtime/helper_process.py"
+    second, systems = (ROOT / "optics/base/runtime" / f"{stem}.py" for stem in ("helper_process", "systems"))
+    assert [name(path) for path, lines in found.items() if lines] == [
+        "optics/__main__.py",
+        name(second),
+        name(systems),
+    ]
     ways = {
         n.name: n
-        for n in nodes(second)
-        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "_end_with")
+        for path in (second, systems)
+        for n in nodes(path)
+        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "obey")
     }
-    assert [name(path) for path, lines in found.items() if lines] == ["optics/__main__.py", name(second)]
-    assert all(any(w.lineno < line <= w.end_lineno for w in ways.values()) for line in found[second])
+    for path, way in ((second, ways["serve"]), (systems, ways["obey"])):
+        assert all(way.lineno < line <= way.end_lineno for line in found[path])
     assert [name(path) for path in PACKAGE_FILES if list(calls(path, "serve"))] == []
-    (start,) = (call.lineno for path in PACKAGE_FILES for call in calls(path, "_end_with"))
+    (start,) = (call.lineno for path in PACKAGE_FILES for call in calls(path, "obey"))
     assert ways["serve"].lineno < start <= ways["serve"].end_lineno
 
 

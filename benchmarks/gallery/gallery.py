@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.checkout import BUILD, EXAMPLES, ROOT
 from benchmarks.designs.design_run import DesignRun, rel_l2_row, run_design
-from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, commands, page_text
+from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, UNIFORMITY, commands, page_text
 from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
 from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
@@ -56,8 +56,10 @@ def _designed(lens: Shown) -> DesignRun:
 
 
 def _rows(name: str, run: DesignRun) -> list[Row]:
+    least = (run.metrics.get("uniformity") or {}).get("min_over_mean")
     return [
         rel_l2_row(f"{name}: {ERROR}", run.metrics),
+        *([] if least is None else [Row(f"{name}: {UNIFORMITY}", least)]),
         Row(f"{name}: {SECONDS}", run.seconds, "s"),
         Row(f"{name}: {LIGHT}", run.metrics["efficiency"]),
         Row(f"{name}: {FUNCTIONS}", run.metrics["dof"]),

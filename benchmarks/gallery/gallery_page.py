@@ -8,9 +8,10 @@ from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.rows.quoted_numbers import refreshed
 from benchmarks.rows.stored_rows import StoredRows
 
-SECONDS, ERROR, LIGHT, FUNCTIONS = (
+SECONDS, ERROR, UNIFORMITY, LIGHT, FUNCTIONS = (
     "process start to verified result",
     "rel_l2",
+    "U0",
     "light on the target",
     "degrees of freedom",
 )
@@ -26,6 +27,7 @@ problem file. `make gallery` designs all of them, and writes this page and its p
   [benchmarks](benchmarks.md#gallery) names.
 - The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.
+- U0 is the least over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
 - Long distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
@@ -39,16 +41,19 @@ it in a browser.
 
 def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
-    head = ["lens", "source", "target", "free", "error", "light on the target", "time"]
-    rows = [_row(lens) for lens in LENSES]
-    table = _table([head, *rows], "|---" * 4 + "|---:" * 3)
+    head = ["lens", "source", "target", "free", "error", "U0", "light on the target", "time"]
+    uniform = {row["name"].partition(": ")[0] for row in stored["gallery"].rows if UNIFORMITY in row["name"]}
+    rows = [_row(lens, lens.name in uniform) for lens in LENSES]
+    table = _table([head, *rows], "|---" * 4 + "|---:" * 4)
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
 
 
-def _row(lens: Shown) -> list[str]:
+def _row(lens: Shown, uniform: bool) -> list[str]:
     words = [f"[{lens.title}]({_anchor(lens)})", lens.source, lens.target, lens.free]
-    marks = ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SECONDS, "0.0 s"))
-    return [*words, *(_mark(lens, row, like) for row, like in marks)]
+    error, light, seconds = (
+        _mark(lens, row, like) for row, like in ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SECONDS, "0.0 s"))
+    )
+    return [*words, error, _mark(lens, UNIFORMITY, "0.00") if uniform else "", light, seconds]
 
 
 def _contact_sheet() -> str:

@@ -7,14 +7,13 @@ that is not; its full name is "name of that row > its own name".
 from __future__ import annotations
 
 import json
-import os
 import platform
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, machine_memory, usable_cores
 from thbcad.io import json_text, write_text
 
 KEYS = ("name", "value", "unit", "reference", "limit", "ok", "basis")
@@ -177,8 +176,8 @@ def machine_facts() -> dict[str, str | int]:
     """Return processor, cores (that this process may use), memory in GiB, system and Python."""
     return {
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)),
-        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
+        "cores": usable_cores(),
+        "memory_gib": round(machine_memory() / 2**30),
         "system": _system(),
         "python": platform.python_version(),
     }

@@ -104,7 +104,9 @@ def hatching(outline: Floats) -> list[Stroke]:
     return lines
 
 
-def tables(lens: Lens, product: Product, scale: float, bound: float, outlines: tuple[str, str]) -> Marks:
+def tables(
+    lens: Lens, product: Product, scale: float, bound: float, outlines: tuple[str, str], paper: str
+) -> Marks:
     """Return frame, table and title block; outlines : the sizes of front and rear, "" where whole."""
     left, low = MARGINS
     right, top = PAPER[0] - MARGINS[1], PAPER[1] - MARGINS[1]
@@ -125,7 +127,7 @@ def tables(lens: Lens, product: Product, scale: float, bound: float, outlines: t
         marks += [Label(_cut(row), (x + 2, y - (n + 1) * ROW), SMALL) for n, row in enumerate(rows)]
         if k:
             marks.append(line((x, low), (x, low + BAND), style=Style.FRAME))
-    return [*marks, *_title(product, scale, bound, split, low)]
+    return [*marks, *_title(product, scale, bound, paper, split, low)]
 
 
 def _surface(surface: FreeformSurface, outline: str) -> list[str]:
@@ -141,12 +143,12 @@ def _surface(surface: FreeformSurface, outline: str) -> list[str]:
     return [*rows, f"spans {net.kv_u.spans} x {net.kv_v.spans}", "exact shape: the STEP file"]
 
 
-def _title(product: Product, scale: float, bound: float, x: float, low: float) -> Marks:
+def _title(product: Product, scale: float, bound: float, paper: str, x: float, low: float) -> Marks:
     right, top = x + TITLE, low + BAND
     ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
     rows = (
         (f"curves within {rounded_up(bound)} mm of the lens", 3),
-        (f"scale {ratio}    lengths in mm    A3", 2),
+        (f"scale {ratio}    lengths in mm    {paper}", 2),
         (" / ".join(text for text in (product.author, product.organization) if text) or "thbcad", 1),
     )
     marks: Marks = [Label(_cut(product.name), (x + 3, top - 10), 5.0)]

@@ -26,9 +26,10 @@ from thbcad.drawings.annotations import (
     tables,
 )
 from thbcad.drawings.curves import Style, View
-from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
+from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle, ring_of
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
-from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, number
+from thbcad.drawings.panels import WIDE, Panel
+from thbcad.drawings.sheets import TEXT, Label, PlacedView, Sheet, Stroke, line, number
 from thbcad.drawings.views import plan_view, section_view, side_view
 from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
 
@@ -46,6 +47,7 @@ def lens_sheet(
     aperture: tuple[float, float] | None = None,
     flange: Flange | None = None,
     polygon: Sequence[tuple[float, float]] | None = None,
+    panel: Panel | None = None,
 ) -> Sheet:
     """Return the drawing of a lens on an A3 sheet, at the greatest scale of ISO 5455 that it allows.
 
@@ -53,7 +55,7 @@ def lens_sheet(
     chord : mm, the error that curves may have; the sheet states what they keep.
     aperture : semi-axes (a, b), mm, to which the lens is cut.  flange : Flange.
     polygon : corners (x, y), mm, to which it is cut.  Sections of an outline beside the axis pass through its
-        middle.
+        middle.  panel : to the right of the views, which makes the sheet an A3.2 (594 x 297 mm).
 
     Raises ValueError : as `require_sound`, `section_view`, `side_view`, `require_aperture`, `require_clear`
         and `require_polygon`; a lens that no scale puts on the sheet.
@@ -68,8 +70,11 @@ def lens_sheet(
     scale = _scale(top, low)
     placed = _placed(top, low, scale)
     bound = float(max(view.bound for view in (*top, *low))) + DIGITS / scale
-    sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
-    sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", "")))
+    size, paper = (PAPER, "A3") if panel is None else (WIDE, "A3.2")
+    sheet = Sheet(product.name, size, scale, bound, tuple(placed))
+    sheet = sheet.with_(tables(lens, product, scale, bound, cut.texts if cut else ("", ""), paper))
+    if panel is not None:
+        sheet = sheet.with_([*panel.marks(), *_apertures(panel, placed, chord, scale)])
     for mark in (_captions, _hatched):
         sheet = sheet.with_(mark(placed, scale))
     sheet = sheet.with_(_axes(placed, scale, (0.0, 0.0) if cut is None else cut.planes))
@@ -147,6 +152,15 @@ def _frame(placed: PlacedView, scale: float) -> Floats:
     """Return the corners of a view on the paper, (2, 2)."""
     frame: Floats = placed.origin + scale * placed.view.box()
     return frame
+
+
+def _apertures(panel: Panel, placed: list[PlacedView], chord: float, scale: float) -> Marks:
+    """Return the clear apertures of front and rear in their plans; they have two axes of symmetry."""
+    rings = (ring_of(outline, chord)[0] for outline in panel.clear)
+    return [
+        line(*(one.origin + scale * ring), style=Style.CENTRE)
+        for one, ring in zip((placed[0], placed[3]), rings)
+    ]
 
 
 def _captions(placed: list[PlacedView], scale: float) -> Marks:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .mesh_files import obj_bytes, ply_bytes, require_single, stl_bytes, threemf_bytes
     from .parameter_curves import image_distance, turned_faces
     from .patch_deviation import patched_deviation
-    from .sag_table import cloud_text, sag_text as sag_text, table_size as table_size
+    from .sag_table import cloud_text, points_text, sag_text as sag_text, table_size as table_size
     from .spline_json import read_curve, read_surface, sag_from_dict, sag_to_dict, write_curve, write_surface
     from .step_brep import brep, brep_of_text, parse_brep as parse_brep
     from .step_text import Entity, Value, having, read_file, read_part21, rewritten

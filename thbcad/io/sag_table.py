@@ -12,6 +12,7 @@ import numpy as np
 
 from thbcad.checks import Floats, require_integer, require_type
 from thbcad.lens import FreeformSurface
+from thbcad.splines import BSplineSurface
 
 LEAST_POINTS = 5  # what OpticStudio wants per direction
 MOST_POINTS = 10_000_000
@@ -66,8 +67,14 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
 
     Raises ValueError : fewer points.
     """
-    x, y = _lines(surface, size)
-    z, zx, zy = (surface.grid(x, y, order).ravel() for order in ORDERS[:3])
+    return points_text(surface, vertex, upwards, *_lines(surface, size))
+
+
+def points_text(
+    graph: FreeformSurface | BSplineSurface, vertex: float, upwards: bool, x: Floats, y: Floats
+) -> bytes:
+    """Return the same on the grid of the lines x and y, mm.  graph : z(x, y) above z = vertex."""
+    z, zx, zy = (graph.grid(x, y, order).ravel() for order in ORDERS[:3])
     normals = np.column_stack([-zx, -zy, np.ones_like(z)]) * (1 if upwards else -1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     positions = [a.ravel() for a in np.meshgrid(x, y, indexing="ij")]

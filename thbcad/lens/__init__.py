@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         rim_heights,
         walls_of,
     )
+    from .dense_sampling import DenseGrid, dense_grid
     from .freeform_surface import FreeformSurface
     from .graph_pieces import segment
     from .lens import Lens

@@ -12,16 +12,16 @@ if TYPE_CHECKING:
         Backend,
         DrArray,
         load_backend as load_backend,
-        usable_cores,
     )
     from .checks import RESOLVED, Check, Grade, Result, check_lines, checks_of, grade, verification
     from .errors import LONGEST, NumericalError, UserError, is_text, note, printable, speaking_of
     from .garbage import collect_rarely
-    from .helper_process import HelperProcess, ProcessEnded, load, peak_mb, process_for, serve
+    from .helper_process import HelperProcess, ProcessEnded, load, process_for, serve
     from .llvm import load_llvm
     from .lost_interrupts import lost_interrupts_again
     from .order_free_sums import OrderFreeSums
     from .progress import Phase, Progress, ProgressEvent
-    from .user_files import read_at_most, reading, require_regular_file
+    from .systems import POSIX, address_limit, flocked, limit_memory, machine_memory, peak_mb, usable_cores
+    from .user_files import read_at_most, reading, require_file_name, require_regular_file
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

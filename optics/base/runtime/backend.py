@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 from importlib import import_module
-from resource import RLIMIT_AS, getrlimit
 from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optics.base.runtime.errors import UserError
 from optics.base.runtime.garbage import give_back_memory
-from optics.base.runtime.llvm import load_llvm
+from optics.base.runtime.llvm import load_llvm, remedy
+from optics.base.runtime.systems import address_limit, usable_cores
 from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
-LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
+LEAST_ROOM = (
+    768 << 20
+)  # bytes of addresses: with less LLVM fails to load, or Dr.Jit ends the process at its work
 ARRAY_TYPES = "drjit.llvm.ad"  # of the device, with derivatives: the one place that names it
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
@@ -94,10 +96,13 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     Raises UserError : no usable LLVM library.
     Raises MemoryError : too little for it.
     """
-    if 0 <= getrlimit(RLIMIT_AS)[0] < LEAST_ROOM:  # infinity is -1
+    room = address_limit()
+    if room is not None and room < LEAST_ROOM:
         raise MemoryError("there is too little room for LLVM")
     load_llvm()
     drjit = loaded("drjit")
+    if not drjit.has_backend(drjit.JitBackend.LLVM):  # where it searched by itself
+        raise UserError(f"Dr.Jit found no LLVM library; {remedy()}")
     if threads is not None:
         drjit.set_thread_count(threads or usable_cores())
     name, dtype, resolution = PRECISIONS[precision]
@@ -108,8 +113,3 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
 def _types() -> ModuleType:
     """Return the array types of the device, with derivatives."""
     return import_module(ARRAY_TYPES)
-
-
-def usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

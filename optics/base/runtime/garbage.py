@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 
 RARELY = (100_000, 20, 100)  # new objects until a search, and searches of one generation per one of the next
 
@@ -21,7 +22,7 @@ def give_back_memory() -> None:
 
     The C library keeps what is free below what is used; glibc can be asked for it.
     """
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is not None:
         trim(0)
 

@@ -14,19 +14,24 @@ import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from fcntl import F_SETFL, F_SETOWN, fcntl
+from functools import partial
 from importlib import import_module
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
-from pathlib import Path
-from resource import RUSAGE_SELF, getrusage
 from threading import Event
 from types import FrameType
 from typing import Any
 
 from optics.base.runtime.garbage import collect_and_give_back, collect_rarely
 from optics.base.runtime.lost_interrupts import lost_interrupts_again
+from optics.base.runtime.systems import (
+    background_process,
+    hear_interrupts,
+    interrupt,
+    interrupts_held,
+    obey,
+    pipe_end,
+)
 
 PROGRAM = "from optics.base.runtime import serve; serve()"
 PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
@@ -40,26 +45,19 @@ class ProcessEnded(RuntimeError):
 class HelperProcess:
     """A Python process that calls functions for this one, one after the other, as it is asked.
 
-    It ends when this process ends, however that ends, since its pipes close then: see `_end_with`.  Ctrl-C in
+    It ends when this process ends, however that ends, since its pipes close then: see `obey`.  Ctrl-C in
     a terminal does not reach it.
     """
 
     def __init__(self) -> None:
         self._pipe, theirs = Pipe()
-        alive, self._alive = Pipe(duplex=False)  # nothing is ever sent
+        alive, self._alive = Pipe(duplex=False)  # see `obey`
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
         # not before `serve` listens: Python's start would print what Ctrl-C stops
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        with theirs, alive:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno()), str(alive.fileno())],
-                env=os.environ | {"PYTHONPATH": paths},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno(), alive.fileno()],
-                process_group=0,
+        with interrupts_held(), theirs, alive:
+            self._process = background_process(
+                [sys.executable, "-P", "-c", PROGRAM], os.environ | {"PYTHONPATH": paths}, theirs, alive
             )
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
 
     def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
@@ -75,8 +73,9 @@ class HelperProcess:
 
         A package that is being loaded may swallow the first signal.
         """
-        for ask in (signal.SIGINT, signal.SIGINT, signal.SIGKILL):
-            self._process.send_signal(ask)
+        gently = partial(interrupt, self._process, self._alive)
+        for ask in (gently, gently, self._process.kill):
+            ask()
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(PATIENCE)
                 break
@@ -117,33 +116,21 @@ _KEPT: dict[str, HelperProcess] = {}
 
 def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
-    _end_with(int(sys.argv[2]))
+    obey(int(sys.argv[2]))
     collect_rarely()
     with (
         suppress(EOFError, OSError, KeyboardInterrupt),
         lost_interrupts_again(lambda: signal.SIGINT),
-        Connection(int(sys.argv[1])) as pipe,
+        pipe_end(int(sys.argv[1])) as pipe,
     ):
         signal.signal(signal.SIGINT, _stop)  # work in the background inherits no handler
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        hear_interrupts()
         while True:
             with _stopped_while_loading():  # arguments, too, may need a package
                 request = pipe.recv()
             pipe.send(_called(*request))
             collect_and_give_back()
     os._exit(0)  # to take the loaded packages down takes longer than some requests
-
-
-def _end_with(pipe: int) -> None:
-    """Let the kernel end this process when the other end of a pipe closes (Linux).
-
-    OCCT holds Python's lock for seconds: neither a thread nor a handler of Python would see it before.
-    Elsewhere what is being done is done first.
-    """
-    if sys.platform == "linux":
-        signal.signal(signal.SIGIO, signal.SIG_DFL)  # which ends the process
-        fcntl(pipe, F_SETOWN, os.getpid())
-        fcntl(pipe, F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
 
 
 def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:
@@ -186,15 +173,3 @@ def _stopped_while_loading() -> Iterator[None]:
 def load(module: str, name: str) -> None:
     """Load what a function of a module needs, before it is asked for."""
     getattr(import_module(module), name)
-
-
-def peak_mb() -> float:
-    """Return the most memory that this process held at a time, MB.
-
-    Linux writes it in /proc.  `getrusage` begins with what the process held that started this one.
-    """
-    with suppress(OSError):
-        for line in Path("/proc/self/status").read_text("utf-8").splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) / 1024
-    return getrusage(RUSAGE_SELF).ru_maxrss / 1024

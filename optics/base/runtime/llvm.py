@@ -27,41 +27,77 @@ FOLDERS = (
     "/usr/lib64/llvm*/lib64",
     "/usr/lib",
     "/usr/local/lib",
-    "/opt/homebrew/opt/llvm*/lib",
-    "/usr/local/opt/llvm*/lib",
-    *(os.get_exec_path() if sys.platform == "win32" else ()),
 )
-NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM*.dylib", "LLVM-C.dll")
+NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*")
 VERSION = re.compile(r"libLLVM(?:-|\.so\.|\.)(\d+)")
 BESIDE = ("unwind", "c++abi", "c++")  # what the wheel's library needs, in the order of loading
-REMEDY = {
+SEARCHED = {  # remedies of systems where Dr.Jit's own search is left alone
     "darwin": f"install LLVM {OLDEST} or newer: brew install llvm",
     "win32": f"install LLVM {OLDEST} or newer, with its folder of LLVM-C.dll on PATH",
-}.get(sys.platform, f"{pip_command('optics')} brings one, or install LLVM {OLDEST} or newer")
+}
 
 
 def load_llvm(folders: Sequence[str] = FOLDERS, wheel: str = WHEEL) -> str:
     """Load an LLVM library, name it in DRJIT_LIBLLVM_PATH, and return its path.
 
     It is the one that DRJIT_LIBLLVM_PATH names, or else the first that works: that of the wheel, then those
-    in the folders, the newest first.
+    in the folders, the newest first.  On Windows and macOS it is "", and Dr.Jit searches by itself.
 
-    Raises UserError : the one that is named, or each that was found, does not load or is too old.
+    Raises UserError : the one that is named, or each that was found, does not load or is too old; a Dr.Jit
+        that was imported before has taken one of the system's that is too old.
     Raises MissingPackage : none loads, and the system lacks shared libraries.
     Raises MemoryError : there is too little of it.
     """
     if named := os.environ.get(VARIABLE):
         if fault := _fault(named):
-            raise UserError(f"{VARIABLE} = {fault}; unset it or {REMEDY}")
+            raise UserError(f"{VARIABLE} = {fault}; unset it or {remedy()}")
+        _require_usable(_of_dr_jit(), named)
         return named
+    if sys.platform in SEARCHED:
+        return ""
     faults = []
     for path in dict.fromkeys((*_in_wheel(wheel), *candidates(folders))):
         if not (fault := _fault(path)):
+            _require_usable(_of_dr_jit(), path)
             os.environ[VARIABLE] = path
             return path
         faults.append(fault)
     require_libraries("LLVM")
-    raise UserError(f"no LLVM library that works was found ({', '.join(faults) or 'none at all'}); {REMEDY}")
+    raise UserError(
+        f"no LLVM library that works was found ({', '.join(faults) or 'none at all'}); {remedy()}"
+    )
+
+
+def remedy() -> str:
+    """Return how to come by an LLVM library on this system."""
+    brought = f"{pip_command('optics')} brings one, or install LLVM {OLDEST} or newer"
+    return SEARCHED.get(sys.platform, brought)
+
+
+def _of_dr_jit() -> int | None:
+    """Return the major version of the LLVM that Dr.Jit took when it was imported; None where it has none yet,
+    or its library does not tell."""
+    found = sys.modules.get("drjit")
+    if found is None or found.__file__ is None:
+        return None
+    core = Path(found.__file__).with_name("libdrjit-core.so")
+    name = "_Z16jit_llvm_versionPiS_S_"  # void jit_llvm_version(int *, int *, int *), of drjit-core/jit.h
+    if not core.exists() or not hasattr(library := ctypes.CDLL(str(core)), name):
+        return None
+    version = [ctypes.c_int(-1) for _ in range(3)]
+    library[name](*map(ctypes.byref, version))
+    return version[0].value
+
+
+def _require_usable(taken: int | None, path: str) -> None:
+    """Raise UserError where Dr.Jit has an LLVM already with which it would abort, or has looked for one in
+    vain."""
+    if taken is not None and taken < OLDEST:
+        what = f"took LLVM {taken}, too old for it" if taken > 0 else "found no LLVM that it can use"
+        raise UserError(
+            f"Dr.Jit was imported before optics and {what}; import mitsuba and drjit after "
+            f"optics.exchange.mitsuba.load_mitsuba(), or set {VARIABLE}={path} before Python starts"
+        )
 
 
 def candidates(folders: Sequence[str] = FOLDERS) -> list[str]:

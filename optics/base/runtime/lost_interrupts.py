@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Timer, main_thread
+from threading import Timer
+
+from optics.base.runtime.systems import interrupt_main
 
 LATER = 0.01  # seconds
 
@@ -24,7 +25,7 @@ def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
 
     def hook(lost: sys.UnraisableHookArgs) -> None:
         if issubclass(lost.exc_type, KeyboardInterrupt):
-            timers.append(Timer(LATER, signal.pthread_kill, (main_thread().ident, number())))
+            timers.append(Timer(LATER, interrupt_main, (number(),)))
             timers[-1].start()
         else:
             before(lost)

@@ -61,7 +61,7 @@ class Progress:
     def __init__(
         self,
         phases: Sequence[Phase],
-        show: Callable[[ProgressEvent], None],
+        show: Callable[[ProgressEvent], object],
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         self._show, self._clock = show, clock

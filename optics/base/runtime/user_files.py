@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from optics.base.runtime.errors import UserError
+
+REFUSED = re.compile(r'[<>:"/\\|?*\x00-\x1f]|[ .]$')
+DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE)
+
+
+def require_file_name(subject: str, name: str, remedy: str) -> None:
+    """Refuse a text that is no part of a file's name on every system.  subject : what has it for its name.
+
+    Raises UserError : a character or an end that Windows refuses, or the name of a device there.
+    """
+    if found := REFUSED.search(name):
+        fault = f"{found[0]!r} at its end" if found[0] in " ." else f"{found[0]!r} in it"
+    elif DEVICES.match(name):
+        fault = "it means a device"
+    else:
+        return
+    raise UserError(f"{subject} {name!r} would name files that Windows does not take: {fault}; {remedy}")
 
 
 def require_regular_file(path: str | Path, noun: str = "") -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from itertools import count
 from typing import Any, NamedTuple, Protocol
 
-from optics.base.runtime import HelperProcess, ProcessEnded
+from optics.base.runtime import HelperProcess, ProcessEnded, machine_memory
 
 
 class Worker(NamedTuple):
@@ -74,7 +73,7 @@ class LocalProcesses:
     ended: tuple[type[BaseException], ...] = (ProcessEnded,)
 
     def __init__(self, workers: int) -> None:
-        self._memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // workers
+        self._memory = machine_memory() // workers
         self._names = map(str, count())
         self._workers: dict[str, Worker] = {}
         for _ in range(workers):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import resource
 from importlib import import_module
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from optics.base.runtime import NumericalError, UserError, peak_mb
+from optics.base.runtime import NumericalError, UserError, limit_memory, peak_mb
 from optics.base.workers.lack_of_memory import lacks_memory
 from thbcad import __version__
 
@@ -45,7 +44,7 @@ def prepare(run: str, common: Any, memory: int) -> str:
     for name in THREADS:
         os.environ.setdefault(name, "1")
     if memory:
-        resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.RLIM_INFINITY))
+        limit_memory(memory)
     while len(_kept) >= MOST_KEPT:
         _kept.pop(next(iter(_kept)), None)
     _kept[run] = common

@@ -196,9 +196,9 @@ class _Run:
         """Return the task of a stage.
 
         Of sharp light that will be blurred, the target is the aim.  Its flux is what the unoptimised lens
-        sends on, but in the finish, and where the surface of a map sends on less: there it is what the present
-        lens sends on, since asking for light that cannot arrive spoils what does.  The background's flux is
-        added.
+        sends on, but in the finish, and where the surface of a map sends on less: there it is what the
+        present lens sends on, since asking for light that cannot arrive spoils what does.  The background's
+        flux is added.
         """
         system, lens = with_sags(self.system, state.sags)
         around = background(system, self.backend, lens, stage, self.axes) if stage.iterations else None

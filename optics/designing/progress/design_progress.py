@@ -113,15 +113,20 @@ class DesignProgress:
     """The progress of a design; its phases are named in the order of the run.
 
     show : called with every ProgressEvent; by default it is drawn on stderr.  clock : seconds.
+    watch : called with every one too.
     """
 
     def __init__(
-        self, show: Callable[[ProgressEvent], None] | None = None, clock: Callable[[], float] = perf_counter
+        self,
+        show: Callable[[ProgressEvent], None] | None = None,
+        clock: Callable[[], float] = perf_counter,
+        watch: Callable[[ProgressEvent], None] | None = None,
     ) -> None:
         self._drawing = None if show else drawing(sys.stderr)
         self._size = USUAL
         phases = [*USUAL.earlier(), USUAL.stage(USUAL_ITERATIONS), *USUAL.later(USUAL.dof)]
-        self._progress = Progress(phases, show or cast("Bar | Lines", self._drawing), clock)
+        shows = (show or cast("Bar | Lines", self._drawing), watch)
+        self._progress = Progress(phases, lambda event: [shown(event) for shown in shows if shown], clock)
         self._first = self._rows = 0  # of the present stage: its first evaluation, and rows so far
 
     def __enter__(self) -> DesignProgress:

@@ -63,5 +63,5 @@ def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[
         asked, possible = shaped.slopes((x[:, None], y[None, :], height), along, wanted)
         sx, sy = (np.where(possible & (flux > 0), s, b) for s, b in zip(asked, base))
         height = height_from_slopes(sx, sy, [x[1] - x[0], y[1] - y[0]]) + jet[0].mean()
-    possible = possible * passing_share(surface, shaped, along, (sx, sy))
-    return 1 - float(np.average(possible, weights=flux))
+    passing = possible * passing_share(surface, shaped, along, (sx, sy))
+    return 1 - float(np.average(passing, weights=flux))

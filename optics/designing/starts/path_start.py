@@ -9,7 +9,7 @@ each direction do in all rounds but the last.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +57,12 @@ class Picture:
     half: tuple[float, float]
     crosses: bool = False
 
+    def corners(self) -> list[Floats]:
+        """Return u and v of the corners of the pixels, (nx + 1, ny + 1) each."""
+        sides = zip(self.centre, self.half, self.flux.shape)
+        rows = (c + h * (2 * np.arange(n + 1) / n - 1) for c, h, n in sides)
+        return list(np.meshgrid(*rows, indexing="ij"))
+
     def relative(self, y: list[Floats]) -> list[Floats]:
         """Return u and v with the rectangle as [-1, 1]^2."""
         return [(a - c) / h for a, c, h in zip(y, self.centre, self.half)]
@@ -94,7 +100,7 @@ def shaped_along(
     assert shape.sag is not None
     space = shape.sag.space
     sag, asked, chart = THBSurface(space, np.zeros(space.dim)), wanted, None
-    settled = False
+    settled, needed = False, None
     for left in reversed(range(MOST_ROUNDS)):
         grid = counts if settled or not left else _halved(counts)
         coarse, fine = _meshes(space, grid, finest)
@@ -103,10 +109,12 @@ def shaped_along(
         if chart is None:
             height = shape.conic(light.x[:, None], light.y[None, :]) + first
             chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
-        sent = _sent(backend, light, chart, asked, grid)
+            corners = chart.to(wanted.corners())
+        sent = _sent(backend, light, chart, corners, asked, grid)
         for mesh in [coarse] * COARSE_FITS + [fine]:
             points, slopes = _jet(shape.with_sag(sag), light)
-            needed, possible = shaped.slopes(points, light.direction, sent)
+            near = slopes if needed is None or needed[0].shape != grid else needed
+            needed, possible = shaped.slopes(points, light.direction, sent, near)
             known = possible & (light.weight > LEAST_WEIGHT)
             conic = _jet(FreeformSurface(shape.half_width, shape.conic), light)[1]
             # elsewhere slopes go on as coarse fits let them; a fine one then takes all alike, which is quick
@@ -159,13 +167,17 @@ def _difference(one: Picture, other: Picture | None = None) -> float:
 
 
 def _sent(
-    backend: Backend, light: RearLight, chart: TransportChart, asked: Picture, counts: tuple[int, int]
+    backend: Backend,
+    light: RearLight,
+    chart: TransportChart,
+    q: Sequence[Floats],
+    asked: Picture,
+    counts: tuple[int, int],
 ) -> list[Floats]:
-    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each."""
-    rows = (
-        c + h * (2 * np.arange(n + 1) / n - 1) for c, h, n in zip(asked.centre, asked.half, asked.flux.shape)
-    )
-    q = chart.to(np.meshgrid(*rows, indexing="ij"))
+    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each.
+
+    q : of the corners of the picture's pixels on the chart.
+    """
     box = [(float(a.min()), float(a.max())) for a in q]
     density = stretched(picture_on(backend, q, asked.flux, box, counts))
     halves = [(high - low) / 2 for low, high in box]

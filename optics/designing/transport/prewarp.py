@@ -1,4 +1,4 @@
-"""Light that lands beside its place, or is lost: the density to ask for, so that the one that is wanted arrives.
+"""The density to ask for where light lands beside its place, or is lost, so that the one wanted arrives.
 
 The slopes that would send all light to its place are those of no surface, where light goes far aside.  The
 surface with the nearest slopes moves the light that is sent to y on to y + d(y).  This d hardly changes where

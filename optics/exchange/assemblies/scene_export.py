@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -15,6 +17,7 @@ from thbcad.cad.exchange import (
     PlacedShape,
     conic_faces,
     part_of,
+    product_of,
     read_scene,
     scene_step,
     sheet_part,
@@ -23,12 +26,11 @@ from thbcad.cad.exchange import (
 from thbcad.cad.shapes import Part
 from thbcad.io import read_file, write_bytes
 from thbcad.lens import FreeformSurface, Lens, Product
-from thbcad.moulds import Made
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 
-Body: TypeAlias = tuple[Made | Part, Product, Pose]
+Body: TypeAlias = tuple[Part, Product, Pose]
 
 THIN = 0.1  # mm, of source and screen
 POINT = 0.5  # mm, half the width of a source without extent
@@ -37,19 +39,31 @@ METRE = 1000.0
 SPANS = 16  # of a curved screen in each direction
 
 
-def export_scene(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
-    """Write the elements of a scene as one assembly, and return its `scene_checks`.
+def export_scene(
+    system: OpticalSystem,
+    lens: Lens,
+    path: Path,
+    staged: bool = False,
+    files: Mapping[str, Path] = MappingProxyType({}),
+) -> list[Check]:
+    """Write the elements of a scene as one assembly, and return its checks, as `scene_checks`.
 
     staged : with source and screen as thin parts.
+    files : of the elements by name, where they are written already in the schema of the problem.
 
     Raises UserError : the body of an element cannot be made.
     """
-    bodies = _bodies(system, lens, staged)
     try:
-        write_bytes(path, scene_step(bodies, system.product, system.problem.export.schema))
+        bodies = _bodies(system, lens, staged)
+        parts = [
+            (files[product.name].read_bytes() if product.name in files else part, product, pose)
+            for part, product, pose in bodies
+        ]
+        written = scene_step(parts, system.product, system.problem.export.schema)
     except ValueError as error:
         raise UserError(f"cannot write the STEP file of the scene: {error}") from None
-    return scene_checks(system, lens, path, staged)
+    write_bytes(path, written)
+    return _checks(bodies, path)
 
 
 def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
@@ -58,8 +72,11 @@ def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = F
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
     """
     read_file(path)  # a file that is cut off or damaged never reaches OCCT
-    found, bodies = read_scene(path), _bodies(system, lens, staged)
-    names = [product.name for _, product, _ in bodies]
+    return _checks(_bodies(system, lens, staged), path)
+
+
+def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:
+    found, names = read_scene(path), [product.name for _, product, _ in bodies]
     checks = [Check.none_of("scene: parts that are not those named", [part.name for part in found] != names)]
     for part, (body, product, pose) in zip(found, bodies):
         checks += [_place_check(part, pose, product.name), _number_check(part, body, product.name)]
@@ -67,7 +84,7 @@ def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = F
 
 
 def _bodies(system: OpticalSystem, lens: Lens, staged: bool) -> list[Body]:
-    bodies: list[Body] = [(part.made, part.product, part.pose) for part in scene_parts(system, lens)]
+    bodies = [(part_of(p.made), product_of(p.made, p.product), p.pose) for p in scene_parts(system, lens)]
     return [_source(system), *bodies, *_screen(system)] if staged else bodies
 
 
@@ -79,10 +96,9 @@ def _place_check(part: PlacedShape, pose: Pose, name: str) -> Check:
     return Check(f"scene: distance of {name} from its place", off, limit, "mm")
 
 
-def _number_check(part: PlacedShape, body: Made | Part, name: str) -> Check:
+def _number_check(part: PlacedShape, body: Part, name: str) -> Check:
     """Return the check of the numbers of all faces that are splines, or conics that light meets."""
-    solid = (body if isinstance(body, Part) else part_of(body)).solid
-    pairs = [[*spline_faces(shape), *conic_faces(shape)] for shape in (part.shape, solid)]
+    pairs = [[*spline_faces(shape), *conic_faces(shape)] for shape in (part.shape, body.solid)]
     off = sum(differing_numbers(*pair) for pair in zip(*pairs)) + abs(len(pairs[0]) - len(pairs[1]))
     return Check.none_of(f"scene: numbers of {name} that differ from those in memory", off)
 
@@ -93,7 +109,8 @@ def _source(system: OpticalSystem) -> Body:
     half = source.half_width if min(source.half_width) > 0 else (POINT, POINT)
     corners = half if source.profile in ("round", "round_gaussian") else (0.0, 0.0)
     face = FreeformSurface(half, Conic(np.inf, 0.0), None, corners)
-    return Lens(face, face, THIN, 1.5), Product("source"), Pose.at((0.0, 0.0, -source.distance - THIN))
+    plate = part_of(Lens(face, face, THIN, 1.5))
+    return plate, Product("source"), Pose.at((0.0, 0.0, -source.distance - THIN))
 
 
 def _screen(system: OpticalSystem) -> list[Body]:

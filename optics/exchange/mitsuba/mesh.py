@@ -25,6 +25,7 @@ from optics.exchange.mitsuba.loading import mitsuba_backend
 from optics.exchange.mitsuba.surface_vertices import Jet, SurfaceVertices, jet_operation
 from thbcad.checks import Floats, Integers, read_only
 from thbcad.lens import Lens, rim_indices, tessellated
+from thbcad.poses import IDENTITY, Pose
 from thbcad.splines import KnotVector
 
 FACES = ("front", "rear", "edges")
@@ -35,6 +36,7 @@ class LensMesh:
     """The faces of a closed lens as triangles over a product grid of vertices.
 
     s, t : relative positions of the grid lines in x and y, rising from -1 to 1.
+    pose : from the lens's own frame to the scene's.  called : its name there, "" of a lens alone.
 
     Raises ValueError : s or t that do not rise from -1 to 1.
     """
@@ -42,6 +44,8 @@ class LensMesh:
     lens: Lens
     s: Floats
     t: Floats
+    pose: Pose = IDENTITY
+    called: str = ""
 
     def __post_init__(self) -> None:
         for name in ("s", "t"):
@@ -85,6 +89,16 @@ class LensMesh:
         return {name: sag.coefficients for name, sag in sags.items() if sag is not None}
 
     @property
+    def points(self) -> Floats:
+        """The vertices of front and rear in the scene's frame, (3, n) mm."""
+        own = [(*surface.positions, surface.jet()[0]) for surface in self.surfaces.values()]
+        return np.asarray(self.pose.points(np.concatenate([np.stack(rows) for rows in own], axis=1)))
+
+    def named(self, face: str) -> str:
+        """Return the name of "front", "rear" or "edges" in a scene."""
+        return f"{self.called}_{face}" if self.called else face
+
+    @property
     def rim(self) -> Integers:
         """Numbers of the rim's vertices, counter-clockwise seen from +z."""
         return rim_indices(len(self.s), len(self.t))
@@ -114,7 +128,8 @@ class LensMesh:
         z, zx, zy = jet or (backend.array(row) for row in surface.jet())
         outward = (1.0 if name == "rear" else -1.0) * backend.dr.rsqrt(1 + zx * zx + zy * zy)
         x, y = (backend.array(row) for row in surface.positions)
-        return mitsuba.Point3f(x, y, z), mitsuba.Normal3f(-zx * outward, -zy * outward, outward)
+        normal = self.pose.directions((-zx * outward, -zy * outward, outward))
+        return mitsuba.Point3f(*self.pose.points((x, y, z))), mitsuba.Normal3f(*normal)
 
     def jet(self, mitsuba: ModuleType, name: str, coefficients: DrArray) -> Jet:
         """Return heights and slopes of a surface, differentiable in the coefficients, Float64 (dim,)."""
@@ -122,7 +137,7 @@ class LensMesh:
         return backend.dr.custom(jet_operation(backend, self.surfaces[name]), coefficients)
 
     def shapes(self, mitsuba: ModuleType, names: Sequence[str] = FACES, bsdf: Any = None) -> dict[str, Any]:
-        """Return the faces as Mitsuba meshes by name.  bsdf : of all of them."""
+        """Return the faces as Mitsuba meshes, as `named`.  bsdf : of all of them."""
         shapes: dict[str, Any] = {}
         for name in names:
             properties = mitsuba.Properties()
@@ -130,10 +145,11 @@ class LensMesh:
                 properties["bsdf"] = bsdf
             triangles = self.triangles(name)
             count = 2 * len(self.rim) if name == "edges" else len(self.s) * len(self.t)
-            shapes[name] = mitsuba.Mesh(
-                name, count, len(triangles), has_vertex_normals=name != "edges", props=properties
+            shape = mitsuba.Mesh(
+                self.named(name), count, len(triangles), has_vertex_normals=name != "edges", props=properties
             )
-            parameters = mitsuba.traverse(shapes[name])
+            shapes[self.named(name)] = shape
+            parameters = mitsuba.traverse(shape)
             parameters["faces"] = triangles.ravel()
             parameters.update(self._buffers(mitsuba, name, {}))
         return shapes

@@ -7,7 +7,7 @@ The source is brighter than the problem's, so that the picture of the screen goe
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from optics.base.runtime import Check
+from optics.exchange.mitsuba.cameras import overview_camera
 from optics.exchange.mitsuba.loading import current_mitsuba
-from optics.exchange.mitsuba.mesh import FACES, LensMesh
-from optics.exchange.mitsuba.scene import BLACK, REFLECTANCE, VERTICES, overview_camera, scene_dictionary
+from optics.exchange.mitsuba.mesh import FACES
+from optics.exchange.mitsuba.scene import REFLECTANCE, body_meshes, face_surfaces, scene_dictionary
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
@@ -33,6 +34,7 @@ TAGS = {  # of the plugins that `scene_dictionary` names
     "rectangle": "shape",
     "disk": "shape",
     "dielectric": "bsdf",
+    "conductor": "bsdf",
     "diffuse": "bsdf",
     "null": "bsdf",
     "area": "emitter",
@@ -43,14 +45,19 @@ TAGS = {  # of the plugins that `scene_dictionary` names
     "bitmap": "texture",
 }
 VERSION = "3.0.0"  # of the XML dialect
-SOURCE = "source.pfm"  # Mitsuba writes EXR by its own threads, and waits for ever where there is one
+BITMAP = ".pfm"  # Mitsuba writes EXR by its own threads, and waits for ever where there is one
 SAMPLES = {"sensor": 256, "overview": 16}  # light paths per pixel: the overview has 640 x 480 pixels
 SINGLE = 2.0**-22  # relative, of coordinates in float32
 
 
-def scene_file_names(out: Path) -> list[Path]:
-    """Return the files of a scene: the XML, and beside it its meshes and what may be its source's picture."""
-    return [out, *(out.with_name(f"{out.stem}_{name}") for name in (*(f"{f}.ply" for f in FACES), SOURCE))]
+def scene_file_names(system: OpticalSystem, out: Path) -> list[Path]:
+    """Return the files of a scene: the XML, its meshes, and what may be pictures of its sources."""
+    optics = system.problem.optics
+    called = [f"{optic.called}_" for optic in optics] if system.problem.element else [""]
+    names = [f"{name}{face}.ply" for name in called for face in FACES]
+    numbers = [f"_{k}" for k in range(1, len(system.source.each) + 1)] if system.source.several else [""]
+    names += [f"source{number}{BITMAP}" for number in numbers]
+    return [out, *(out.with_name(f"{out.stem}_{name}") for name in names)]
 
 
 def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, bytes]:
@@ -58,32 +65,33 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
 
     Raises UserError : as `scene_dictionary`.
     """
-    mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
+    mi, meshes = current_mitsuba(), body_meshes(system, lens)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
-    flux = brighter * system.problem.flux
-    lit = OpticalSystem(system.problem.with_(**{"source.flux": flux}), shapes=system.shapes)
-    scene = scene_dictionary(lit, mesh)
-    z = float(system.target.receiver.pose.shift[2])
-    scene["overview"] = overview_camera(mi, system.target.screen(), z, lens)
+    scene = scene_dictionary(system, lens, brighter=brighter)
+    middle = system.pose.points(np.array([0.0, 0.0, lens.thickness / 2]))
+    size = max(lens.rear.half_width)
+    receiver = system.target.receiver
+    scene["overview"] = overview_camera(mi, system.target.screen(), receiver.pose, middle, size)
     for name, count in SAMPLES.items():
         scene[name]["sampler"] = {"type": "independent", "sample_count": count}
-    glass = {"type": "dielectric", "int_ior": lens.index, "ext_ior": 1.0}
     files: dict[Path, bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, path in zip(FACES, scene_file_names(out)[1:]):
-            place = Path(folder) / path.name
-            scene[name].write_ply(str(place))
-            files[path] = place.read_bytes()
-            scene[name] = {"type": "ply", "filename": path.name, "bsdf": glass}
-        scene["edges"]["face_normals"] = True
-        if system.problem.optic.wall == "absorbing":
-            scene["edges"]["bsdf"] = BLACK
-        bitmap = scene["source"].get("emitter", {}).get("radiance", {}).pop("bitmap", None)
-        if bitmap is not None:
-            path = scene_file_names(out)[-1]
-            bitmap.write(str(Path(folder) / path.name))
+
+        def kept(name: str, write: Callable[[str], object]) -> str:
+            path = out.with_name(f"{out.stem}_{name}")
+            write(str(Path(folder) / path.name))
             files[path] = (Path(folder) / path.name).read_bytes()
-            scene["source"]["emitter"]["radiance"]["filename"] = path.name
+            return path.name
+
+        for name, surface in face_surfaces(system, meshes).items():
+            file = kept(f"{name}.ply", scene[name].write_ply)
+            scene[name] = {"type": "ply", "filename": file, "bsdf": surface}
+            if name.endswith("edges"):
+                scene[name]["face_normals"] = True
+        for name in scene:
+            texture = scene[name].get("emitter", {}).get("radiance", {}) if name.startswith("source") else {}
+            if "bitmap" in texture:
+                texture["filename"] = kept(f"{name}{BITMAP}", texture.pop("bitmap").write)
     root = _element(scene, "", mi.ScalarTransform4f)
     root.set("version", VERSION)
     for child in root:  # by which they are found again
@@ -99,16 +107,22 @@ def irradiance_of_one(system: OpticalSystem) -> float:
     return float(system.target.irradiance(screen, system.problem.flux).max())
 
 
-def scene_checks(lens: Lens, path: Path) -> list[Check]:
-    """Return how far the vertices of a scene's file are from the surfaces of a lens, as Mitsuba reads it."""
+def scene_checks(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
+    """Return how far the vertices that Mitsuba reads in a scene's file are from the surfaces."""
     mi = current_mitsuba()
     parameters = mi.traverse(mi.load_file(str(path), optimize=False))
     checks = []
-    for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
-        positions = np.array(parameters[f"{name}.vertex_positions"], dtype=np.float64).reshape(-1, 3)
-        off = np.abs(vertex + surface(positions[:, 0], positions[:, 1]) - positions[:, 2]).max()
-        size = float(np.abs(positions).max())
-        checks.append(Check(f"vertices of the {name}, read by Mitsuba", float(off), SINGLE * size, "mm"))
+    for mesh in body_meshes(system, lens):
+        body = mesh.lens
+        for face, surface, vertex in (("front", body.front, 0.0), ("rear", body.rear, body.thickness)):
+            positions = np.array(parameters[f"{mesh.named(face)}.vertex_positions"], dtype=np.float64)
+            placed = positions.reshape(-1, 3).T
+            x, y, z = mesh.pose.inverse().points(placed)
+            x, y = (np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width))
+            off = np.abs(vertex + surface(x, y) - z).max()
+            limit = SINGLE * float(np.abs(placed).max())
+            name = f"vertices of the {mesh.named(face).replace('_', '.')}, read by Mitsuba"
+            checks.append(Check(name, float(off), limit, "mm"))
     return checks
 
 

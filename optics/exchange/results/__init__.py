@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from .checkpoint import read_checkpoint, write_checkpoint
     from .folder_lock import run_lock
     from .identity import data_of, fingerprint, run_id
+    from .live_page_file import LIVE, require_room_for_live_page, write_live_page
     from .owned_files import (
         HASHES,
         hashes,

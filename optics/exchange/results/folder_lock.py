@@ -1,20 +1,22 @@
 """One run at a time in a result folder.
 
-The lock is `flock` on a file: the kernel lets go of it when the process ends, however that ends.
+The system lets go of the lock when the process ends, however that ends.  With POSIX it is `flock` on a file:
+readers share it, and the file says who holds it.  Elsewhere it is the exclusive lock of `filelock`, and to
+ask for it is to hold it for a moment.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-from optics.base.runtime import UserError
+from optics.base.runtime import POSIX, UserError, flocked
 
 LOCK = ".lock"
 MOST_BYTES = 1000  # of what a lock says
+LONGER = 1.0  # seconds, than anybody takes to ask
 
 
 @contextmanager
@@ -23,6 +25,10 @@ def run_lock(folder: Path, title: str) -> Iterator[None]:
 
     Raises UserError : another run holds it.
     """
+    if not POSIX:
+        with _exclusive(folder):
+            yield
+        return
     path = folder / LOCK
     handle = _locked(path)
     try:
@@ -38,12 +44,15 @@ def run_lock(folder: Path, title: str) -> Iterator[None]:
 
 def require_no_run(folder: Path) -> None:
     """Raise UserError while a run writes to the folder."""
+    if not POSIX:  # nobody ever locked it, or who asks may not write
+        with _exclusive(folder) if os.access(folder / LOCK, os.W_OK) else nullcontext():
+            return
     try:
         handle = os.open(folder / LOCK, os.O_RDONLY)
     except OSError:  # nobody ever locked it
         return
     try:
-        _lock(handle, fcntl.LOCK_SH, folder)
+        _require_flock(handle, folder, shared=True)
     finally:
         os.close(handle)
 
@@ -53,7 +62,7 @@ def _locked(path: Path) -> int:
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(handle, fcntl.LOCK_EX, path.parent)
+            _require_flock(handle, path.parent)
             if path.exists() and os.path.samestat(path.stat(), os.fstat(handle)):
                 return handle
         except BaseException:
@@ -62,11 +71,24 @@ def _locked(path: Path) -> int:
         os.close(handle)  # the run before removed the file between the two calls
 
 
-def _lock(handle: int, kind: int, folder: Path) -> None:
+def _require_flock(handle: int, folder: Path, shared: bool = False) -> None:
+    if not flocked(handle, shared):
+        raise _held(folder, os.read(handle, MOST_BYTES).decode("utf-8", "replace"))
+
+
+@contextmanager
+def _exclusive(folder: Path) -> Iterator[None]:
+    from filelock import FileLock, Timeout  # POSIX does without
+
     try:
-        fcntl.flock(handle, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        holder = os.pread(handle, MOST_BYTES, 0).decode("utf-8", "replace")
-        raise UserError(
-            f"another run writes to {folder} ({holder}); wait until it ends, or choose another --out"
-        ) from None
+        held = FileLock(folder / LOCK).acquire(timeout=LONGER)
+    except Timeout:
+        raise _held(folder, "another process") from None
+    with held:
+        yield
+
+
+def _held(folder: Path, holder: str) -> UserError:
+    return UserError(
+        f"another run writes to {folder} ({holder}); wait until it ends, or choose another --out"
+    )

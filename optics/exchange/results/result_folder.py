@@ -19,6 +19,7 @@ from optics.designing.optimisation import Row
 from optics.exchange.results.checkpoint import checkpoint_owner
 from optics.exchange.results.folder_lock import require_no_run, run_lock
 from optics.exchange.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
+from optics.exchange.results.live_page_file import LIVE, remove_live_page
 from optics.exchange.results.owned_files import HASHES, recorded, require_own, sha256_of, writable_folder
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
@@ -93,6 +94,7 @@ class ResultFolder:
                         )
                 if not force:
                     self._require_nothing_lost(problem)
+                remove_live_page(self.path)
                 try:
                     yield
                 except BaseException:
@@ -108,6 +110,11 @@ class ResultFolder:
 
         Raises UserError : it is not whole, a file is damaged, or files of several runs lie here.
         """
+        if self.path.is_file():
+            raise UserError(
+                f"{self.path} is not a result folder but a file; of a lens in STEP or lens.json one is made "
+                f"by `thbcad design PROBLEM.toml --lens {self.path}`"
+            )
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
         if not taken:
@@ -216,7 +223,7 @@ class ResultFolder:
 
     def _clear_temporaries(self) -> None:
         """Remove what a killed run left of half-written files."""
-        for name in (*FILES, CHECKPOINT, "*.step", shape_file("*"), *(f"{stem}.*" for stem in DATA)):
+        for name in (*FILES, CHECKPOINT, LIVE, "*.step", shape_file("*"), *(f"{stem}.*" for stem in DATA)):
             folder, _, last = name.rpartition("/")
             for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
                 for path in (self.path / folder).glob(pattern):

@@ -24,20 +24,23 @@ from thbcad.lens import FreeformSurface, Lens
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
 
+UNIFORM = "distance of knots from uniform ones"
 BOUND = 1e-12  # relative: rounding of coefficients that lie on z_freedom
 
 Pair = tuple[str, float, float, str]  # a key, its value in the problem and in the lens, the unit
 
 
-def prescription_checks(problem: Problem, lens: Lens) -> list[Check]:
+def prescription_checks(problem: Problem, lens: Lens, given: bool = False) -> list[Check]:
     """Return a Check that the lens is what the problem asks for, or one for every key that is another.
 
     Compared are index, thickness, half-widths, radii, conic constants, degrees and spans; the sags must keep
     to z_freedom.  Of source and target a lens says nothing.
 
-    problem : resolved, as in a result folder.
+    problem : resolved, as in a result folder.  given : the lens was there before, and has knots of its own
     """
     different = [pair for pair in _pairs(problem, lens) if pair[1] != pair[2]]
+    if given:
+        different = [pair for pair in different if not pair[0].startswith(UNIFORM)]
     if not different:
         return [Check.none_of("keys of problem.toml that lens.json contradicts", 0)]
     return [
@@ -82,7 +85,7 @@ def _sag(name: str, freeform: Freeform, surface: FreeformSurface) -> Iterator[Pa
         if (kv.degree, kv.spans) == (freeform.degree, spans):
             uniform = KnotVector.uniform(kv.degree, spans, -half, half)
             off = float(abs(kv.knots - uniform.knots).max())
-            yield f"distance of knots from uniform ones by {name}.spans in {axis}", 0.0, off, "mm"
+            yield f"{UNIFORM} by {name}.spans in {axis}", 0.0, off, "mm"
     greatest = float(abs(sag.coefficients).max())
     bound = freeform.freedom
     yield f"{name}.z_freedom", bound, greatest if greatest > (1 + BOUND) * bound else bound, "mm"

@@ -7,7 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .design_errors import form_tolerances, monte_carlo, require_monte_carlo, tolerances
     from .design_figures import DesignFigures
-    from .design_files import helpers, write_result
+    from .design_files import Written, helpers, write_result
     from .design_result import Design
     from .design_run import design, designed
     from .irradiance_model import Model

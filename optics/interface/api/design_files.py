@@ -75,7 +75,8 @@ class _Exports:
         if self._fixed:
             self.files.append(SCENE)
             room = "optics.exchange.assemblies"
-            self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE))
+            written = {part.name: place(file) for file, part in parts.items()}
+            self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE), False, written)
 
     def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
         """Return the checks of all solids, and the file of the designed one as `_Export.checked`."""

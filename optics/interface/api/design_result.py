@@ -20,16 +20,19 @@ from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import DEVICE, unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
-from optics.interface.relighting import other_source, relit
+from optics.interface.relighting import given_lens, other_source, relit
 from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
+    from ipywidgets import HBox
+
+    from optics.interface.relighting import ExploredLight
     from optics.reporting.figures import OverviewFigure
     from optics.tolerancing.machining import ToolFindings, ToolOrder
     from optics.tolerancing.metrology import AsBuilt, FileFrame, Side, Way
@@ -79,6 +82,18 @@ class Design(DesignRecord):
             interrupted=interrupted,
             levels=tuple(levels),
         )
+
+    @classmethod
+    def of_lens(cls, problem: Problem, lens: Lens) -> Design:
+        """Return a lens that is there already, such as `refit` makes of another program's, as a design for
+        the light of a problem: nothing is optimised.
+
+        problem : source, target and limits; the shape that its table [lens] describes gives way to `lens`.
+
+        Raises UserError : a problem with [[element]]; a lens that does not go with the light.
+        """
+        asked, lens = given_lens(problem, lens)
+        return cls(asked=asked, system=solvable_system(asked), lens=lens)
 
     @classmethod
     def load(cls, folder: str | Path) -> Design:
@@ -188,6 +203,25 @@ class Design(DesignRecord):
         with DEVICE:
             paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
+
+    def explore(self, pixels: int = 128) -> HBox:
+        """Return sliders for a notebook, which move the lens, its source and its target, beside the light.
+
+        pixels : of the longer side of the target, at most; more take longer.
+
+        Raises UserError : light that tolerances do not follow.  MissingPackage : no ipywidgets.
+        """
+        from optics.interface.relighting import Explorer, sliders  # few designs ask
+
+        self._require_told("explored")
+        with DEVICE:
+            explorer = Explorer(self.system, self.lens, self.system.backend, pixels)
+
+        def light(values: Mapping[str, float]) -> ExploredLight:
+            with DEVICE:
+                return explorer(values)
+
+        return sliders(explorer.knobs, light)
 
     def _require_told(self, done: str) -> None:
         """Refuse what takes the light from the problem, where a script brought its own.

@@ -61,6 +61,7 @@ def designed(
     engine: str | Engine | None = None,
     state: State | None = None,
     keep: Callable[[State], object] = lambda state: None,
+    watching: Callable[[Listener, Engine], Listener] | None = None,
 ) -> Design:
     """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
 
@@ -68,6 +69,7 @@ def designed(
 
     asked : the problem as it was read.  state : to go on from.
     keep : called with the State after every level, and with that of an interrupted one.
+    watching : returns the Listener to be told in place of one, and takes the engine; see `LiveView`.
     """
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
@@ -80,6 +82,8 @@ def designed(
     listener = Listener(clock.progress, keep, notes)
     if system.problem.run.keep == "levels":
         listener = replace(listener, seen=levels)
+    if watching:
+        listener = watching(listener, chosen)
     try:
         _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
         for _ in range(ROUNDS):

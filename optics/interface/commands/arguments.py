@@ -9,10 +9,12 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    chord_option,
     force_option,
     problem_options,
     ray_options,
     road_options,
+    sheet_options,
     sweep_options,
     tolerance_options,
     tool_options,
@@ -20,14 +22,22 @@ from optics.interface.commands.making_options import (
 from optics.scene.problem import ENGINES, STARTS
 from thbcad import __version__
 
+FIRST_STEPS = """thbcad designs freeform lenses: from the light that is asked for to a verified STEP solid.
+  thbcad new                          ask three questions, write my_lens.toml
+  thbcad check my_lens.toml           say in seconds what lens to expect
+  thbcad design my_lens.toml --live   design it, and show the light in a browser meanwhile
+  exports/my_lens/report.html         open it: the light, the lens, all checks
+  docs/first_lens.md                  the same step by step; thbcad --help lists all commands"""
+
 
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
     """Return the parser of the command line and those of its commands (nothing heavy is imported)."""
     main = CommandParser(
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
-        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
-        "70 internal error, 130 interrupted, 143 terminated",
+        epilog="exit codes: 0 done; 1 the light misses what was asked for, or that is not decided; "
+        "2 bad input; 3 numerical failure; 4 a file, a part or a limit of making fails; 70 internal error; "
+        "130 interrupted; 143 terminated",
     )
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     added = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -46,14 +56,14 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
+    """Return the options of a command line, with its `words`; None after what `thbcad` alone prints.
 
     Raises UserError : an unknown command or option, an argument that is missing or has a wrong value.
     Raises OSError : stdout cannot be written, where help or version is asked for.
     """
     main, commands = parsers()
     if not words:
-        main.print_help()
+        print(FIRST_STEPS, flush=True)
         return None
     require_known(words, main, commands)
     options = main.parse_args(words, argparse.Namespace(words=tuple(words)))
@@ -94,9 +104,11 @@ def _design_options(command: CommandParser) -> None:
         "with --resume: iterations on each level that is left, or more on the last one",
         type=int,
     )
+    command.switch("--live", "write DIR/live.html, which shows the light while it is designed, and open it")
     command.option(
         "--from", "DIR", "start from the free surfaces of an earlier design, on their meshes", dest="earlier"
     )
+    command.option("--lens", "LENS", "lens.json, or STEP of any program: this lens as it is, not optimised")
 
 
 def _check_options(command: CommandParser) -> None:
@@ -205,13 +217,20 @@ def _export_options(command: CommandParser) -> None:
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
     ray_options(command)
-    command.option(
-        "--chord",
-        "MM",
-        "error that meshes and drawings may have, in mm (default: 1e-3)",
-        type=float,
-        default=1e-3,
+    chord_option(command)
+    force_option(command)
+
+
+def _pack_options(command: CommandParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--for",
+        dest="program",
+        choices=("zemax", "lighttools", "speos", "shop"),
+        required=True,
+        help="whom the pack is for; shop: who makes the lens, without rays and light",
     )
+    command.option("--out", "FILE", "zip to write", required=True)
     force_option(command)
 
 
@@ -277,6 +296,11 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
     "export": (
         "write the lens for other programs, read it back and compare it with the exact surfaces",
         _export_options,
+    ),
+    "sheet": ("write the drawing of the lens with its indications for the shop", sheet_options),
+    "pack": (
+        "put part, drawing, points, rays and expected light into one zip for another program or the shop",
+        _pack_options,
     ),
     "trace": (
         "trace the lens of a result folder again: flux by fate, reflections, phase space",

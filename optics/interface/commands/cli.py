@@ -16,15 +16,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
-from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 from typing import Any, TextIO
 
-from optics.base.runtime import NumericalError, UserError, printable
+from optics.base.runtime import NumericalError, UserError, address_limit, printable
 from optics.base.workers import lacks_memory
 from optics.interface.commands.arguments import parsed
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.stop_signals import stop_signals
-from thbcad.doors import MissingPackage, missing_packages, pip_command
+from thbcad.doors import MissingPackage, missing_packages, not_installed
 from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
@@ -69,8 +68,7 @@ def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
     missing = [] if options.command in FREE else missing_packages("optics")
     if missing:
-        verb = "is" if len(missing) == 1 else "are"
-        raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
+        raise UserError(not_installed(missing, "optics"))
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with _silence() if options.quiet else nullcontext():
         outcome: Outcome = getattr(command, options.command)(options)
@@ -114,8 +112,8 @@ def _failed(error: Exception, verbose: bool) -> int:
 
 def _more_room() -> str:
     """Return what to do where memory lacks."""
-    most, _ = getrlimit(RLIMIT_AS)
-    limit = "" if most == RLIM_INFINITY else f"raise its limit (ulimit -v {most >> 10}), or "
+    most = address_limit()
+    limit = "" if most is None else f"raise its limit (ulimit -v {most >> 10}), or "
     return f"{limit}use fewer pixels, rays or levels"
 
 

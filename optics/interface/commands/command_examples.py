@@ -27,6 +27,15 @@ EXAMPLES = {
         "thbcad export lens --out mounted.step --aperture 40 40 --flange 5 2 6",
         "thbcad export lens/lens.json --out surface.dat",
     ),
+    "sheet": (
+        "thbcad sheet lens --out lens.pdf",
+        "thbcad sheet lens --out lens.svg --set-indication grade='PMMA 8N' --set-indication gate=-13,0",
+        "thbcad sheet lens --out lens.dxf --manner cut --set-indication '5/rear=2x0.1'",
+    ),
+    "pack": (
+        "thbcad pack exports/pearl --for zemax --out pearl_zemax.zip",
+        "thbcad pack exports/pearl --for shop --out pearl_shop.zip",
+    ),
     "trace": (
         "thbcad trace lens",
         "thbcad trace lens --rays 1025 --out traced",

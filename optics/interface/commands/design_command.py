@@ -7,18 +7,34 @@ from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from optics.base.runtime import UserError, check_lines, note
+from optics.base.runtime import UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
-from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
+from optics.exchange.results import (
+    LIVE,
+    ResultFolder,
+    read_checkpoint,
+    require_room_for_live_page,
+    write_checkpoint,
+    write_live_page,
+)
+from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
-from optics.interface.commands.problem_options import system_of
+from optics.interface.commands.problem_options import changes_of, result_path, system_of
+from optics.interface.relighting import given_lens
 from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
-from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.reporting.live import LiveView
+from optics.scene.problem import Problem, load_problem
+from optics.scene.system import OpticalSystem, solvable_system
+from thbcad.io import read_lens
+from thbcad.lens import Lens
+
+if TYPE_CHECKING:
+    from optics.interface.api import Written
 
 
 @dataclass(frozen=True)
@@ -26,41 +42,76 @@ class _Run:
     """One design on its way.
 
     asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    live : the page that shows it, once it has begun.
     """
 
     asked: Problem
     words: Sequence[str]
     folder: ResultFolder
     clock: RunClock
+    live: LiveView
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
     history: list[Row] = field(default_factory=list)
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = RunClock(DesignProgress())
+    folder = ResultFolder(result_path(options))
+    live = LiveView(partial(write_live_page, folder.path))
+    clock = RunClock(DesignProgress(watch=live))
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
-    system = system_of(options)
+    if options.lens and (options.resume or options.earlier or options.live):
+        raise UserError("--lens takes a lens as it is: --resume, --from and --live are for designs")
+    system, lens = _given(options) if options.lens else (system_of(options), None)
     problem = system.problem
-    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run = _Run(problem, options.words, folder, clock)
+    run = _Run(problem, options.words, folder, clock, live)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
+        if options.live:
+            require_room_for_live_page(folder.path, options.force)
         try:
-            return _designed(run, system, options)
-        except KeyboardInterrupt:
-            run.notes(_what_is_kept(run))
+            return _designed(run, system, options, lens)
+        except BaseException as error:
+            ended = "the run has ended without a result; the terminal says why"
+            if isinstance(error, KeyboardInterrupt):
+                ended = _what_is_kept(run)
+                run.notes(ended)
+            live.stop(ended)
             raise
 
 
-def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
+def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
+    """Return the system of the problem with the lens of --lens, and that lens.
+
+    Raises UserError : the file cannot be read or holds no lens; see `given_lens` and `solvable_system`.
+    """
+    path, problem = Path(options.lens), load_problem(options.problem, changes_of(options))
+    with reading(path):
+        if path.suffix.lower() == ".json":
+            lens = read_lens(path)
+        else:
+            from thbcad.cad import read_lens_solid  # OCCT
+
+            refit = read_lens_solid(path).refit(OpticalSystem(problem).problem.optic.known_index)
+            note(str(refit))
+            lens = refit.lens
+    problem, lens = given_lens(problem, lens)
+    return solvable_system(problem), lens
+
+
+def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens | None) -> Outcome:
     # a problem that is refused needs none of it
-    from optics.interface.api import DesignFigures, designed, helpers, prepared, write_result
+    from optics.interface.api import Design, DesignFigures, designed, helpers, prepared, write_result
 
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
+        if lens is not None:
+            solids, drawing = stack.enter_context(helpers())
+            design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
+            written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
+            return _outcome(written, system)
         ready = prepared(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
@@ -74,14 +125,23 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
+        if options.live:
+            run.live.begin(resolved.title, state.history if state else ())
+            show_in_browser(run.folder.path / LIVE)
+
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
             run.history[:] = state.history
 
-        design = designed(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
+        design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, run.live.watching)
         if design.interrupted:
             raise KeyboardInterrupt
         written = write_result(design, run.folder, run.clock, solids, figures)
+        run.live.done()
+    return _outcome(written, system)
+
+
+def _outcome(written: Written, system: OpticalSystem) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(

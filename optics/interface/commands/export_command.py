@@ -132,8 +132,8 @@ def _scene(options: Namespace) -> Outcome:
     _require_whole_lens("a scene holds", options)
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
-    require_free_files(scene_file_names(out), options.out, options.force)
     system, lens, _ = ResultFolder(folder).read()
+    require_free_files(scene_file_names(system, out), options.out, options.force)
     current_mitsuba()
     files = scene_files(system, lens, out)
     write_files(files)
@@ -147,7 +147,7 @@ def _scene(options: Namespace) -> Outcome:
         *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
         *(["the scene holds one lens of the plate, and its source"] if system.problem.optic.array else []),
     ]
-    return reported(options.out, "mitsuba", files, scene_checks(lens, out), {}, lines)
+    return reported(options.out, "mitsuba", files, scene_checks(system, lens, out), {}, lines)
 
 
 def _assembly(options: Namespace, name: str) -> Outcome:

@@ -161,6 +161,38 @@ def road_options(command: CommandParser) -> None:
     ray_options(command)
 
 
+def sheet_options(command: CommandParser) -> None:
+    """Add the options of `thbcad sheet`."""
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.option("--out", "FILE", "file to write, .svg, .pdf or .dxf", required=True)
+    command.add_argument(
+        "--manner",
+        choices=("moulded", "cut"),
+        default="moulded",
+        help="how the lens is made (default: moulded)",
+    )
+    command.option(
+        "--set-indication",
+        "NAME=VALUE",
+        "give an indication, such as grade='PMMA 8N' or gate=-12,0; may be repeated",
+        action="append",
+        default=[],
+    )
+    chord_option(command)
+    force_option(command)
+
+
+def chord_option(command: CommandParser) -> None:
+    """Add --chord."""
+    command.option(
+        "--chord",
+        "MM",
+        "error that meshes and drawings may have, in mm (default: 1e-3)",
+        type=float,
+        default=1e-3,
+    )
+
+
 def ray_options(command: CommandParser) -> None:
     """Add what an intensity is traced with."""
     command.option("--rays", "N", "of light, about (default: 1000000)", type=int, default=1_000_000)

@@ -7,7 +7,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime import UserError, printable, speaking_of
+from optics.base.runtime import UserError, printable, require_file_name, speaking_of
 from optics.exchange.results import require_own, require_writable
 from optics.scene.problem import Problem, assignment
 from optics.scene.system import OpticalSystem, load_system, skip_lines
@@ -31,6 +31,18 @@ def system_of(options: Namespace) -> OpticalSystem:
         for line in skip_lines(system.skips):
             print(f"thbcad: {printable(line)}", file=sys.stderr)
     return system
+
+
+def result_path(options: Namespace, ending: str = "") -> Path:
+    """Return the folder to write: that of --out, else one that is named after the problem file.
+
+    Raises UserError : that name does not suit every system.
+    """
+    if options.out:
+        return Path(options.out)
+    name = Path(options.problem).stem + ending
+    require_file_name("the problem file", name, "choose a folder with --out")
+    return Path("exports") / name
 
 
 def picture_path(options: Namespace) -> Path | None:

@@ -8,14 +8,14 @@ from typing import Any
 
 from optics.base.runtime import UserError, note, speaking_of
 from optics.interface.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
-from optics.interface.commands.problem_options import changes_of
+from optics.interface.commands.problem_options import changes_of, result_path
 from optics.interface.sweeps import Sweep, SweepPlan, run_sweep, value_list
 from optics.scene.problem import load_problem
 
 
 def sweep(options: Namespace) -> Outcome:
     """Design the variants of a problem file and write the folder of the sweep."""
-    out = Path(options.out or Path("exports") / f"{Path(options.problem).stem}_sweep")
+    out = result_path(options, "_sweep")
     ranges: dict[str, list[Any]] = {}
     with speaking_of("--vary"):
         for text in options.vary:

@@ -199,7 +199,7 @@ def _folder_checks(
     with reading(file.path):
         file.read_lens()
     checks, notes = fresh_export_checks(system, lens, file)
-    checks += prescription_checks(problem, lens)
+    checks += prescription_checks(problem, lens, given=not folder.read_history())
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
     for part in other_parts(system):

@@ -183,7 +183,7 @@ def headline(metrics: dict[str, Any]) -> str:
 def error_words(metrics: dict[str, Any]) -> str:
     """Return rel_l2 without the noise of its estimate, in per cent, and its error where that shows."""
     percent, error = 100 * metrics["rel_l2_debiased"], 100 * metrics["rel_l2_error"]
-    return f"{percent:.3g} %" if error < SHOWN * percent else f"{percent:.3g} +- {error:.1g} %"
+    return f"{percent:.3g} %" if error < SHOWN * percent else f"{percent:.3g} +- {float(f'{error:.1g}'):g} %"
 
 
 def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:

@@ -23,7 +23,7 @@ SETTLED = 1e-6  # rad: a step as short as that leaves no more than rounding of a
 CHORD = 1e-3  # rad: behind shorter steps the derivatives hardly change, and each step adds three digits
 FARTHEST = 0.3  # rad, of a step
 DIFFERENCE = 1e-6  # rad: the square root of the rounding of a landing, with some room
-REACHED = 1e-6  # of the receiver's distance: a landing as near as that is the one that was wanted
+AHEAD = 0.5  # cosine to the vertex: from directions farther aside Newton's method does not begin
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,13 @@ class RestOfPath:
             landed = self.receiver.land(points, directions)
             return landed.u, landed.v, through & landed.met
 
-    def toward(self, points: Triple, u: Floats, v: Floats) -> tuple[list[Floats], Bools]:
-        """Return unit vectors from points along which light lands at (u, v), and which of them do."""
+    def toward(
+        self, points: Triple, u: Floats, v: Floats, near: Triple | None = None
+    ) -> tuple[list[Floats], Bools]:
+        """Return unit vectors from points along which light lands at (u, v), and which of them do.
+
+        near : unit vectors to begin with, where some are known.
+        """
         if not self.surfaces:
             directions = normalised(self.receiver.toward(points, u, v))
             return directions, self.land(points, directions)[2]
@@ -71,32 +76,31 @@ class RestOfPath:
         def at(p: Floats, q: Floats) -> list[Floats]:
             return normalised([m + p * a + q * b for m, a, b in zip(middle, *frame)])
 
-        def missing(p: Floats, q: Floats) -> Floats:
+        def missing(p: Floats, q: Floats) -> tuple[Floats, Bools]:
             landed = self.land(points, at(p, q))
-            return np.array([u - landed[0], v - landed[1]])
+            return np.array([u - landed[0], v - landed[1]]), landed[2]
 
-        p = np.zeros(np.broadcast(*points, u, v).shape)
-        q = np.zeros_like(p)
+        p = q = np.zeros(np.broadcast(*points, u, v).shape)
+        if near is not None:
+            ahead, *across = (sum(a * b for a, b in zip(near, axis)) for axis in (middle, *frame))
+            p, q = (np.where(ahead > AHEAD, a / np.maximum(ahead, AHEAD), 0.0) for a in across)
         far = np.inf
         for _ in range(NEWTON_STEPS):
-            left = missing(p, q)
+            left, through = missing(p, q)
             if far > CHORD:
                 (up, vp), (uq, vq) = (
-                    (left - missing(p + dp, q + dq)) / DIFFERENCE
+                    (left - missing(p + dp, q + dq)[0]) / DIFFERENCE
                     for dp, dq in ((DIFFERENCE, 0.0), (0.0, DIFFERENCE))
                 )
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = np.array([left[0] * vq - left[1] * uq, left[1] * up - left[0] * vp])
                 step /= up * vq - vp * uq
+                reached = through & (abs(step) < SETTLED).all(axis=0)
             step = np.where(np.isfinite(step).all(axis=0), np.clip(step, -FARTHEST, FARTHEST), 0.0)
             p, q, far = p + step[0], q + step[1], float(abs(step).max())
             if far < SETTLED:
                 break
-        directions = at(p, q)
-        *landed, through = self.land(points, directions)
-        throw = np.degrees(1.0) if self.receiver.far_field else np.linalg.norm(self.receiver.pose.shift)
-        with np.errstate(invalid="ignore"):
-            return directions, through & (np.hypot(u - landed[0], v - landed[1]) < REACHED * throw)
+        return at(p, q), reached
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:

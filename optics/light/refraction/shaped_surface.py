@@ -40,16 +40,21 @@ class ShapedSurface:
         before, behind = (medium.index for medium in path.media[surface : surface + 2])
         return cls(shaped.kind == "reflect", (before, behind), RestOfPath.behind(path, surface))
 
-    def slopes(self, points: Triple, along: Triple, wanted: Triple) -> tuple[list[Floats], Bools]:
+    def slopes(
+        self, points: Triple, along: Triple, wanted: Triple, near: Sequence[Floats] | None = None
+    ) -> tuple[list[Floats], Bools]:
         """Return the slopes (z_x, z_y) that send light where it is wanted, and where there are such.
 
         There are none of more than the law allows, a . d <= min(n, n') / max(n, n'), none that is steep
         (LEAST_Z) or would be met from behind, and none where nothing leads to a place of the receiver.
 
-        along : unit vectors a.  wanted : u and v.
+        along : unit vectors a.  wanted : u and v.  near : slopes that are about those, where some are known.
         """
         before, behind = self.indices
-        leaving, leads = self.rest.toward(points, *wanted)
+        start = None
+        if near is not None and self.rest.surfaces:
+            start, _ = bent(self.mirror, self.indices, along, near)
+        leaving, leads = self.rest.toward(points, wanted[0], wanted[1], start)
         sense = 1.0 if self.mirror or before > behind else -1.0
         normal = [sense * (before * a - behind * d) for a, d in zip(along, leaving)]
         length = np.sqrt(sum(np.square(m) for m in normal))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .intensity_diagrams import intensity_figures
     from .lens_and_light import draw_fan, lens_figures, light_figures
     from .overview import OverviewFigure, level_figure, overview_figure, overview_html
+    from .pdf_sheet import sheet_pdf
     from .scene_figure import draw_solid, scene_view, solid_views
     from .tolerance_figures import change_figure, cost_figure, form_figures_of, made_lens_figures_of
     from .tool_figures import figures_of_tool

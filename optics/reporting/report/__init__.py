@@ -5,7 +5,16 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .html import PageSection, Report, check_page, report_html, section_page
+    from .html import (
+        PageSection,
+        Report,
+        check_page,
+        figures_html,
+        page_head,
+        report_html,
+        section_page,
+    )
     from .irradiance_files import light_files
+    from .small_pictures import light_pictures
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -11,15 +11,8 @@ from itertools import zip_longest
 from typing import Any, cast
 
 from optics.base.runtime import Check, Grade, Result, checks_of
-from optics.light.analysis import (
-    NEGLIGIBLE,
-    Verdict,
-    counted_ways,
-    error_words,
-    passing_words,
-    photometric_lines,
-)
-from optics.reporting.report.metric_words import PERCENT, key_list, metric_rows, number_text
+from optics.light.analysis import NEGLIGIBLE, Verdict, photometric_lines
+from optics.reporting.report.metric_words import PERCENT, effort_sentence, key_list, metric_rows, number_text
 from optics.reporting.report.page_style import STYLE
 from optics.scene.photometry import Units, units_of
 from optics.scene.problem import Problem
@@ -37,9 +30,8 @@ COLOURS: dict[Grade, str] = {
     "not decided": "open",
 }  # classes of the page's style
 RESULTS: dict[Result, str] = {"passed": "good", "failed": "bad", "undecided": "open"}
-FIRST = "photo"  # of the pictures
+FIRST, STILL = "photo", "scene"  # of the pictures: the first, and the one behind the page to be turned
 OF_LENS = (
-    "scene",
     "solid",
     "solid_before",
     "sag",
@@ -108,8 +100,8 @@ def report_html(report: Report, problem_text: str) -> str:
     return (
         f"{page_head(escape(report.problem.title))}{_banner(report)}"
         f'<div class="first">{figures_html(photo)}{key_list(metrics, units)}</div>'
-        f"<p>{_summary(metrics, units)}</p>"
         f"{list_html(photometric_lines(metrics, units), 'notes')}"
+        f"<p>{effort_sentence(metrics)}{_other_ways(metrics, units)}</p>"
         f"{_pictures(report)}"
         f'<div class="numbers">{_numbers(report, units)}</div>'
         f'<div class="files"><h2>Files</h2><ul>{files}</ul>'
@@ -123,7 +115,8 @@ def _pictures(report: Report) -> str:
     pictures = report.pictures
     others = [name for name in pictures if name.endswith(("_sag", "_mesh")) and name not in OF_LENS]
     of_lens = {name: pictures[name] for name in (*OF_LENS, *others) if name in pictures}
-    of_light = {name: pictures[name] for name in pictures if name not in (*of_lens, FIRST)}
+    of_light = {name: pictures[name] for name in pictures if name not in (*of_lens, FIRST, STILL)}
+    still = [picture for name, picture in pictures.items() if name == STILL]
     parts = [
         f'<h2>{title}</h2><div class="figures">{figures_html(some.values())}</div>'
         for title, some in (("Light", of_light), (report.problem.optic.noun.capitalize(), of_lens))
@@ -131,7 +124,9 @@ def _pictures(report: Report) -> str:
     ]
     levels = f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>'
     kept = f'<div class="of-levels">{levels}</div>' if report.levels else ""
-    return f"{_frame(report.view)}{''.join(parts)}{kept}"
+    view = f"{figures_html(still)}{_frame(report.view)}"
+    scene = f'<div class="still">{view}</div>' if still else view
+    return f"{scene}{''.join(parts)}{kept}"
 
 
 def _numbers(report: Report, units: Units) -> str:
@@ -167,11 +162,11 @@ def check_page(
     return f"{page_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
 
 
-def page_head(title: str) -> str:
-    """Return the begin of a page, up to its title; title : HTML."""
+def page_head(title: str, more: str = "") -> str:
+    """Return the begin of a page, up to its title; title : HTML.  more : elements of its head."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f'<meta name="viewport" content="width=device-width,initial-scale=1">{more}'
         f"<title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
     )
 
@@ -210,18 +205,6 @@ def list_html(sentences: Iterable[str], name: str) -> str:
     """Return sentences as a list of a class, "" for none."""
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f'<ul class="{name}">{items}</ul>' if items else ""
-
-
-def _summary(metrics: dict[str, Any], units: Units) -> str:
-    return (
-        f"Relative error {error_words(metrics)} ({counted_ways(metrics)}), "
-        f"{metrics['efficiency']:.1%} of the source flux inside the target "
-        f"({passing_words(metrics)}), "
-        f"{metrics['stray']:.2%} stray; "
-        f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
-        f"{metrics['wall_s']['total']:.1f} s."
-        f"{_other_ways(metrics, units)}"
-    )
 
 
 def _other_ways(metrics: dict[str, Any], units: Units) -> str:

@@ -7,7 +7,7 @@ from html import escape
 from math import isinf
 from typing import Any
 
-from optics.light.analysis import passing_words
+from optics.light.analysis import counted_ways, error_words, passing_words
 from optics.light.tracing import fate_sentences
 from optics.scene.photometry import BEAM, FIELD, Units
 
@@ -17,11 +17,14 @@ FLUXES = ("W", "lm")
 NONE = 1e-9  # of a flux of 1: less is rounding
 # unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
 WORDS = {
-    "rel_l2": (PERCENT, "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1"),
+    "rel_l2": (PERCENT, "rel_l2_debiased with the error of the measurement in it"),
     "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
     "ssim": ("", "structural similarity, 1 for equal pictures"),
     "rel_l2_floor": (PERCENT, "error of the measured irradiance itself, on the scale of rel_l2"),
-    "rel_l2_debiased": (PERCENT, "rel_l2 without what that error adds to it"),
+    "rel_l2_debiased": (
+        PERCENT,
+        "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1: what is quoted",
+    ),
     "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
     "rel_l2_one_blur": (PERCENT, "what one blur everywhere, that of this lens, allows at best: a model"),
@@ -154,47 +157,64 @@ SECONDS_OF_A_MINUTE = 60
 LONG = 120.0  # s, from which on a time is said in minutes
 
 
-def key_numbers(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, value with its unit, meaning) of the main metrics, in plain words."""
-    error = number_text(metrics["rel_l2_debiased"], PERCENT)
+def key_numbers(metrics: dict[str, Any], units: Units) -> Iterator[tuple[str, str, str]]:
+    """Yield (name, value with its unit, meaning) of the main metrics, in plain words.
+
+    Of uniform light these are its uniformity, how bright it is, and how much of it is where it shall be.
+    """
+    found = metrics.get("uniformity") or {}
+    uniform = found if found.get("min_over_mean") is not None else {}
+    if uniform:
+        yield (
+            "Uniformity U0",
+            number_text(uniform["min_over_mean"]),
+            "least over mean light of the lit region",
+        )
+        for quantity in (units.in_plane, units.in_far_field):
+            if f"lit_mean_{quantity.suffix}" in uniform:
+                value = number_text(uniform[f"lit_mean_{quantity.suffix}"])
+                yield f"Mean {quantity.quantity}", f"{value} {quantity.shown}", "of the lit region"
+        lit = f"{number_text(metrics['lit_efficiency'], PERCENT)} %"
+        yield "Light on the lit region", lit, f"of the light of the source; {passing_words(metrics)}"
     yield (
         "Difference from the light asked for",
-        f"{error} %",
-        "root mean square over the target, relative to that of the light asked for; 0 is perfect",
+        error_words(metrics),
+        "root mean square over the target, relative to that of the light asked for; 0 is perfect; "
+        f"{counted_ways(metrics)}",
     )
-    yield (
-        "Light on the target",
-        f"{number_text(metrics['efficiency'], PERCENT)} %",
-        f"of the light of the source; {passing_words(metrics)}",
-    )
+    if not uniform:
+        light = f"{number_text(metrics['efficiency'], PERCENT)} %"
+        yield "Light on the target", light, f"of the light of the source; {passing_words(metrics)}"
     yield (
         "Stray light",
         f"{number_text(metrics['stray'], PERCENT)} %",
         f"of the light of the source leaves the {metrics.get('element', 'lens')} and misses the target",
     )
     mean = next((name for name in metrics if name.startswith("target_mean_")), None)
-    if mean:
+    if mean and not uniform:
         shown = units.in_plane
         yield (
             f"Mean {shown.quantity}",
             f"{number_text(metrics[mean])} {shown.shown}",
             "of the whole target",
         )
-    yield (
-        "Free numbers",
-        f"{metrics['dof']}",
-        "coefficients of the splines that the optimiser chose",
-    )
-    yield "Time", _duration(metrics["wall_s"]["total"]), "from the problem to the verified file"
 
 
-def key_list(metrics: Mapping[str, Any], units: Units) -> str:
+def key_list(metrics: dict[str, Any], units: Units) -> str:
     """Return the main metrics as a list in HTML."""
     items = (
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd><dd>{escape(meaning)}</dd></div>"
         for name, value, meaning in key_numbers(metrics, units)
     )
     return f'<dl class="key">{"".join(items)}</dl>'
+
+
+def effort_sentence(metrics: Mapping[str, Any]) -> str:
+    """Return what the design took."""
+    return (
+        f"{metrics['dof']} coefficients of splines, chosen by {metrics['evaluations']} evaluations; "
+        f"{_duration(metrics['wall_s']['total'])} from the problem to the verified file."
+    )
 
 
 def _duration(seconds: float) -> str:

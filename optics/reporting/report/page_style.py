@@ -18,7 +18,10 @@ td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
 .key dt{font-size:.9em;color:#555} .key dd{margin:0}
 .key dd:first-of-type{font-size:1.6rem;line-height:1.25;font-variant-numeric:tabular-nums}
 .key dd+dd{font-size:.85em;line-height:1.35;color:#555}
-.view{display:block;width:100%;height:min(36rem,75vh);border:1px solid #ddd;margin:1rem 0}
+.still{position:relative;margin:1rem 0}
+.still img{display:block;width:100%;height:min(36rem,75vh);object-fit:contain;border:1px solid #ddd}
+.view{display:block;width:100%;height:min(36rem,75vh);border:1px solid #ddd}
+.still .view{position:absolute;top:0}
 .figures,.levels{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(26rem,100%),1fr));gap:1.5rem}
 figure{margin:0} img{max-width:100%;height:auto}
 figcaption{font-size:.9em;color:#555;margin-top:.3rem} pre{background:#f6f6f6;padding:1rem;overflow:auto}
@@ -38,6 +41,7 @@ p,li{max-width:none;margin:1mm 0} ul{margin:1mm 0;padding-left:5mm} .banner{padd
 .first{display:block;margin:2mm 0} .first img{width:150mm;max-width:100%;margin:0 auto}
 .key{grid-template-columns:repeat(3,1fr);gap:0 5mm;margin-top:2mm}
 .key div,.key div:first-child{padding:1mm 0;break-inside:avoid} .key dd:first-of-type{font-size:12pt}
+.still img{height:52mm;border:0} .still figcaption{text-align:center}
 .figures{grid-template-columns:repeat(4,minmax(0,1fr));gap:2.5mm}
 figure{break-inside:avoid} figcaption{font-size:6pt;line-height:1.25}
 .numbers{columns:2;column-gap:5mm;margin-top:3mm} .numbers h2{margin-top:0}

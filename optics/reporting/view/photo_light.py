@@ -24,7 +24,7 @@ FRAME = 1.025  # of the screen's half-width
 BLACK = 0.012 * COOL  # of the unlit screen
 WOOD = np.array([0.026, 0.023, 0.021])  # of the table in the light of the room
 METAL = np.array([0.05, 0.05, 0.055])
-DOTS = 5  # bright spots of a lamp of parallel light, from its middle to its rim
+FAINT = 0.05  # glow of a lamp of parallel light, seen from aside
 LOBE = 0.02  # 1 - cosine: how far beside its direction a lamp of parallel light glows
 SCREEN_GLOW = 0.25  # of the screen's mean light, on the table before it
 LEAST = 1e-9  # of the room's size: a path as short has not begun
@@ -116,8 +116,7 @@ class PhotoLight:
             behind = direction[2, some, None] > 0
             if not self.room.parallel:
                 return np.where(behind, METAL, 1.5 * WARM)
-            dots = (np.cos(DOTS * np.pi * x[some]) * np.cos(DOTS * np.pi * y[some])) ** 8
-            glow = 0.02 + 0.35 * dots + 1.2 * np.exp(-(1 + direction[2, some]) / LOBE)
+            glow = FAINT + 1.2 * np.exp(-(1 + direction[2, some]) / LOBE)
             return np.where(behind, METAL, glow[:, None] * WARM)
 
         return path, shade

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
+# what `answered_problem` knows: sources, and light besides pictures
+ASKED_SOURCES, ASKED_LIGHT = ("beam", "point", "led"), ("square", "disk")
 
 _KINDS = (
     "an element is a lens or a mirror: [[element]] says where it lies, [[path]] how light goes through it"
@@ -14,12 +16,21 @@ _BARE = "a coating is a share of the light at any angle: lens.front.reflectance 
 CANNOT = {
     **dict.fromkeys(("lense", "reflector", "prism"), _KINDS),
     "coating": _BARE,
-    "grin": "the index is the same everywhere in the lens",
+    **dict.fromkeys(
+        ("grin", "gradient_index", "scatter", "scattering"),
+        "index and absorption are the same everywhere in the lens, and only its surfaces scatter: "
+        "lens.front.slope_rms and lens.rear.slope_rms",
+    ),
+    **dict.fromkeys(
+        ("polarisation", "polarization", "polarised", "polarized", "diffraction", "phase", "coherence"),
+        "light is rays without phase, and sources are not polarised",
+    ),
+    "targets": "a problem has one target; a picture or [[target.zone]] holds several regions",
     **dict.fromkeys(
         ("lens.position", "lens.tilt"),
         "[lens] lies on the axis, with its front vertex at z = 0: take [[element]]",
     ),
-    "run.device": "light is traced on the processor",
+    **dict.fromkeys(("run.device", "gpu", "cuda"), "light is traced on the processor"),
 }
 
 
@@ -29,4 +40,4 @@ def cannot_do(word: object) -> str:
         return ""
     name = word.rpartition(".")[2]
     reason = CANNOT.get(word) or CANNOT.get(name) or CANNOT.get(name.removesuffix("s"))
-    return f"thbcad cannot do that: {reason} (its README lists what it cannot do)" if reason else ""
+    return f'thbcad cannot do that: {reason} (README.md, "What it cannot do", has all)' if reason else ""

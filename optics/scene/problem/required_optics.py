@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, require_file_name
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.lens_schema import LensSpec, Optic
 from optics.scene.problem.schema import Rows, StopSpec
@@ -41,7 +41,7 @@ def require_stops(stops: Sequence[StopSpec]) -> None:
 
 
 def require_named_elements(elements: Sequence[Placed]) -> None:
-    """Refuse elements without a name, and those of a row that bear the name of another file of a result.
+    """Refuse elements without a name for a file, and those of a row with that of another file of a result.
 
     Some file systems take names that differ only in case for one.
 
@@ -50,6 +50,7 @@ def require_named_elements(elements: Sequence[Placed]) -> None:
     for k, element in enumerate(elements):
         if not element.name:
             raise UserError(f'element[{k}].name is missing; add one, such as name = "M1"')
+        require_file_name(f"element[{k}].name =", element.name, 'take another, such as "L1"')
         if len(elements) > 1 and element.name.lower() in ("lens", "scene"):
             raise UserError(
                 f"element[{k}].name = {element.name!r} is that of a file of the result, {element.name}.step; "

@@ -57,13 +57,59 @@ CHANGES: dict[str, dict[str, Any]] = {  # by STARTS: what differs from a picture
 }
 
 
+HALF_ANGLE = 30.0  # degrees, of the cone of a lamp's light that the lens takes
+# half-width of an LED, mm, at most, and in parts of the lens's width where light is even and where it is a
+# picture, which a larger one would blur
+CHIP, EVEN, SHARP = 0.5, 0.01, 0.0025
+REGIONS: dict[str, dict[str, Any]] = {  # by ASKED_LIGHT
+    "square": {"kind": "tophat", "shape": "rectangle", "lit": (0.75, 0.75), "pixels": (128, 128)},
+    "disk": {"kind": "tophat", "shape": "ellipse", "lit": (0.8, 0.8), "pixels": (128, 128)},
+}
+
+
 def commented_problem(name: str = "collimated") -> str:
     """Return a problem file to start from: every key with a value and a comment.
 
     name : one of STARTS.
     """
+    return problem_to_toml(_picture().with_(**CHANGES[name]), notes=True)
+
+
+def answered_problem(source: str, light: str, width: float) -> str:
+    """Return a commented problem file by three answers; lengths are in proportion to the width of the lens.
+
+    source : one of ASKED_SOURCES.  light : one of ASKED_LIGHT, or the path of a picture.  width : mm.
+    """
+
+    def mm(length: float) -> float:
+        """Return a length of a lens that is 100 mm wide in this one."""
+        return float(f"{length * width / 100:.6g}")
+
+    def square(half_width: float) -> tuple[float, float]:
+        return mm(half_width), mm(half_width)
+
+    lamp: dict[str, Any] = {"distance": mm(60.0), "half_angle": HALF_ANGLE}
+    chip = min(CHIP, width * (EVEN if light in REGIONS else SHARP))
+    sources: dict[str, dict[str, Any]] = {
+        "beam": {"kind": "collimated", "half_width": square(47.5)},
+        "point": {"kind": "point", **lamp},
+        "led": {"kind": "lambertian", "half_width": (chip, chip), **lamp},
+    }
+    target = {"distance": mm(300.0), "half_width": square(100.0)}
+    changes = {
+        "source": sources[source],
+        "lens.thickness": mm(20.0 if source == "beam" else 35.0),
+        "lens.front.half_width": square(50.0 if source == "beam" else 45.0),
+        "lens.rear.half_width": square(50.0),
+        "target": target | REGIONS.get(light, {"kind": "image", "image": light}),
+    }
+    return problem_to_toml(_picture().with_(**changes), notes=True)
+
+
+def _picture() -> Problem:
+    """Return the problem of a picture by parallel light, whose base lens and levels the program chooses."""
     freeform = Freeform(max_level=AUTO, z_freedom=AUTO)
-    picture = Problem(
+    return Problem(
         title="my lens",
         source=Source(kind="collimated", half_width=(47.5, 47.5)),
         lens=LensSpec(
@@ -74,4 +120,3 @@ def commented_problem(name: str = "collimated") -> str:
         ),
         target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
     )
-    return problem_to_toml(picture.with_(**CHANGES[name]), notes=True)

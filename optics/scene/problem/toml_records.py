@@ -91,7 +91,8 @@ def checked_values(
         data = {f.name: getattr(data, f.name) for f in fields(kind)}
     if isinstance(data, list | tuple) and prefix:
         name = prefix.rstrip(".")
-        raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}")
+        more = f"; {reason}" if (reason := cannot_do(f"{name}s")) else ""
+        raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}{more}")
     if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
     root = root or kind

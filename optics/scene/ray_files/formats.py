@@ -63,7 +63,15 @@ def write_rays(rays: RaySet, path: str | Path) -> None:
     """
     path = Path(path)
     require_ray_suffix(path)
-    write_bytes(path, WRITERS[path.suffix.lower()](rays))
+    write_bytes(path, ray_bytes(rays, path.suffix))
+
+
+def ray_bytes(rays: RaySet, suffix: str) -> bytes:
+    """Return the bytes of the ray file of a suffix that can be written.
+
+    Raises UserError : rays that the format cannot hold.
+    """
+    return WRITERS[suffix.lower()](rays)
 
 
 def require_ray_suffix(path: Path) -> None:

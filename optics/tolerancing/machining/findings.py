@@ -118,6 +118,13 @@ class SurfaceFindings:
         """The step or feed, mm, whose cusps blur by the yardstick at most; None where blur is unknown."""
         return None if self.blur is None else self.yardstick / self.blur.worst()[0]
 
+    @property
+    def polish(self) -> bool | None:
+        """Whether cusps blur the light by more than the yardstick; None where that is unknown."""
+        if self.pitch is None or self.largest_pitch is None:
+            return None
+        return self.pitch > self.largest_pitch
+
 
 @dataclass(frozen=True, eq=False)
 class ToolFindings:

@@ -92,15 +92,11 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
         f"x = {x:.4g}, y = {y:.4g} mm"
     )
     what = "feed" if order.spiral else "step"
-    yardstick = (
-        "one pixel"
-        if surface.yardstick == 1
-        else f"{surface.yardstick:.3g} pixels, the blur that there is without cusps,"
-    )
     yield (
-        f"the largest {what} on the {surface.name} that blurs by {yardstick} at most is "
+        f"the largest {what} on the {surface.name} that blurs by {_yardstick(surface)} at most is "
         f"{surface.largest_pitch:.4g} mm"
     )
+    yield _polish_line(order, surface)
     yield from _row_lines(order, surface)
     if surface.light is not None:
         yield (
@@ -114,6 +110,30 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
         )
 
 
+def _yardstick(surface: SurfaceFindings) -> str:
+    if surface.yardstick == 1:
+        return "one pixel"
+    return f"{surface.yardstick:.3g} pixels, the blur that there is without cusps,"
+
+
+def _polish_line(order: ToolOrder, surface: SurfaceFindings) -> str:
+    """Return whether the light asks for polishing, and why."""
+    assert surface.blur is not None  # cusps are known
+    assert surface.pitch is not None
+    blurred = f"by {surface.blur.worst()[0] * surface.pitch:.3g} pixels"
+    yardstick = _yardstick(surface).rstrip(",")
+    if surface.polish:
+        what = "feed" if order.spiral else "step"
+        return (
+            f"the {surface.name} must be polished, or cut with the largest {what}: its cusps blur the light "
+            f"{blurred}, more than {yardstick}"
+        )
+    return (
+        f"the {surface.name} needs no polishing for this light: its cusps blur it {blurred} at most, and the "
+        f"yardstick is {yardstick}"
+    )
+
+
 def _row_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     """Yield what it takes to cut with a ball, and what to do where that is long."""
     cut = surface.rows
@@ -122,7 +142,7 @@ def _row_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     speed = order.speed or SPEED
     default = "" if order.speed else ", as nothing else is said (--speed)"
     yield (
-        f"one pass over the {surface.name} is {cut.rows:,} rows, {cut.length / 1e3:.3g} km of cutting, and "
+        f"one pass over the {surface.name} is {cut.rows:,} rows, {cut.length:,.0f} m of cutting, and "
         f"takes {cut.hours:.3g} hours at {speed:g} mm for each minute{default}; turns between rows, roughing "
         "and polishing are not in them"
     )
@@ -203,6 +223,7 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
             "one_pixel_mm": 1 / worst,
             "yardstick_pixels": surface.yardstick,
             "largest_mm": surface.largest_pitch,
+            "polish": {"needed": surface.polish, "why": _polish_line(order, surface)},
             "left_out": blur.unknown,
             "rel_l2": None
             if surface.light is None

@@ -182,7 +182,8 @@ def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: Re
     """Return what noise and smoothing do to rel_l2, from a second fit that smooths less.
 
     What smoothing takes from the light hardly matters there, and the noise that it leaves is taken off.
-    How much the two fits then differ is part of the error.
+    How much the two fits then differ is part of the error.  Where noise would bring more than all that was
+    found, as an outlier makes it seem, rel_l2 is only known to be no greater than that of the fits.
 
     fitted : rel_l2 of the made surface.
     """
@@ -191,7 +192,8 @@ def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: Re
     rough = rel_l2(finer.surface)
     added, spread = _noise(finer, rough, rel_l2, DRAWS)
     value, smooth = sqrt(max(rough**2 - added, 0.0)), sqrt(max(fitted**2 - floor, 0.0))
-    return LightError(value, hypot(spread / (value or 1.0), value - smooth), sqrt(max(floor, 0.0)))
+    error = hypot(spread / value, value - smooth) if value else max(rough, fitted)
+    return LightError(value, error, sqrt(max(floor, 0.0)))
 
 
 def _noise(made: MadeSurface, here: float, rel_l2: RelL2, draws: int) -> tuple[float, float]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         random_field as random_field,
         shortest_period,
     )
-    from .light_limits import RISE
+    from .light_limits import RISE, LightJudge, LightNumbers
     from .linear_light import LinearLight
     from .perturbation import NOMINAL, ElementErrors, Perturbation as Perturbation
     from .shop_words import HEAD, effect_rows, shop_sentences

@@ -29,6 +29,7 @@ from thbcad.splines import BSplineSurface
 if TYPE_CHECKING:
     from thbcad.moulds import Made
 
+NAMED = re.compile(rf"PRODUCT\(\s*{STRING}\s*,\s*{STRING}\s*,".encode("ascii"))
 NUMBER = re.compile(rf"{STRING}|#(\d+)")
 # the entities of a part's file that an assembly speaks of
 SPOKEN_OF = [
@@ -73,18 +74,21 @@ class PlacedShape:
 
 
 def scene_step(
-    bodies: Sequence[tuple[Made | Part, Product, Pose]], whole: Product, schema: str = "AP242"
+    bodies: Sequence[tuple[Made | Part | bytes, Product, Pose]], whole: Product, schema: str = "AP242"
 ) -> bytes:
     """Return the STEP file of an assembly of bodies that lie where their poses say, in mm.
 
     It holds the entities of the file that each body has by itself, and a placement of each.  OCCT would write
     the colours of several parts in another order every time.
 
+    bodies : bytes are the file that a body has in this schema, of which only the name is changed.
     whole : its name is that of the assembly.  schema : as `thbcad.write_step`, which also raises.
     """
     head, texts, last = "", [], 0
     for body, product, _ in bodies:
-        if isinstance(body, Part):
+        if isinstance(body, bytes):
+            file = _named(body, product.name)
+        elif isinstance(body, Part):
             file = part_step(body, product, schema)
         else:
             file = step_bytes(body, product, schema)
@@ -118,8 +122,16 @@ def sheet_part(surface: BSplineSurface, thickness: float) -> Part:
     return Part(TopoDS.Solid_s(solid), [""] * len(faces), faces)
 
 
+def _named(file: bytes, name: str) -> bytes:
+    """Return the file of a body with another name."""
+    text = compact(f"'{_quoted(name)}'")
+    return NAMED.sub(lambda _: f"PRODUCT({text},{text},".encode("ascii"), file, count=1)
+
+
 def _renumbered(data: str, offset: int) -> str:
     """Return entities with other numbers; texts stay."""
+    if not offset:
+        return data
     return NUMBER.sub(lambda m: m[0] if m[1] is None else f"#{int(m[1]) + offset}", data)
 
 

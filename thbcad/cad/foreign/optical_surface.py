@@ -26,7 +26,8 @@ SNAP = 1e-12  # directions nearer to an axis of the file are it
 SAME = 1e-9  # between unit vectors
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
 CHAMFERED = 1e-3  # of the half-width: so far off the axis is the rim that a chamfer leaves
-ROUND = 1e-6  # relative: how well an outline must be a rectangle or an ellipse
+ROUND = 1e-6  # relative: how well an outline must be a rectangle
+ROUND_RIM = 1e-4  # the same of an ellipse: a chamfer ends in splines that are 1e-5 off the circle of a sphere
 
 
 def in_frame(frame: Pose, points: Floats) -> Floats:
@@ -140,7 +141,7 @@ class OpticalFace:
     faces : SurveyedFace, one or, where the surface was split, several
     outline : "rectangle", "ellipse" or "other", seen along the axis
     half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm;
-        of the sphere, where a chamfer leaves a rim that is no circle
+        of the sphere, where the rim is centred on it but for what a chamfer leaves
     degrees, control_points : (2,) int of a spline in one piece, else None
     knots : the knot vectors in u and v of a spline in one piece, else None
     periodic : whether the surface of a face closes in u, in v
@@ -180,7 +181,7 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     low, high = reach * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
     word = _outline_kind((outline - centre) / half)
-    if word == "other" and (middle := group[0].centre) is not None:
+    if word != "rectangle" and (middle := group[0].centre) is not None:
         apart = in_frame(frame, middle)[:2] - centre
         centre = centre + apart * (np.abs(apart).max() < CHAMFERED * half.max())
     spline = group[0].spline if len(group) == 1 else None
@@ -213,4 +214,4 @@ def _outline_kind(relative: Floats) -> str:
     if gaps.max() < ROUND:
         return "rectangle"
     outer = np.hypot(*relative.T)
-    return "ellipse" if outer.max() < 1 + ROUND and outer.min() > 1 - ROUND else "other"
+    return "ellipse" if np.abs(outer - 1).max() < ROUND_RIM else "other"

@@ -13,13 +13,13 @@ with the faces at other points: that is measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thbcad.cad.foreign.conic_bounds import conic_deviation
-from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame
+from thbcad.cad.foreign.optical_surface import CHAMFERED, ROUND_RIM, OpticalFace, in_frame
 from thbcad.cad.foreign.surveyed_faces import axial_heights
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
@@ -33,6 +33,7 @@ from thbcad.surfaces import THBSurface
 
 LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
 DEGREE = 5
+NEARLY_ROUND = 1e-2  # of a rim, relative: the largest ellipse within it is taken
 CONIC_POINTS = 9  # along a radius in eight directions
 CONIC = 1e-9  # mm; what OCCT's intersections and eleven digits of a file leave of a conic
 FLATTEST = 1e-12  # 1/mm: a lesser curvature is a plane's
@@ -72,8 +73,8 @@ def refitted(
     """Return the Refit of front and rear in their frame, as `ForeignLens.refit`."""
     require_number("tolerance", tolerance, above=0, finite=True)
     surfaces = []
-    for name, face, vertex in zip(("front", "rear"), faces, (0.0, thickness)):
-        slack = CHAMFERED * float(face.half_width.max()) if face.outline == "other" else CENTRED
+    for name, face, vertex in zip(("front", "rear"), _outlined(frame, faces), (0.0, thickness)):
+        slack = CENTRED if face.outline == "rectangle" else CHAMFERED * float(face.half_width.max())
         if np.abs(face.centre).max() > slack:
             x, y = face.centre
             raise ValueError(
@@ -90,6 +91,22 @@ def refitted(
     )
 
 
+def _outlined(frame: Pose, faces: Sequence[OpticalFace]) -> list[OpticalFace]:
+    """Return front and rear over the largest ellipses within their rims, where both are nearly round; a lone
+    round one has an outline that a Lens does not know."""
+    found = []
+    for face in faces:
+        rim = np.concatenate([in_frame(frame, one.rim)[:, :2] for one in face.faces])
+        outer = np.hypot(*(rim / face.half_width).T)
+        if face.outline == "rectangle" or np.abs(outer - 1).max() > NEARLY_ROUND:
+            return [f if f.outline == "rectangle" else replace(f, outline="other") for f in faces]
+        axes = face.half_width * (1.0 if face.outline == "ellipse" else outer.min())
+        if np.ptp(axes) < ROUND_RIM * axes.max():  # a circle
+            axes = np.full(2, axes.min())
+        found.append(replace(face, outline="ellipse", half_width=axes))
+    return found
+
+
 def _surface(frame: Pose, face: OpticalFace, vertex: float, tolerance: float, name: str) -> _Surface:
     """Return the first surface that meets a face within the tolerance."""
     analytic = {"plane": _plane, "sphere": _sphere}
@@ -97,6 +114,11 @@ def _surface(frame: Pose, face: OpticalFace, vertex: float, tolerance: float, na
     if best is None or best.deviation > tolerance:
         best = _conic(frame, face, vertex)
     if best is None or best.deviation > tolerance:
+        if face.radius is not None and np.hypot(*face.half_width) >= face.radius and face.kind == "sphere":
+            raise ValueError(
+                f"the {name} is a sphere of radius {face.radius:.6g} mm that ends within the rectangle round "
+                "its rim, over which the surfaces of a Lens go on; cut the lens to a smaller diameter"
+            )
         if face.outline != "rectangle":
             raise ValueError(
                 f"the outline of the {name} is no rectangle, and its surface neither a conic nor a spline in "
@@ -108,7 +130,9 @@ def _surface(frame: Pose, face: OpticalFace, vertex: float, tolerance: float, na
             f"the {name} is met within {best.deviation:.2g} mm by the finest fit that is tried; allow a "
             "greater tolerance"
         )
-    return best
+    own = best.surface
+    corners = own.half_width if face.outline == "ellipse" else own.corners
+    return replace(best, surface=FreeformSurface(own.half_width, own.conic, own.sag, corners))
 
 
 def _plane(frame: Pose, face: OpticalFace, vertex: float) -> _Surface:
@@ -157,7 +181,7 @@ def _graph(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     heights = poles[..., 2] - vertex
     graph = BSplineSurface(kv_u, kv_v, heights)
     slope = np.hypot(*cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2)))
-    cut = centred(graph, face.half_width, face.outline == "rectangle")
+    cut = centred(graph, face.half_width, face.outline != "other")
     if cut is None:
         return None
     rounding = 64 * EPS * float(np.abs(frame.shift).max() + np.abs(poles).max())

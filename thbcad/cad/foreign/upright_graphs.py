@@ -26,8 +26,8 @@ def upright(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> tuple[KnotVect
 def centred(graph: BSplineSurface, half_width: Floats, rectangle: bool) -> BSplineSurface | None:
     """Return the same graph over a rectangle round the axis, None where a face extends beyond it.
 
-    The rectangle is the largest that the graph allows.  Where the face is a rectangle too, it is the face's,
-    unless they differ by rounding.
+    The rectangle is the largest that the graph allows.  With `rectangle`, it is that round the face, unless
+    they differ by rounding.
 
     half_width : (2,) float, mm, of the face
     """

@@ -13,6 +13,7 @@ import pytest
 
 from optics.base.runtime import UserError, process_for
 from tests.cases import ROOT
+from tests.without_posix import without_posix
 
 ORPHAN = """
 from optics.base.runtime import process_for
@@ -269,4 +270,56 @@ def test_it_ends_when_the_first_process_is_killed(seconds):
     pid = int(first.stdout.readline())
     first.kill()
     first.communicate()
+    assert gone(pid)
+
+
+HELP = """
+import sys, time
+from pathlib import Path
+from optics.base.runtime import POSIX, address_limit, limit_memory, machine_memory, peak_mb, process_for
+assert not POSIX
+limit_memory(1)
+assert address_limit() is None
+assert machine_memory() > 1e6 * peak_mb() > 1e7
+folder = Path(sys.argv[1])
+try:
+    with process_for("test") as process:
+        process.ask("tests.optics.base.runtime.test_helper_process", "tidied", folder)
+        while not (folder / "half").exists():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+except KeyboardInterrupt:
+    pass
+assert not (folder / "half").exists()
+assert process._process.returncode == 0
+with process_for("test") as process:
+    print(process.ask("os", "getpid").result(), flush=True)
+    process.ask("time", "sleep", 1000)
+    time.sleep(1000)
+"""
+
+
+def tidied(folder):
+    """Work until interrupted, in short steps, and take the half of a file away."""
+    half = folder / "half"
+    half.touch()
+    try:
+        while True:
+            time.sleep(0.01)
+    finally:
+        half.unlink()
+
+
+def test_without_posix_a_helper_process_tidies_up_and_ends_with_the_first(tmp_path):
+    (tmp_path / "hook").mkdir()
+    first = subprocess.Popen(
+        [sys.executable, "-c", HELP, tmp_path],
+        env=without_posix(tmp_path / "hook"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    pid = int(first.stdout.readline())
+    first.kill()
+    assert first.communicate()[1] == ""
     assert gone(pid)

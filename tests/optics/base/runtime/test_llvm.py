@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optics.base.runtime import llvm, load_backend
 from optics.base.runtime.errors import UserError
 from optics.base.runtime.llvm import OLDEST, VARIABLE, WHEEL, candidates, load_llvm
 
@@ -38,9 +39,10 @@ class Library:
 
 @pytest.fixture
 def loaded(monkeypatch):
-    """The names of the libraries that are loaded; DRJIT_LIBLLVM_PATH is unset."""
+    """The names of the libraries that are loaded; DRJIT_LIBLLVM_PATH is unset, Dr.Jit has none yet."""
     Library.loaded = []
     monkeypatch.setattr("ctypes.CDLL", Library)
+    monkeypatch.setattr(llvm, "_of_dr_jit", lambda: None)
     monkeypatch.setattr("thbcad.doors.LIBRARIES", {})
     monkeypatch.setitem(os.environ, VARIABLE, "")
     return Library.loaded
@@ -120,6 +122,26 @@ def test_old_libraries_are_named_and_not_loaded(tmp_path, loaded):
     assert loaded == []
 
 
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [("darwin", "17 or newer: brew install llvm$"), ("win32", r"with its folder of LLVM-C\.dll on PATH$")],
+)
+def test_the_search_of_drjit_is_left_alone_where_it_has_its_own(tmp_path, loaded, monkeypatch, system, words):
+    """On Windows and macOS; what is named is still looked at."""
+    monkeypatch.setattr("optics.base.runtime.llvm.sys.platform", system)
+    assert load_llvm([place(tmp_path)], NONE) == os.environ[VARIABLE] == ""
+    assert loaded == []
+    monkeypatch.setitem(os.environ, VARIABLE, str(tmp_path / NAMES[0]))
+    with pytest.raises(UserError, match=words):
+        load_llvm()
+
+
+def test_an_llvm_that_drjit_does_not_find_is_told(backend, monkeypatch):
+    monkeypatch.setattr(backend.dr, "has_backend", lambda kind: False)
+    with pytest.raises(UserError, match=r"^Dr\.Jit found no LLVM library; .*install LLVM 17 or newer"):
+        load_backend()
+
+
 def test_where_there_is_none_the_remedy_is_told(tmp_path, loaded):
     with pytest.raises(UserError, match=r"found \(none at all\); .*install LLVM 17 or newer"):
         load_llvm([str(tmp_path)], NONE)
@@ -158,6 +180,30 @@ def test_this_machine_has_one_that_works_beside_a_broken_one(tmp_path, backend):
     environment = os.environ | {VARIABLE: "", "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("[0.25 0.5 ]\n", "")
+
+
+@pytest.mark.parametrize(("taken", "words"), [(15, "took LLVM 15, too old for it"), (-1, "found no LLVM")])
+def test_a_dr_jit_that_took_an_old_library_before_is_refused(tmp_path, loaded, monkeypatch, taken, words):
+    """It would abort the whole process at its first kernel."""
+    monkeypatch.setattr(llvm, "_of_dr_jit", lambda: taken)
+    path = str(tmp_path / "libLLVM-22.so")
+    with pytest.raises(UserError, match=f"{words}.*{VARIABLE}={path} before Python starts"):
+        load_llvm([place(tmp_path)], NONE)
+    monkeypatch.setitem(os.environ, VARIABLE, path)
+    with pytest.raises(UserError, match=words):
+        load_llvm([], NONE)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_dr_jit_tells_which_library_it_took(backend, named):
+    """In a process that imports it first: the one that is named, or whatever it finds, which may be none."""
+    program = "import drjit; from optics.base.runtime import llvm; print(llvm._of_dr_jit())"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    if not named:
+        del environment[VARIABLE]
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0
+    assert int(done.stdout.splitlines()[-1]) >= (OLDEST if named else -1)
 
 
 @pytest.mark.skipif(WHEEL not in {d.name for d in distributions()}, reason="no wheel of LLVM for this system")

@@ -76,7 +76,7 @@ def test_fine_bins_follow_an_offset_as_uneven_as_the_picture():
 
 
 def test_light_that_is_lost_on_the_way_is_asked_for_once_more():
-    """g(y) s(y) = T(y) where nothing lands beside; s is known by means of bins, smoothed by one of four cells.
+    """g(y) s(y) = T(y) where nothing lands beside; s is known by smoothed means of bins of four cells.
 
     That errs by s'' (4 / 160 * 2)^2 / 2 < 1e-3 for s'' below 0.6, and more in the bins at the border.
     """

@@ -9,19 +9,54 @@ from PIL import Image
 pytest.importorskip("mitsuba")
 
 from optics.base.runtime import UserError
+from optics.exchange.mitsuba.cameras import watching_camera
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.scene import camera_irradiance, mitsuba_scene
+from optics.light.analysis import ray_irradiance
 from optics.light.measuring import Splat
 from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.problem import load_problem
-from optics.scene.receivers import PixelWindow
+from optics.scene.receivers import PixelWindow, Screen
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
+from tests.optics.scene.problem.cases import MIRROR, ROW, load_text
+from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
 SAMPLES = 1 << 17
+TWO = """
+title = "two beams"
+
+[[source]]
+name = "near"
+kind = "collimated"
+half_width = [4.0, 6.0]
+distance = 5.0
+position = [-4, 1, -5]
+
+[[source]]
+name = "oblique"
+kind = "collimated"
+half_width = [3.0, 3.0]
+distance = 5.0
+position = [5, -4, -12]
+tilt = [3, -8, 0]
+weight = 0.5
+
+[lens]
+index = 1.5
+thickness = 6.0
+front = { half_width = [14.0, 14.0] }
+rear = { half_width = [14.0, 14.0], freeform = { spans = [4, 4], max_level = 1, z_freedom = 1.0 } }
+
+[target]
+kind = "tophat"
+distance = 40.0
+half_width = [20.0, 20.0]
+pixels = [32, 32]
+"""
 STRETCHED = {"source.half_width": [6.0, 9.0], "source.flux": 0.7, "source.image": "source.png"}
 NEAR = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
 POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 30.0, "source.flux": 0.7}
@@ -152,6 +187,35 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend, chang
     assert abs(np.mean(fluxes) - wanted) < 4.5 * error  # p < 0.003 for eight
 
 
+@pytest.mark.parametrize("text", [ROW, TWO], ids=["lens and mirror", "two beams on a lens"])
+def test_elements_and_sources_anywhere_make_our_light(tmp_path, backend, text):
+    """8 x 8 blocks of 4 x 4 pixels: noise of about 1 %; ours has no light that is reflected twice."""
+    system = OpticalSystem(load_text(tmp_path, text))
+    lens = system.lens
+    lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.15)) for sag in lens.sags])
+    image = camera_irradiance(mitsuba_scene(system, LensMesh.uniform(lens, (65, 65))), spp=256)
+    exact, _ = ray_irradiance(system, system.path(lens), system.target.screen(), backend)
+    blocks = [a.reshape(8, 4, 8, 4).mean((1, 3)) for a in (image, exact.irradiance)]
+    assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])
+    for turned in (blocks[0][:, ::-1], blocks[0][::-1], blocks[0][::-1, ::-1]):
+        assert np.linalg.norm(turned - blocks[1]) > 0.1 * np.linalg.norm(blocks[1])
+
+
+def test_no_body_stands_between_the_camera_and_the_screen(mi):
+    """Points at random, of which a pinhole at `away` would see some before the screen were it farther off."""
+    screen, pose = Screen((20.0, 10.0), (40, 20)), Pose.tilted((5.0, -3.0, 40.0), (30.0, -50.0, 70.0))
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        own = rng.uniform([[-40], [-40], [-60]], [[40], [40], [20]], (3, 30))
+        to_world = watching_camera(mi, screen, pose, pose.points(own))["to_world"]
+        x, y, z = pose.inverse().points(np.array(to_world.matrix)[:3, 3])
+        assert z < 0
+        assert max(abs(x), abs(y)) < 1e-4
+        share = (own[2] - z) / -z  # of the pyramid's width at a point: 0 at the pinhole, 1 on the screen
+        within = (np.abs(own[0]) < 20 * share) & (np.abs(own[1]) < 10 * share) & (own[2] < 0)
+        assert not within.any()
+
+
 def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
     problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
     scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (9, 9)))
@@ -167,12 +231,21 @@ def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
         ({"source.kind": "lambertian", "source.half_angle": 40.0}, "source.half_angle"),
         ({**POINT, "source.exponent": 2.0}, "source.exponent"),
         ({"target.pixels": [48, 40]}, "target.pixels"),
+        ({"lens.rear.slope_rms": 0.01}, "slope_rms"),
+        ({"lens.front.reflectance": 0.1}, "reflectance"),
     ],
 )
 def test_what_mitsuba_cannot_express_is_refused_by_its_key(make, changes, key):
     problem, lens = make(changes)
     with pytest.raises(UserError, match=key):
         mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+
+
+def test_a_curved_screen_is_refused(tmp_path):
+    curved = MIRROR.replace("[target]", '[target]\nsurface = "cylinder"\nradius = 90.0')
+    system = OpticalSystem(load_text(tmp_path, curved))
+    with pytest.raises(UserError, match=r"target\.surface"):
+        mitsuba_scene(system, LensMesh.uniform(system.lens, (5, 5)))
 
 
 def test_the_camera_refuses_spectra(make):

@@ -20,6 +20,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
+from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.surfaces import THBSurface
 
 RENDER = """
@@ -41,8 +42,7 @@ CASES = {
 @pytest.fixture(autouse=True)
 def mi(monkeypatch):
     """Mitsuba, and meshes of 65 vertices in each direction."""
-    for module in (scene, sys.modules["optics.exchange.mitsuba.scene_xml"]):
-        monkeypatch.setattr(module, "VERTICES", (65, 65))
+    monkeypatch.setattr(scene, "VERTICES", (65, 65))
     return load_mitsuba()
 
 
@@ -56,7 +56,7 @@ def make(problem_file, tmp_path):
         lens = system.lens.with_sags([THBSurface(s.space, rough(s.space, 0.1)) for s in system.lens.sags])
         out = tmp_path / "scene.xml"
         files = scene_files(system, lens, out)
-        assert set(files) <= set(scene_file_names(out))
+        assert set(files) <= set(scene_file_names(system, out))
         for path, data in files.items():
             path.write_bytes(data)
         return system, lens, out
@@ -67,7 +67,7 @@ def make(problem_file, tmp_path):
 @pytest.mark.parametrize("name", CASES)
 def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
     system, lens, out = make(CASES[name])
-    assert all(check.ok for check in scene_checks(lens, out))
+    assert all(check.ok for check in scene_checks(system, lens, out))
     given = scene.mitsuba_scene(system, scene.LensMesh.uniform(lens, (65, 65)))
     given, read = (mi.traverse(s) for s in (given, mi.load_file(str(out), optimize=False)))
     compared = [key for key, _ in given if key in read]
@@ -81,6 +81,33 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
                 f"{word}.{kind}" in key for word in ("radiance", "intensity") for kind in ("value", "data")
             )
             np.testing.assert_allclose(rows[0] * (brighter if light else 1), rows[1], rtol=1e-6, atol=1e-6)
+
+
+def test_elements_have_files_where_they_lie(mi, tmp_path):
+    """Mitsuba reads the faces of both in the frame of the scene, as it has them of the scene in memory."""
+    system = OpticalSystem(load_text(tmp_path, ROW))
+    files = scene_files(system, system.lens, tmp_path / "scene.xml")
+    assert set(files) <= set(scene_file_names(system, tmp_path / "scene.xml"))
+    for path, data in files.items():
+        path.write_bytes(data)
+    checks = scene_checks(system, system.lens, tmp_path / "scene.xml")
+    assert [check.name.split(",")[0][16:] for check in checks] == [
+        "L1.front",
+        "L1.rear",
+        "M1.front",
+        "M1.rear",
+    ]
+    assert all(check.ok for check in checks)
+    given = mi.traverse(scene.mitsuba_scene(system, scene.LensMesh.uniform(system.lens, (65, 65))))
+    read = mi.traverse(mi.load_file(str(tmp_path / "scene.xml"), optimize=False))
+    for key in (
+        "M1_front.vertex_positions",
+        "L1_edges.vertex_positions",
+        "screen.to_world",
+        "sensor.to_world",
+    ):
+        rows = [np.array(getattr(p[key], "matrix", p[key]), dtype=float) for p in (given, read)]
+        np.testing.assert_allclose(*rows, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -13,7 +13,9 @@ import pytest
 from optics.base.runtime import UserError, note
 from optics.interface.commands import main
 from optics.interface.commands.arguments import parsed, parsers
+from optics.interface.commands.cli import INTERNAL_ERROR
 from optics.interface.commands.command_examples import EXAMPLES as SHOWN
+from optics.interface.commands.outcome import OF_GRADES
 from optics.interface.commands.problem_options import changes_of
 from optics.scene.problem import ENGINES, STARTS, load_problem
 from tests.cases import EXAMPLES, ROOT
@@ -32,12 +34,26 @@ def options_of(command):
 # ---- help ----
 
 
-def test_the_bare_command_prints_its_help(capsys):
+def test_the_bare_command_shows_the_way(capsys):
     assert main([]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith("usage: thbcad")
-    assert captured.err == ""
-    assert all(re.search(rf"^ +{name}\b", captured.out, re.MULTILINE) for name in NAMES)
+    first, *steps = captured.out.splitlines()
+    assert (first.split()[0], len(steps), captured.err) == ("thbcad", 5, "")
+    asked = [parsed(line.split("  ")[1].split()[1:]) for line in steps if line.startswith("  thbcad")]
+    assert [options.command for options in asked] == ["new", "check", "design"]
+    assert asked[2].live
+    assert "exports/my_lens/report.html" in steps[3]
+    assert (ROOT / steps[4].split()[0]).exists()
+
+
+def test_the_help_lists_all_commands_and_exit_codes(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    page = capsys.readouterr().out
+    assert page.startswith("usage: thbcad")
+    assert all(re.search(rf"^ +{name}\b", page, re.MULTILINE) for name in NAMES)
+    codes = re.findall(r"(\d+) \w", page.partition("exit codes: ")[2])
+    assert {*map(int, codes)} == {*OF_GRADES.values(), 0, 2, 3, INTERNAL_ERROR, 130, 143}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -168,6 +184,15 @@ def test_a_key_that_cannot_be_set_is_refused_by_name(tmp_path, capsys):
         assert line == f"thbcad: {path}: target.distance must be at least 1e-06, got -3"
 
 
+@pytest.mark.parametrize(
+    "arguments", [["design"], ["sweep", "--vary", "target.distance=[60, 70]"]], ids=" ".join
+)
+def test_a_folder_is_not_named_after_a_file_whose_name_windows_refuses(arguments, tmp_path, capsys):
+    line = refused(capsys, *arguments, write_problem(tmp_path, name="a:b.toml"))
+    assert line.startswith("thbcad: the problem file 'a:b")
+    assert line.endswith("Windows does not take: ':' in it; choose a folder with --out")
+
+
 def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
     path = write_problem(tmp_path)
     assert main(["check", str(path), "--set", "title=other title", "--set", "lens.thickness=7"]) == 0
@@ -274,6 +299,6 @@ def test_a_choice_that_the_program_cannot_make_says_why(capsys):
     assert "invalid choice: 'prism'" in told
     assert told.endswith(
         "; thbcad cannot do that: an element is a lens or a mirror: [[element]] says where it lies, "
-        "[[path]] how light goes through it (its README lists what it cannot do)"
+        '[[path]] how light goes through it (README.md, "What it cannot do", has all)'
     )
     assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

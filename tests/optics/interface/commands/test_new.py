@@ -1,5 +1,7 @@
 """The commented problem file that `thbcad new` prints."""
 
+import io
+import sys
 import tomllib
 from dataclasses import fields, is_dataclass
 
@@ -7,8 +9,17 @@ import pytest
 from PIL import Image
 
 from optics.interface.commands.cli import main
-from optics.scene.problem import STARTS, Problem, commented_problem, load_problem, problem_to_toml
-from tests.cases import EXAMPLES
+from optics.scene.problem import (
+    ASKED_LIGHT,
+    ASKED_SOURCES,
+    STARTS,
+    Problem,
+    answered_problem,
+    commented_problem,
+    load_problem,
+    problem_to_toml,
+)
+from tests.cases import EXAMPLES, ROOT
 
 
 def keys(record, prefix=""):
@@ -38,6 +49,10 @@ def test_new_prints_a_problem_that_can_be_checked(tmp_path, capsys):
     assert isinstance(problem, Problem)
     assert main(["check", str(tmp_path / "my.toml")]) == 0
     assert tomllib.loads(text)["target"]["image"] == "picture.png"
+
+
+def test_the_page_of_keys_has_what_new_prints():
+    assert (ROOT / "docs" / "every_key.toml").read_text("utf-8") == commented_problem()
 
 
 def test_every_key_is_there_and_explained(tmp_path):
@@ -80,3 +95,103 @@ def test_a_start_can_be_checked(kind, tmp_path, capsys):
     Image.linear_gradient("L").save(tmp_path / "picture.png")
     assert main(["check", str(tmp_path / "my.toml")]) == 0
     assert "the problem is valid" in capsys.readouterr().out
+
+
+# ---- three questions ----
+
+ANSWERS = [(source, light) for source in ASKED_SOURCES for light in (*ASKED_LIGHT, "picture.png")]
+
+
+@pytest.fixture
+def terminal(monkeypatch, tmp_path):
+    """A function that runs `thbcad new` with lines that a person types, in the test's folder."""
+    Image.linear_gradient("L").save(tmp_path / "picture.png")
+    monkeypatch.chdir(tmp_path)
+
+    def typed(*lines, arguments=("new",), stdin=True, stdout=True):
+        text = io.StringIO("".join(f"{line}\n" for line in lines))
+        text.isatty = lambda: stdin
+        monkeypatch.setattr(sys, "stdin", text)
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: stdout, raising=False)
+        return main([*arguments])
+
+    return typed
+
+
+def test_answers_become_a_commented_problem_file_with_what_comes_next(terminal, tmp_path, capsys):
+    assert terminal("led", "'picture.png'", "60") == 0
+    said = capsys.readouterr().out
+    assert said.endswith("thbcad check my_lens.toml\n  thbcad design my_lens.toml --live\n")
+    text = (tmp_path / "my_lens.toml").read_text()
+    assert text == answered_problem("led", "picture.png", 60.0)
+    assert sum("#" in line for line in text.splitlines()) > 60
+
+
+def test_no_answer_is_the_usual_one_and_no_file_is_replaced(terminal, tmp_path):
+    assert [terminal("", "", "") for _ in range(3)] == [0, 0, 0]
+    names = {path.name for path in tmp_path.glob("*.toml")}
+    assert names == {"my_lens.toml", "my_lens_2.toml", "my_lens_3.toml"}
+    assert (tmp_path / "my_lens_3.toml").read_text() == answered_problem("beam", "square", 100.0)
+
+
+def test_an_answer_that_is_none_is_asked_for_again(terminal, tmp_path, capsys):
+    assert terminal("sun", "BEAM", "lost.png", "disk", "wide", "0", "nan", "50") == 0
+    said = capsys.readouterr().out
+    assert "answer beam or point or led" in said
+    assert "there is no picture lost.png" in said
+    assert said.count("answer a number from 1 to 1000, in mm") == 3
+    assert (tmp_path / "my_lens.toml").read_text() == answered_problem("beam", "disk", 50.0)
+
+
+def test_questions_without_an_answer_end_in_one_sentence(terminal, tmp_path, capsys):
+    assert terminal("beam") == 2
+    assert capsys.readouterr().err == ("thbcad: a question has no answer; thbcad new --kind NAME asks none\n")
+    assert list(tmp_path.glob("*.toml")) == []
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [{"stdin": False}, {"stdout": False}, {"arguments": ("new", "--kind", "collimated")}],
+    ids=["no input", "no screen", "an option"],
+)
+def test_elsewhere_nothing_is_asked(terminal, tmp_path, capsys, asked):
+    assert terminal(**asked) == 0
+    assert capsys.readouterr().out == commented_problem()
+    assert list(tmp_path.glob("*.toml")) == []
+
+
+@pytest.mark.parametrize(("source", "light"), ANSWERS)
+def test_answers_of_any_size_are_a_problem_in_proportion(source, light, tmp_path):
+    problems = []
+    for width in (1.0, 30.0, 1000.0):
+        (tmp_path / "my.toml").write_text(answered_problem(source, light, width))
+        problem = load_problem(tmp_path / "my.toml")
+        problems.append(problem)
+        assert problem.lens.rear.half_width == (width / 2, width / 2)
+        assert problem.target.distance == pytest.approx(3 * width)
+        assert problem.target.half_width[0] == pytest.approx(width)
+    assert problems[0].source.half_angle == problems[2].source.half_angle
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [10.0, 100.0])
+@pytest.mark.parametrize(("source", "light"), ANSWERS)
+def test_nothing_speaks_against_any_answers(source, light, width, tmp_path, capsys, coarse_concentration):
+    (tmp_path / "my.toml").write_text(answered_problem(source, light, width))
+    Image.open(EXAMPLES / "pearl.png").save(tmp_path / "picture.png")
+    assert main(["check", str(tmp_path / "my.toml")]) == 0
+    assert "my lens: the problem is valid\n" in capsys.readouterr().out  # or its limits may not be kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("source", "light", "width"),
+    [("beam", "picture.png", 60.0), ("point", "square", 20.0), ("led", "disk", 100.0)],
+)
+def test_answers_are_designed_well(source, light, width, tmp_path, capsys):
+    """With fewer pixels."""
+    (tmp_path / "my.toml").write_text(answered_problem(source, light, width))
+    Image.open(EXAMPLES / "pearl.png").save(tmp_path / "picture.png")
+    few = ("--set", "target.pixels=[64, 64]", "--out", str(tmp_path / "lens"), "--quiet")
+    assert main(["design", str(tmp_path / "my.toml"), *few]) == 0
+    assert "the lens makes the light asked for" in capsys.readouterr().out

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import shutil
 import subprocess
@@ -13,11 +11,10 @@ import pytest
 
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import FIGURES, QUICK
+from tests.optics.interface.commands.cases import FIGURES, QUICK, content
 
 # a module of this name is loaded at the start of every Python process that finds it
 LANGUAGE = "import locale; locale.setlocale(locale.LC_ALL, '')\n"
-TIMED = {"report.html", "result.json"}  # they show times, or hashes of files that do
 SURROUNDINGS = ["language", "time zone", "folder", "optimised"]
 
 
@@ -50,18 +47,6 @@ def design(folder, environment=None, options=(), cwd=None):
         capture_output=True,
     )
     return {path.relative_to(result).as_posix(): content(path) for path in result.rglob("*.*")}
-
-
-def content(path):
-    """Return the bytes of a file; of the files that hold times all else."""
-    if path.name == "history.csv":
-        with path.open(newline="") as file:
-            return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
-    if path.name == "metrics.json":
-        return {
-            k: v for k, v in json.loads(path.read_text("utf-8")).items() if k not in ("wall_s", "peak_mb")
-        }
-    return None if path.name in TIMED else path.read_bytes()
 
 
 @pytest.fixture(scope="module")

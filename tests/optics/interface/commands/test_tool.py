@@ -32,6 +32,23 @@ def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     assert sha256_of(result / "result.json") == before
 
 
+def test_text_record_and_page_say_the_same_of_polishing_and_cutting(capsys, result):
+    assert main(["tool", str(result), "--ball", "2", "--step", "0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    page = (result / "tool" / "tool.html").read_text("utf-8")
+    found = strict_json((result / "tool" / "tool.json").read_text("utf-8"))["surfaces"]["rear"]
+    polish, rows = found["cusps"]["polish"], found["rows"]
+    assert polish["needed"]
+    (cutting,) = (line for line in lines if line.startswith("one pass over the rear"))
+    assert (
+        f"{rows['rows']} rows, {rows['length_m']:.0f} m of cutting, and takes {rows['hours']:.3g} hours"
+        in cutting
+    )
+    for line in (polish["why"], cutting):
+        assert line in lines
+        assert f"<li>{line}</li>" in page
+
+
 def test_a_picture_of_an_earlier_tool_does_not_stay(result, monkeypatch):
     def figures(findings):
         return [(f"tool_{surface.name}.png", "", b"png") for surface in findings.surfaces]

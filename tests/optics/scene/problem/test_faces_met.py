@@ -40,6 +40,20 @@ def test_an_element_of_a_row_is_not_named_like_another_file_of_the_result(name):
         problem([FIXED | {"name": name}, FREE])
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("CON", "= 'CON' would name files that Windows does not take: it means a device; take another"),
+        ("a/b", "must begin with a letter and hold letters, digits, _ and - only"),
+        ("L1.", "must begin with a letter and hold letters, digits, _ and - only"),
+    ],
+)
+@pytest.mark.parametrize("others", [[], [FIXED]], ids=["alone", "in a row"])
+def test_an_element_is_named_so_that_every_system_takes_its_files(name, words, others):
+    with pytest.raises(UserError, match=rf"element\[0\]\.name {words}"):
+        problem([FREE | {"name": name}, *others])
+
+
 def test_names_that_some_file_systems_take_for_one_are_refused():
     with pytest.raises(UserError, match=r"element\[1\].name = 'm1' differs from 'M1' only in case"):
         problem([FREE, FIXED | {"name": "m1"}])

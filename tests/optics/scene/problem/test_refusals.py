@@ -10,6 +10,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem, assignment, cannot_do, keys_of
+from optics.scene.problem.choices import CANNOT
 from optics.scene.problem.toml_records import problem_to_toml
 from tests.cases import ROOT
 from tests.optics.cases import SMALL, target_z, toml_text, toml_value
@@ -366,6 +367,12 @@ def test_what_the_program_has_learned_is_not_called_impossible():
     assert {word for word in choices if cannot_do(word)} == set()
 
 
+def test_a_reason_names_keys_that_exist():
+    known = {key.name for key in keys_of(Problem)}
+    named = {word for reason in CANNOT.values() for word in re.findall(r"\b[a-z]+(?:\.\w+)+", reason)}
+    assert named <= known
+
+
 def test_the_readme_lists_what_the_program_cannot_do():
     assert re.search(r"^## What \S+ cannot do$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
 
@@ -376,10 +383,17 @@ def test_the_readme_lists_what_the_program_cannot_do():
         ("prism", [{"kind": "mirror"}], "an element is a lens or a mirror"),
         ("lens.kind", "prism", "an element is a lens or a mirror"),
         ("source.kind", "prism", "an element is a lens or a mirror"),
+        ("lens.scattering", 0.1, "only its surfaces scatter: lens.front.slope_rms"),
+        ("source.polarisation", "s", "sources are not polarised"),
+        ("lens.gradient_index", 0.1, "the same everywhere in the lens"),
+        ("run.engine", "cuda", "light is traced on the processor"),
+        ("target", [{"kind": "tophat"}], "a problem has one target"),
     ],
 )
 def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
-    with pytest.raises(UserError, match=rf"{re.escape(key)}.*{words}.*README") as caught:
+    with pytest.raises(
+        UserError, match=rf'{re.escape(key)}.*{words}.*README\.md, "What it cannot do"'
+    ) as caught:
         load_values(tmp_path, SMALL).with_(**{key: value})
     assert one_sentence(str(caught.value))
 

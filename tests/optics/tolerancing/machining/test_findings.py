@@ -119,7 +119,7 @@ def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
 
 
 @pytest.mark.parametrize(("rows", "speed", "step"), [("x", None, 0.004), ("y", 500.0, 0.01)])
-def test_rows_kilometres_and_hours_are_told(found, rows, speed, step):
+def test_rows_metres_and_hours_are_told(found, rows, speed, step):
     """By the arc of a parabola z = x^2 / (2 R), the same in every row."""
     radius, half = 40.0, 10.0
     findings = found(ToolOrder(ball=3.0, step=step, rows=rows, speed=speed), small_lens())
@@ -130,7 +130,7 @@ def test_rows_kilometres_and_hours_are_told(found, rows, speed, step):
     assert cut.length == pytest.approx(cut.rows * arc / 1e3, rel=1e-4)
     assert cut.hours == pytest.approx(1e3 * cut.length / (speed or 1000.0) / 60, rel=1e-12)
     (line,) = (line for line in tool_lines(findings) if line.startswith("one pass over the rear"))
-    assert f"{cut.rows:,} rows" in line
+    assert f"{cut.rows:,} rows, {cut.length:,.0f} m of cutting" in line
     assert "polishing are not in them" in line
     assert ("as nothing else is said" in line) == (speed is None)
 
@@ -168,6 +168,35 @@ def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
     assert surface.yardstick == pytest.approx(wide / (40 / 48), rel=1e-12)
     assert surface.pitch * surface.blur.worst()[0] == pytest.approx(surface.yardstick)
     assert surface.largest_pitch == pytest.approx(surface.pitch)
+
+
+@pytest.mark.parametrize(
+    ("changes", "times", "why"),
+    [
+        ({}, 0.99, "at most, and the yardstick is one pixel"),
+        ({}, 1.01, "more than one pixel"),
+        (SUN, 0.99, "pixels, the blur that there is without cusps"),
+        (SUN, 1.01, "pixels, the blur that there is without cusps"),
+    ],
+)
+def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
+    tmp_path, backend, changes, times, why
+):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+
+    def of(step):
+        return tool_findings(system, bowl_lens(), ToolOrder(ball=5.0, step=step), backend, rays=33)
+
+    wide = spot_width(system, bowl_lens(), backend) if changes else 40 / 48
+    step = times * max(1.0, wide / (40 / 48)) / of(0.01).surfaces[0].blur.worst()[0]
+    findings = of(step)
+    polish = tool_data(findings)["surfaces"]["rear"]["cusps"]["polish"]
+    assert polish["needed"] == (times > 1)
+    assert polish["why"] in tool_lines(findings)
+    assert polish["why"].startswith(
+        "the rear must be polished" if times > 1 else "the rear needs no polishing"
+    )
+    assert polish["why"].endswith(why)
 
 
 def test_sharp_light_keeps_the_pixel_as_yardstick(found):

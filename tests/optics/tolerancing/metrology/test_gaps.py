@@ -19,10 +19,11 @@ from optics.tolerancing.metrology import (
     as_built_lines,
     light_as_built,
 )
-from optics.tolerancing.metrology.corrected_surface import measured_light
+from optics.tolerancing.metrology.alignment import by_datums
+from optics.tolerancing.metrology.corrected_surface import made_surface, measured_light
 from tests.cases import examples
 from tests.optics.cases import write_problem
-from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, ripple
+from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, freeform, ripple, scattered
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
 
@@ -154,6 +155,17 @@ def test_outliers_have_a_sentence_of_their_own(system, backend, monkeypatch) -> 
     built = light_as_built(system, system.lens, spoilt, backend, "rear", correct=False)
     (line,) = (line for line in as_built_lines(built) if "from where the others do" in line)
     assert line.startswith(f"{patch.sum()} of 6,000 points lie up to 299 um")
+
+
+def test_where_noise_swamps_the_light_nothing_is_known_of_it(monkeypatch) -> None:
+    """A patch of outliers passes for noise that would bring more than all that was found."""
+    designed = freeform()
+    x, y = scattered(2000)
+    points = by_datums(designed, np.stack([x, y, designed(x, y)]))
+    monkeypatch.setattr(as_built_light, "_noise", lambda *_: (0.3663**2, 1e-6))
+    made = made_surface(designed, points)
+    found = as_built_light._light_error(made, points, 0.1193, lambda surface: 0.12)
+    assert (found.rel_l2, found.error) == (0.0, 0.12)
 
 
 def test_the_table_counts_the_points_that_a_fit_leaves_out(system, backend) -> None:

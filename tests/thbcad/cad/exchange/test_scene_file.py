@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import build123d as bd
 import numpy as np
@@ -64,6 +65,11 @@ def test_every_part_keeps_each_entity_of_its_own_file(scene):
 
 def test_the_same_scene_gives_the_same_bytes(scene):
     assert scene_step(BODIES, WHOLE) == scene.read_bytes()
+
+
+def test_a_body_may_be_its_file_under_another_name(scene):
+    files = [(step_bytes(b, replace(product, name="it's 'ü'")), product, pose) for b, product, pose in BODIES]
+    assert entities(scene_step(files, WHOLE)) == entities(scene.read_bytes())
 
 
 def test_occt_reads_whole_solids_with_the_numbers_in_memory(scene):

@@ -6,6 +6,7 @@ import pytest
 
 from tests.thbcad.drawings.cases import WAVY
 from thbcad import read_lens_solid, to_build123d
+from thbcad.cad.foreign.optical_surface import in_frame
 
 RADIUS = 3.5  # mm; WAVY is 5 mm wide at least
 
@@ -46,3 +47,38 @@ def test_a_chamfered_lens_of_two_spheres_is_two_conics(tmp_path):
     assert found.frame.shift == pytest.approx((7, -5, 1), abs=1e-9)
     assert refit.lens.front.conic.radius == pytest.approx(front, abs=1e-9)
     assert refit.lens.rear.conic.radius == pytest.approx(-rear, abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (20, 35, 50)])
+def test_a_chamfered_round_lens_stays_round_however_it_is_turned(tmp_path, turn):
+    """The rims are splines that OCCT makes within 1e-5 of circles; the lens of it ends there."""
+    ball = bd.Pos(0, 0, 27) * bd.Sphere(30) & bd.Pos(0, 0, -38) * bd.Sphere(40)
+    trimmed = ball & bd.Cylinder(10, 100)
+    rims = [edge for edge in trimmed.edges() if edge.length > 50]
+    path = tmp_path / "lens.step"
+    bd.export_step(bd.Pos(3, 4, 5) * bd.Rot(*turn) * bd.chamfer(rims, 0.25), path)
+    found = read_lens_solid(path)
+    assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
+    lens = found.refit(1.5).lens
+    for face, made in ((found.front, lens.front), (found.rear, lens.rear)):
+        assert made.outline.is_circle
+        assert np.ptp(face.half_width) < 1e-4
+        assert 9.7 < made.half_width[0] == face.half_width.min() < 9.8
+
+
+def test_the_lens_of_a_rim_that_is_nearly_round_lies_within_the_glass(tmp_path):
+    """A chamfer of a wavy surface: the rim is off an ellipse by 2e-3 of its size."""
+    found = chamfered(to_build123d(WAVY), tmp_path / "lens.step")
+    assert found.rear.outline == "other"
+    lens = found.refit(1.5).lens
+    rim = np.concatenate([in_frame(found.frame, face.rim) for face in found.rear.faces])[:, :2]
+    assert lens.rear.outline.is_ellipse
+    gauge = lens.rear.outline.gauge(*rim.T)
+    assert 1 - 1e-9 < gauge.min() < gauge.max() < 1.02
+
+
+def test_a_sphere_that_ends_within_the_square_round_its_rim_is_refused_by_name(tmp_path):
+    ball = bd.Sphere(13) & bd.Pos(0, 0, 8) * bd.Cylinder(12, 10)
+    bd.export_step(ball, tmp_path / "lens.step")
+    with pytest.raises(ValueError, match="is a sphere of radius 13 mm that ends within the rectangle"):
+        read_lens_solid(tmp_path / "lens.step").refit(1.5)

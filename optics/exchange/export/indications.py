@@ -1,0 +1,181 @@
+"""The indications of a sheet: what is computed, what is customary, what is left open, and what is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Literal
+
+from optics.base.runtime import UserError
+from optics.exchange.export.sheet_facts import FACES, SheetFacts
+
+Origin = Literal["computed", "customary", "open", "given"]
+AGREED = "to be agreed"
+LONGEST = 120  # characters of a value
+RIM = 1e-9  # of the gauge: a point on the rim lies outside
+GRADES = ((10.0, "3x0.16"), (30.0, "5x0.25"), (100.0, "5x0.4"), (inf, "5x0.63"))  # up to a width, mm
+
+
+@dataclass(frozen=True)
+class Indication:
+    """An entry of a sheet.
+
+    origin : "computed" by this program, "customary" as a proposal, "open" to be agreed, "given" by the user.
+    sentence : what the value says.
+    """
+
+    name: str
+    value: str
+    origin: Origin
+    sentence: str
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A row of the table.
+
+    name : one that ends in * stands for front and rear
+    computed : where it is None, what is customary stands there; without that the entry is open
+    fixed : what is computed is a fact of the result.  asked : the entry stands only where it is given
+    """
+
+    name: str
+    sentence: str
+    computed: Callable[[SheetFacts, str], str | None] = lambda facts, face: None
+    customary: str = ""
+    fixed: bool = False
+    asked: bool = False
+
+    def value(self, facts: SheetFacts) -> tuple[str, Origin]:
+        found = self.computed(facts, "rear" if self.name.endswith("rear") else "front")
+        if found is not None:
+            return found, "computed"
+        size = 2 * max(facts.lens.front.half_width + facts.lens.rear.half_width)
+        grade = next(grade for most, grade in GRADES if size <= most)
+        return (self.customary.format(grade=grade), "customary") if self.customary else (AGREED, "open")
+
+
+def _in(form: str, value: object) -> str | None:
+    """Return a value in a form, None where it is None or 0."""
+    return form.format(value) if value else None
+
+
+def _roughness(facts: SheetFacts, face: str) -> str | None:
+    return _in("rms slope {:g} rad at most", getattr(facts.system.problem.optic, face).slope_rms)
+
+
+def _coating(facts: SheetFacts, face: str) -> str:
+    share = getattr(facts.system.problem.optic, face).reflectance
+    return "none" if share is None else f"reflects {share:.3g} of the light"
+
+
+def _centring(facts: SheetFacts, face: str) -> str | None:
+    tilt = facts.amount("front.tilt_x", "front.tilt_y", factor=60.0)
+    shift = facts.amount("front.decentre_x", "front.decentre_y")
+    return _in("{}'" + (f" ({shift} mm)" if shift else ""), tilt)
+
+
+AMOUNT = "the amount of tolerance.json, or what is allowed where less"
+TILT = f"tilt (decentre) of the front against the rear: {AMOUNT}"
+ZONE = "width of a zone over the clear aperture; shorter periods are held by slope"
+SLOPE = "rms by bands of period, each band by itself"
+TEXTURE = "where computed, as the light was traced"
+POINTS = "X,Y in mm, several apart by semicolons; outside the clear aperture"
+WALLS = "where computed, as lens.step has it"
+SHARP = "R 0.2 mm at most"
+AXES = "z along the axis with the light, front from z = 0, rear from z = {:g} mm"
+DATUMS = "A the plane z = 0, B the axis, C the plane y = 0"
+LENS = (
+    _Entry("material", "of the design", lambda f, _: f.system.product.material, fixed=True),
+    _Entry("index", f"its tolerance: {AMOUNT}", lambda f, _: _in("+- {}", f.amount("index"))),
+    _Entry("thickness", f"its tolerance: {AMOUNT}", lambda f, _: _in("+- {} mm", f.amount("thickness"))),
+    _Entry("clear_aperture.*", "round the axis", lambda f, face: f.clear(face).text(), fixed=True),
+    _Entry("slope.*", SLOPE, lambda f, face: f.slopes(face)),
+)
+FILE = (
+    _Entry("coordinates", "of lens.step", lambda f, _: AXES.format(f.lens.thickness), fixed=True),
+    _Entry("test_points", "sag from the base vertices", lambda f, _: "5 x 5 on each surface", fixed=True),
+    _Entry("step", "file that holds the exact shape", lambda f, _: "lens.step", fixed=True),
+    _Entry("sha256", "of lens.step", lambda f, _: f.sha256, fixed=True),
+)
+MOULDED = (
+    _Entry("profile.*", f"of a surface, as in ISO 1101 and 1660: {ZONE}", lambda f, face: f.profile(face)),
+    _Entry("centring", TILT, _centring),
+    _Entry("draft", WALLS, lambda f, _: _in("{:g} degrees", f.body and f.body.draft), fixed=True),
+    _Entry("radii", WALLS, lambda f, _: _in("R {:g} mm", f.body and f.body.edge_radius), SHARP, True),
+    _Entry("parting_line", f"outside the clear aperture; {WALLS}", lambda f, _: f.parting, fixed=True),
+    _Entry("gate", POINTS),
+    _Entry("ejectors", POINTS),
+    _Entry("finish.*", TEXTURE, _roughness, "polished insert, Ra 10 nm at most"),
+    _Entry("tolerance_class", "of plastic, for other sizes, as in ISO 20457", customary="TG4"),
+    _Entry("grade", "of the material, and its maker"),
+    _Entry("shrinkage", "sizes are those of the part", lambda f, _: "not applied", fixed=True),
+)
+CUT = (
+    _Entry("0/", "birefringence, nm/cm, as in ISO 10110-18", customary="20"),
+    _Entry("1/", "bubbles and inclusions, as in ISO 10110-18", customary="{grade}"),
+    _Entry("2/", "homogeneity and striae, as in ISO 10110-18"),
+    _Entry("3/*", f"form -(B), as in ISO 10110-5: {ZONE}", lambda f, face: _in("-({})", f.profile(face))),
+    _Entry("4/", f"as in ISO 10110-6: {TILT}", _centring),
+    _Entry("5/*", "imperfections, as in ISO 10110-7", customary="{grade}"),
+    _Entry("6/*", "laser damage threshold", asked=True),
+    _Entry("texture.*", f"as in ISO 10110-8; {TEXTURE}", _roughness, "P3"),
+    _Entry("coating.*", "as in ISO 10110-9, and as the light was traced", _coating),
+    _Entry("datums", "of the general surfaces, as in ISO 10110-19", customary=DATUMS),
+)
+TABLES = {
+    manner: {
+        name: replace(entry, name=name)
+        for entry in (*LENS, *own, *FILE)
+        for name in (entry.name.replace("*", face) for face in FACES)
+    }
+    for manner, own in (("moulded", MOULDED), ("cut", CUT))
+}
+
+
+def indications_of(facts: SheetFacts, manner: str, given: Mapping[str, str]) -> list[Indication]:
+    """Return the indications of a manner; what is given stands in the place of what is proposed.
+
+    Raises UserError : what is given has an unknown name or one of the other manner, contradicts lens.step, is
+        no line of text, or puts gate or ejectors where they may not stand.
+    """
+    entries = TABLES[manner]
+    for name, value in given.items():
+        try:
+            _require_settable(name, value, entries, facts)
+        except ValueError as error:
+            raise UserError(f"--set-indication {name}: {error}") from None
+    found = []
+    for name, entry in entries.items():
+        if name in given:
+            found.append(Indication(name, given[name], "given", entry.sentence))
+        elif not entry.asked:
+            value, origin = entry.value(facts)
+            found.append(Indication(name, value, origin, entry.sentence))
+    return found
+
+
+def _require_settable(name: str, value: str, entries: Mapping[str, _Entry], facts: SheetFacts) -> None:
+    """Raise ValueError where an indication cannot be given, or not with this value."""
+    if name not in entries:
+        if any(name in table for table in TABLES.values()):
+            raise ValueError("it belongs to the other manner; change --manner, or leave it out")
+        raise ValueError(f"there is no such indication; choose from {', '.join(entries)}")
+    now, origin = entries[name].value(facts)
+    if entries[name].fixed and origin == "computed":
+        raise ValueError(
+            f"lens.step says {now!r}, which the sheet repeats; change the problem and design again"
+        )
+    if not value.strip() or not value.isprintable() or len(value) > LONGEST:
+        raise ValueError(f"it must have a value of one line, up to {LONGEST} characters, got {value!r}")
+    for point in value.split(";") if name in ("gate", "ejectors") else ():
+        try:
+            x, y = map(float, point.split(","))
+        except ValueError:
+            raise ValueError(f"it must be {POINTS}, got {point.strip()!r}") from None
+        for face in FACES:
+            if not facts.clear(face).gauge(x, y) >= 1 - RIM:
+                raise ValueError(
+                    f"the point {point.strip()} lies in the clear aperture of the {face}; move it out"
+                )

@@ -1,0 +1,11 @@
+"""One zip of a result for people of another program: the part, points, rays, and what light to expect."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from .contents import Pack, packed
+    from .readme import texts
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

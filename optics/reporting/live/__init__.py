@@ -1,0 +1,10 @@
+"""The page that shows a design while it runs."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from .live_view import LiveView
+
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,0 +1,106 @@
+"""Lenses that are there already: their light, as of a design, from files of other programs."""
+
+import build123d as bd
+import numpy as np
+import pytest
+
+import optics
+from optics.interface.commands import main
+from optics.scene.problem import load_problem
+from tests.optics.cases import small_lens, small_space, write_problem
+from tests.optics.interface.commands.cases import refused
+from thbcad import FreeformSurface, Lens, read_lens_solid, to_build123d, write_lens
+from thbcad.sags import Conic
+from thbcad.surfaces import THBSurface
+
+# a beam well within the rim; a top hat, whose verdict knows no rays
+ROUND = {"source.profile": "round", "source.half_width": [7.0, 7.0], "target.kind": "tophat"}
+WAVY = 0.02 * np.sin(np.arange(small_space().dim))
+WAVY -= THBSurface(small_space(), WAVY)(0.0, 0.0)  # the vertex of the file is that of the lens
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory):
+    """A lens, and the STEP file of it that was trimmed, chamfered and turned in another program."""
+    lens = small_lens(sag=WAVY, space=small_space())
+    trimmed = to_build123d(lens) & bd.Cylinder(9, 100)
+    rims = [edge for edge in trimmed.edges() if edge.length > 50]
+    path = tmp_path_factory.mktemp("foreign") / "part.step"
+    bd.export_step(bd.Pos(3, 4, 5) * bd.Rot(20, 35, 0) * bd.chamfer(rims, 0.25), path)
+    return lens, path
+
+
+def test_a_lens_of_another_program_makes_the_light_of_its_surfaces(foreign, tmp_path):
+    lens, path = foreign
+    problem = load_problem(write_problem(tmp_path, ROUND))
+    given = optics.Design.of_lens(problem, read_lens_solid(path).refit(lens.index).lens)
+    own = optics.System(problem).measure(lens)
+    assert given.problem.lens.outline == "ellipse"
+    assert given.problem.lens.thickness == pytest.approx(lens.thickness, abs=1e-9)
+    np.testing.assert_allclose(given.irradiance, own.irradiance, atol=1e-8 * own.irradiance.max())
+    assert given.metrics["evaluations"] == 0
+    sun = optics.System(problem.with_(**{"source.divergence": 1.0})).measure(lens)
+    relit = given.relight(problem.with_(**{"source.divergence": 1.0}).source)
+    assert relit.metrics["rel_l2"] == pytest.approx(sun.metrics["rel_l2"], rel=1e-6)
+    budget = optics.tolerances(given, {"lens.decentre": 0.1}, limit=0.02)
+    assert all(np.isfinite(effect.tolerance.amount) for effect in budget.effects)
+
+
+def test_a_lens_of_two_spheres_has_a_free_rear_of_zeros(tmp_path, backend):
+    """A problem needs a free surface; the light of the lens does not change."""
+    problem = load_problem(write_problem(tmp_path, ROUND))
+    size = (10.0, 10.0)
+    lens = Lens(
+        FreeformSurface(size, Conic(60.0), corners=size),
+        FreeformSurface(size, Conic(-45.0), corners=size),
+        6.0,
+        1.6,
+    )
+    given = optics.Design.of_lens(problem, lens)
+    assert given.problem.lens.index == 1.6
+    assert given.problem.lens.rear.radius == -45.0
+    np.testing.assert_array_equal(given.lens.rear.sag.coefficients, 0.0)
+    exact = -45.0 + np.sqrt(45.0**2 - 25.0)
+    assert float(given.lens.rear(3.0, 4.0)) == pytest.approx(exact, abs=1e-12)
+    assert given.metrics["efficiency"] > 0.8
+
+
+def test_rounded_outlines_and_what_is_none_of_a_problem_file(tmp_path):
+    problem = load_problem(write_problem(tmp_path, ROUND))
+
+    def lens(*sizes):
+        return Lens(*(FreeformSurface(h, Conic(), corners=c) for h, c in sizes), 6.0, 1.5)
+
+    both = optics.Design.of_lens(problem, lens(((10, 10), (2, 2)), ((5, 5), (1, 1))))
+    assert (both.problem.lens.outline, both.problem.lens.corner_radius) == ("rounded", 2.0)
+    with pytest.raises(optics.UserError, match="is none that a problem file knows"):
+        optics.Design.of_lens(problem, lens(((10, 10), (2, 3)), ((10, 10), (2, 3))))
+
+
+@pytest.mark.slow
+def test_a_folder_of_a_lens_that_is_there_serves_every_command(foreign, tmp_path, capsys):
+    lens, path = foreign
+    toml, folder = write_problem(tmp_path, ROUND), tmp_path / "given"
+    assert main(["design", str(toml), "--lens", str(path), "--out", str(folder)]) in (0, 1)
+    for words in (
+        ["verify", str(folder), "--no-optiland"],
+        ["relight", str(folder), "--source", "sun"],
+        ["tolerance", str(folder)],
+        ["tool", str(folder), "--ball", "2"],
+    ):
+        assert main(words) in (0, 1), words
+    write_lens(lens, tmp_path / "own.json")
+    assert main(
+        ["design", str(toml), "--lens", str(tmp_path / "own.json"), "--out", str(tmp_path / "own")]
+    ) in (0, 1)
+
+
+def test_a_step_file_where_a_result_is_wanted_is_told_the_way(foreign, capsys, tmp_path):
+    _, path = foreign
+    for command in (["relight", "--source", "sun"], ["tolerance"], ["tool"]):
+        sentence = refused(capsys, command[0], path, *command[1:])
+        assert f"thbcad design PROBLEM.toml --lens {path}" in sentence
+    toml = write_problem(tmp_path, ROUND)
+    assert "--resume, --from and --live" in refused(capsys, "design", toml, "--lens", path, "--resume")
+    (tmp_path / "no.step").write_text("no")
+    assert "no.step" in refused(capsys, "design", toml, "--lens", tmp_path / "no.step")

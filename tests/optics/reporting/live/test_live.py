@@ -1,0 +1,102 @@
+"""The page of a run: when it is written, and what it says."""
+
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from optics.base.runtime import ProgressEvent
+from optics.designing.optimisation import Listener, Row
+from optics.reporting.live.live_page import NOT_FRESH, LiveState, live_page
+from optics.reporting.live.live_view import SECONDS, LiveView
+
+EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
+ROWS = [Row(0, 100, k, 0.0, fit, 0.0, stage=k // 3) for k, fit in enumerate((0.8, 0.4, 0.2, 0.3, 0.1))]
+REFRESH = 'http-equiv="refresh"'
+
+
+@pytest.fixture
+def watched():
+    """A LiveView with its pages and the time, which a test sets."""
+    pages, clock = [], SimpleNamespace(now=0.0)
+    return LiveView(pages.append, lambda: clock.now), pages, clock
+
+
+def test_a_page_comes_at_once_and_then_every_two_seconds_at_most(watched):
+    view, pages, clock = watched
+    view(EVENT)
+    assert pages == []  # nothing has begun
+    view.begin("lens")
+    for clock.now in (0.1, 1.9, SECONDS, 2.1, 3.9, 2 * SECONDS):
+        view(EVENT)
+    assert len(pages) == 3
+
+
+def test_rows_reach_the_page_and_the_listener_that_was_there(watched):
+    view, pages, clock = watched
+    told = []
+    view.begin("lens")
+    listener = view.watching(Listener(progress=lambda plan, stage, dof, row: told.append(row)), None)
+    for row in (None, *ROWS):
+        listener.progress((), None, 100, row)
+    clock.now = SECONDS
+    view(EVENT)
+    assert told == [None, *ROWS]
+    assert pages[-1].count("<path") == 2  # a line for each stage
+
+
+def test_a_page_that_is_not_asked_for_hears_and_costs_nothing(watched):
+    view, pages, _ = watched
+    listener = Listener()
+    assert view.watching(listener, None) is listener
+    view(EVENT)
+    view.stop("stopped")
+    view.done()
+    assert pages == []
+
+
+def test_the_page_of_a_stopped_run_says_why_and_stays(watched):
+    view, pages, _ = watched
+    view.begin("lens")
+    view.stop("to go on: thbcad design <a> --resume")
+    view(EVENT)
+    view.stop("something else")
+    assert [REFRESH in page for page in pages] == [True, False]
+    assert "to go on: thbcad design &lt;a&gt; --resume" in pages[-1]
+
+
+def test_a_page_that_cannot_be_written_ends_no_design():
+    def full(page):
+        raise OSError(28, "no space left on device")
+
+    view = LiveView(full)
+    view.begin("lens")
+    view.done()
+
+
+def test_a_page_says_how_far_the_run_is_and_that_its_numbers_are_not_the_verdict():
+    page = live_page(LiveState("<lens>", EVENT, ROWS, ["rel_l2 0.1 so far."], [("Light", b"png")]))
+    assert "level 1: 289 DOF; 25% done, about 40 s left" in page
+    assert "&lt;lens&gt;" in page
+    assert "<lens>" not in page
+    assert "rel_l2 0.1 so far." in page
+    assert NOT_FRESH in page
+    assert NOT_FRESH not in live_page(LiveState("lens", EVENT, ROWS))  # there are no numbers yet
+
+
+def test_pages_need_no_file_but_the_report():
+    pages = live_page(LiveState("lens", EVENT, ROWS, pictures=[("Light", b"png")])) + live_page(
+        LiveState("lens", EVENT, done=True)
+    )
+    links = re.findall(r'(?:src|href|url)="?=?([^"]+)"', pages)
+    assert {link.partition(",")[0] for link in links} == {"data:image/png;base64", "report.html"}
+
+
+def test_the_misfit_falls_from_the_top_to_the_bottom_of_its_curve():
+    page = live_page(LiveState("lens", EVENT, ROWS))
+    heights = [
+        float(y) for path in re.findall(r'd="M([^"]*)"', page) for _, y in re.findall(r"(\S+) ([\d.]+)", path)
+    ]
+    assert heights[0] == 0  # 0.8, the greatest
+    assert heights[-1] == max(heights)  # 0.1, the least
+    assert heights[2] - heights[1] == pytest.approx(heights[1] - heights[0], abs=0.11)  # it is logarithmic
