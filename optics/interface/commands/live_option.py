@@ -18,5 +18,5 @@ def show_in_browser(page: Path) -> None:
     Without a screen a browser would take over the terminal.
     """
     note(f"watch it in a browser: {page.resolve().as_uri()}")
-    if sys.stderr.isatty() and (sys.platform == "darwin" or any(map(os.environ.get, SCREENS))):
+    if sys.stderr.isatty() and (sys.platform in ("darwin", "win32") or any(map(os.environ.get, SCREENS))):
         webbrowser.open(page.resolve().as_uri())
