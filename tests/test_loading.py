@@ -140,7 +140,8 @@ ALIKE = (
     ".read_text('ascii')",
     "newline='', encoding='utf-8'",
 )
-NO_TEXT = ("Image.open", "os.open", "webbrowser.open", "write_text")  # the last one is that of thbcad.io, which writes bytes
+# the last one is that of thbcad.io, which writes bytes
+NO_TEXT = ("Image.open", "os.open", "webbrowser.open", "write_text")
 
 
 def test_text_is_read_and_written_alike_on_all_systems():
