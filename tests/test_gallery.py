@@ -46,7 +46,7 @@ def test_the_lenses_cover_all_kinds_of_sources_targets_and_free_surfaces():
     assert len({problem.title for problem in problems}) >= 12
     assert {problem.target.kind for problem in problems} == {"image", "tophat", "function", "zones"}
     assert {problem.source.kind for problem in problems} == {"collimated", "point", "lambertian", "luminaire"}
-    free = [(p.lens.front.freeform is not None, bool(p.lens.rear.freeform)) for p in problems]
+    free = [(p.optic.front.freeform is not None, bool(p.optic.rear.freeform)) for p in problems]
     assert set(free) == {(False, True), (True, False), (True, True)}
 
 
