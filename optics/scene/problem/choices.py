@@ -5,7 +5,8 @@ from __future__ import annotations
 ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
 # what `answered_problem` knows: sources, and light besides pictures
-ASKED_SOURCES, ASKED_LIGHT = ("beam", "point", "led"), ("square", "disk")
+ASKED_SOURCES = ("beam", "point", "led")
+ASKED_LIGHT = ("square", "disk")
 
 _KINDS = (
     "an element is a lens or a mirror: [[element]] says where it lies, [[path]] how light goes through it"
