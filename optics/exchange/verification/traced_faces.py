@@ -15,8 +15,9 @@ Meetings = tuple[Floats, Floats, Bools]  # points, unit normals towards +z, met
 
 MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
 ROOM = 1e-3  # of the width, above and below the face
-HALVINGS = 12  # of steps in which a ray may fall through the face, before Newton's method
-SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
+SAMPLES = 5  # along every ray, from where it enters the face's box to where it leaves it
+HALVINGS = 15  # of steps in which a ray may fall through the face, before Newton's method
+NEARBY = 33  # samples along a ray that falls nowhere, of which the nearest is where Newton's method begins
 STILL = 1e-12  # of a direction: components that count as zero
 RIM_SAMPLES = 257  # of an edge of a rim
 SURE = 0.99  # of the nearer of two samples: between them a rim bends by some 1e-5
@@ -206,17 +207,14 @@ class ParametricFace:
             here = points[ray] + t[:, None] * directions[ray]
             return self._height(self._below(here[:, :2])) - here[:, 2]
 
-        ray, k = (a.ravel() for a in np.indices((len(points), SAMPLES)))
-        t = first[ray] + (last - first)[ray] * (k / (SAMPLES - 1))
-        f = above(ray, t)
-        steps = np.array(
-            [a.reshape(-1, SAMPLES)[:, w].ravel() for a in (t, f) for w in (np.s_[:-1], np.s_[1:])]
-        )
-        nearest = np.abs(steps[2]).reshape(len(points), -1).argmin(axis=1) + np.arange(len(points)) * (
-            SAMPLES - 1
-        )
-        best = (steps[0] + steps[1])[nearest] / 2
-        ray = ray[k < SAMPLES - 1]
+        def sampled(ray: Integers, count: int) -> tuple[Floats, Floats]:
+            share = np.linspace(0.0, 1.0, count)
+            t = first[ray, None] + (last - first)[ray, None] * share
+            return t, above(np.repeat(ray, count), t.ravel()).reshape(t.shape)
+
+        t, f = sampled(np.arange(len(points)), SAMPLES)
+        ray = np.repeat(np.arange(len(points)), SAMPLES - 1)
+        steps = np.stack([a[:, w].ravel() for a in (t, f) for w in (np.s_[:-1], np.s_[1:])])
         for halvings in range(HALVINGS + 1):
             low, high, f_low, f_high = steps
             falls = (f_low > 0) & (f_high <= 0)
@@ -233,8 +231,12 @@ class ParametricFace:
                     [[low, middle, f_low, f_middle], [middle, high, f_middle, f_high]], axis=1
                 )
                 ray = np.concatenate([ray, ray])
-        falls = steps[3] <= 0
+        best, falls = np.full(len(points), np.nan), steps[3] <= 0
         best[ray[falls]] = (steps[0] + steps[1])[falls] / 2
+        if (beside := np.flatnonzero(np.isnan(best))).size:
+            t, f = sampled(beside, NEARBY)
+            nearest = np.arange(len(beside)), np.abs(f[:, :-1]).argmin(axis=1)
+            best[beside] = ((t[:, :-1] + t[:, 1:]) / 2)[nearest]
         return self._below((points + best[:, None] * directions)[:, :2])
 
     def behind(self, points: Floats, directions: Floats) -> Bools:

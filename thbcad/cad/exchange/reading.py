@@ -196,6 +196,8 @@ def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, .
     """Raise ValueError where OCCT found no value for a parameter, other than a name, of an entity of some
     kinds: it ends the process where it needs one."""
     model = reader.Model()
+    if not model.Reports().NbEntities():  # as a rule, and to ask every point takes long
+        return
     for number in range(1, model.NbEntities() + 1):
         if not model.IsErrorEntity(number) or not isinstance(entity := model.Value(number), kinds):
             continue

@@ -1,34 +1,51 @@
-"""Splines as OCCT geometry and back, bit for bit."""
+"""Splines as OCCT geometry and back, bit for bit.
+
+The numbers of a surface go over together, in OCCT's own binary format: one by one they take longer than OCCT
+needs to read or to write the file.
+"""
 
 from __future__ import annotations
 
+import io
+import struct
 from collections.abc import Callable
-from itertools import chain
 
 import numpy as np
+from OCP.BinTools import BinTools_SurfaceSet
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Pln, gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
+from OCP.TColgp import TColgp_Array1OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from thbcad.checks import Floats
 from thbcad.splines import BSplineCurve, BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
+# of one surface in OCCT's binary format: what stands before it, its kind, whether it is rational and periodic
+# in u and v, its degrees, and how many poles and knots it has; poles and knots follow
+BEFORE, SPLINE, HEAD = b"Surfaces 1\n", 9, struct.Struct("<B4?2h4i")
+KNOTS = [("value", "<f8"), ("count", "<i4")]
 
 
 def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
     """Return a three-component BSplineSurface as Geom_BSplineSurface."""
-    poles = surface.coefficients
-    array = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
-    put = array.SetValue
-    for i, row in enumerate(np.moveaxis(poles, 2, 1), 1):
-        for j, (x, y, z) in enumerate(zip(*row.tolist()), 1):
-            put(i, j, gp_Pnt(x, y, z))
     (ku, mu), (kv, mv) = (_knots(k) for k in (surface.kv_u, surface.kv_v))
-    return Geom_BSplineSurface(array, ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
+    linear = _linear(surface.coefficients)  # holds the poles as long as they are read
+    return Geom_BSplineSurface(linear.Poles(), ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
+
+
+def _linear(poles: Floats) -> Geom_BSplineSurface:
+    """Return the surface of degree 1 with some poles, (m, n, 3)."""
+    counts = poles.shape[:2]
+    parts = [BEFORE, HEAD.pack(SPLINE, *[False] * 4, 1, 1, *counts, *counts), poles.astype("<f8").tobytes()]
+    for count in counts:
+        times = np.bincount([0, *range(count), count - 1])
+        parts.append(np.rec.fromarrays([np.arange(count), times], dtype=KNOTS).tobytes())
+    read = BinTools_SurfaceSet()
+    read.Read(io.BytesIO(b"".join(parts)))
+    return read.Surface(1)
 
 
 def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
@@ -79,13 +96,16 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
         geom.Segment(*geom.Bounds())  # clamps the knots; drops spans below 1e-9
     kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
     kv_v = _knot_vector(geom.VDegree(), geom.VKnot, geom.VMultiplicity, geom.NbVKnots())
-    rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
-    poles = (geom.Pole(i, j).Coord() for i in rows for j in columns)
-    points = np.fromiter(chain.from_iterable(poles), np.float64, 3 * len(rows) * len(columns))
-    points = points.reshape(len(rows), len(columns), 3)
-    if not (geom.IsURational() or geom.IsVRational()):
+    written, text = BinTools_SurfaceSet(), io.BytesIO()
+    written.Add(geom)
+    written.Write(text)
+    rational, shape = geom.IsURational() or geom.IsVRational(), (geom.NbUPoles(), geom.NbVPoles())
+    size = 4 if rational else 3
+    rows = np.frombuffer(text.getbuffer(), "<f8", size * shape[0] * shape[1], len(BEFORE) + HEAD.size)
+    points = rows.reshape(*shape, size)[..., :3].astype(np.float64)
+    if not rational:
         return BSplineSurface(kv_u, kv_v, points)
-    return NURBSSurface(kv_u, kv_v, points, np.array([[geom.Weight(i, j) for j in columns] for i in rows]))
+    return NURBSSurface(kv_u, kv_v, points, rows.reshape(*shape, size)[..., 3].astype(np.float64))
 
 
 def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> BSplineCurve | NURBSCurve:
