@@ -10,9 +10,17 @@ from itertools import chain
 from pathlib import Path
 
 from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCurve
-from thbcad.io.step_text import Entity, Typed, Value, entities_of_text, having, header_of_text, read_file
-from thbcad.io.step_values import (
+from thbcad.io.step_text import (
     Entities,
+    Entity,
+    Typed,
+    Value,
+    entities_of_text,
+    having,
+    header_of_text,
+    read_file,
+)
+from thbcad.io.step_values import (
     cone,
     curve_of,
     entity_of,

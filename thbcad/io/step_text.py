@@ -1,14 +1,15 @@
 """The text of STEP files: entities and their parameters, by ISO 10303-21 (the clear text encoding), without
 OCCT.
 
-A file is split into entities by one regular expression; the parameters of an entity are read when they are
-asked for. Nothing in the file is executed, and sizes are checked before memory is taken.
+A file is split into entities by one regular expression; an entity is made, and its parameters are read, when
+they are asked for. Nothing in the file is executed, and sizes are checked before memory is taken.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +31,7 @@ HEAD = re.compile(
 )
 HEADER_ENTITY = re.compile(rf"((?>(?:[^';]++|{STRING})+));\s*+", re.ASCII)
 ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?>(?:[^';]++|{STRING})+));\s*+", re.ASCII)
+POINT = "CARTESIAN_POINT"  # most entities of a file are such
 TAIL = re.compile(r"ENDSEC\s*+;\s*+END-ISO-10303-21\s*+;\s*+", re.ASCII)
 COMMENT = re.compile(rf"({STRING})|/\*.*?\*/", re.DOTALL)
 TEXT_OR_REFERENCE = re.compile(rf"{STRING}|#(\d++)", re.ASCII)
@@ -128,7 +130,33 @@ class Entity:
         return ValueError(f"STEP entity #{self.number}{what}")
 
 
-def read_part21(path: str | Path) -> dict[int, Entity]:
+class Entities(Mapping[int, Entity]):
+    """The entities of a file by number, in their order.
+
+    texts : as `Entity.text`.
+    """
+
+    def __init__(self, texts: dict[int, str]) -> None:
+        self.texts, self._made = texts, dict[int, Entity]()
+
+    def __getitem__(self, number: int) -> Entity:
+        if number not in self._made:
+            self._made[number] = Entity(number, self.texts[number])
+        return self._made[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.texts)
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    @cached_property
+    def beside_points(self) -> list[tuple[int, str]]:
+        """Number and text of those that are no points, which most are."""
+        return [row for row in self.texts.items() if not row[1].startswith(POINT)]
+
+
+def read_part21(path: str | Path) -> Entities:
     """Return the entities of a STEP file by number, in their order.
 
     Raises OSError : the file cannot be read.
@@ -138,7 +166,7 @@ def read_part21(path: str | Path) -> dict[int, Entity]:
     return read_file(path)[1]
 
 
-def read_file(path: str | Path) -> tuple[dict[str, list[Value]], dict[int, Entity]]:
+def read_file(path: str | Path) -> tuple[dict[str, list[Value]], Entities]:
     """Return the header of a STEP file, as `header_of_text`, and its entities, as `read_part21`."""
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -175,26 +203,25 @@ def _head(text: str) -> re.Match[str]:
     return head
 
 
-def entities_of_text(text: str) -> dict[int, Entity]:
+def entities_of_text(text: str) -> Entities:
     """Return the entities of a STEP file's text; raise ValueError as `read_part21`."""
     text = _without_comments(text)
-    entities: dict[int, Entity] = {}
-    start = _head(text).end()
-    last = 0
-    while entity := ENTITY.match(text, start):
-        number, body = entity.groups()
-        number = int(number)
-        if number in entities:
-            raise ValueError(f"entity #{number} stands twice")
-        if len(entities) == MOST_ENTITIES:
+    start, match, rows = _head(text).end(), ENTITY.match, list[Sequence[str]]()
+    while entity := match(text, start):
+        if len(rows) == MOST_ENTITIES:
             raise ValueError(f"it has more than {MOST_ENTITIES} entities")
-        entities[number] = Entity(number, body)
+        rows.append(entity.groups())
         start = entity.end()
-        last = number
+    entities = Entities({int(number): body for number, body in rows})
+    if len(entities) < len(rows):
+        number, _ = Counter(int(number) for number, _ in rows).most_common(1)[0]
+        raise ValueError(f"entity #{number} stands twice")
     if not TAIL.fullmatch(text, start):
-        raise ValueError(f"it is cut off or damaged after entity #{last}")
-    bodies = (e.text for e in entities.values() if "#" in e.text)  # few: most are points
-    lacking = {int(k[:16]) for body in bodies for k in TEXT_OR_REFERENCE.findall(body) if k} - entities.keys()
+        raise ValueError(f"it is cut off or damaged after entity #{rows[-1][0] if rows else 0}")
+    bodies = (body for body in entities.texts.values() if "#" in body)  # few: most are points
+    lacking = {
+        int(k[:16]) for body in bodies for k in TEXT_OR_REFERENCE.findall(body) if k
+    } - entities.texts.keys()
     if lacking:
         raise ValueError(f"it lacks entity #{min(lacking)}, to which others refer")
     return entities
@@ -213,9 +240,10 @@ def rewritten(text: str, change: Callable[[str], str]) -> str:
     return "".join([*pieces, text[place:]])
 
 
-def having(entities: Mapping[int, Entity], keyword: str) -> list[Entity]:
-    """Return the entities of one type, in their order."""
-    return [e for e in entities.values() if keyword in e.text and keyword in e.parts]
+def having(entities: Entities, keyword: str) -> list[Entity]:
+    """Return the entities of one type other than points, in their order."""
+    rows = (entities[number] for number, text in entities.beside_points if keyword in text)
+    return [e for e in rows if keyword in e.parts]
 
 
 class _Parser:

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.io.brep_records import BrepCurve, Extrusion
-from thbcad.io.step_text import REAL, STRING, Entity, Reference, Typed, Value
+from thbcad.io.step_text import REAL, STRING, Entities, Entity, Reference, Typed, Value
 from thbcad.sags import ConicCurve
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
-Entities = Mapping[int, Entity]
-POINTS = {
+HEAD = rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,"
+BEFORE = re.compile(HEAD, re.ASCII)
+ROWS = {  # of points, each with ";" behind it
     dimensions: re.compile(
-        rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,\s*+\(\s*+"
-        + r"\s*+,\s*+".join([f"({REAL})"] * dimensions)
-        + r"\s*+\)\s*+\)\s*+",
+        rf"(?>(?:{HEAD}\s*+\(\s*+" + r"\s*+,\s*+".join([REAL] * dimensions) + r"\s*+\)\s*+\)\s*+;)*)",
         re.ASCII,
     )
     for dimensions in (2, 3)
 }
+ONLY_REALS = str.maketrans(";", ",", "() \t\n\r\f\v")
 CONICS = {"CIRCLE": 1, "ELLIPSE": 2, "HYPERBOLA": 2, "PARABOLA": 1}  # and how many sizes each has
 ANGLES = {  # which parameters are angles
     "SPHERICAL_SURFACE": (True, True),
@@ -97,21 +97,19 @@ def net_of(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[li
 
 def points_of(entities: Entities, references: Sequence[Value], user: Entity, dimensions: int = 3) -> Floats:
     """Return the coordinates of CARTESIAN_POINTs, (n, dimensions), none beyond 1e9."""
-    points = [entity_of(entities, k, user) for k in references]
-    coordinates: list[str] = []
-    for point in points:
-        found = POINTS[dimensions].fullmatch(point.text)
-        if found is None:
-            raise point.wrong(
-                f" must be a CARTESIAN_POINT of {WORDS[dimensions]} reals, got {point.text[:60]!r}"
-            )
-        coordinates.extend(found.groups())
-    rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, dimensions)
+    texts = [entities.texts.get(k) if isinstance(k, Reference) else None for k in references]
+    row = "".join([f"{text};" for text in texts])
+    if not ROWS[dimensions].fullmatch(row):
+        for point in [entity_of(entities, k, user) for k in references]:
+            if not ROWS[dimensions].fullmatch(f"{point.text};"):
+                what = f"a CARTESIAN_POINT of {WORDS[dimensions]} reals"
+                raise point.wrong(f" must be {what}, got {point.text[:60]!r}")
+    reals = BEFORE.sub("", row).translate(ONLY_REALS)[:-1]
+    rows = np.fromstring(reals, sep=",").reshape(-1, dimensions)
     near = (np.abs(rows) <= FARTHEST).all(axis=1)
     if not near.all():
-        raise points[int(np.argmin(near))].wrong(
-            f" has a coordinate beyond {FARTHEST:g}, farther than a part reaches"
-        )
+        point = entity_of(entities, references[int(np.argmin(near))], user)
+        raise point.wrong(f" has a coordinate beyond {FARTHEST:g}, farther than a part reaches")
     return rows
 
 
