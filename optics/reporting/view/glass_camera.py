@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,17 +64,25 @@ class Sight:
 class _Seen:
     """An element as a camera sees it.
 
-    solid, pose : and where it lies.  box : around it, (3, 2).  how : of `seen_branches`.
+    backend : of double precision.  solid, pose : and where it lies.  box : around it, (3, 2).
+    how : of `seen_branches`.
     """
 
+    backend: Backend
     solid: Made
     pose: Pose
     box: Floats
     how: dict[str, Any]
 
-    def branches(self, backend: Backend, rays: Rays) -> Branches:
+    @cached_property
+    def body(self) -> ShadingBody:
+        """It on the device, made once."""
+        assert not isinstance(self.solid, Plate)  # it is the one element
+        return ShadingBody(self.backend, Body(self.solid, self.pose))
+
+    def branches(self, rays: Rays) -> Branches:
         """Return what `seen_branches` does of rays in the frame of the scene, in that frame."""
-        out = seen_branches(backend, self.solid, rays.posed(self.pose.inverse()), **self.how)
+        out = seen_branches(self.backend, self.solid, rays.posed(self.pose.inverse()), **self.how)
         return replace(
             out, origin=self.pose.points(out.origin), direction=self.pose.directions(out.direction)
         )
@@ -87,7 +96,7 @@ def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight
     light = PhotoLight(photo_room(system, lens), np.zeros((1, 1, 3)))
     parts = zip(scene_parts(system, lens), system.problem.optics)
     elements = [
-        _seen(part, optic, light.room.elements[part.name])
+        _seen(backend, part, optic, light.room.elements[part.name])
         for part, optic in parts
         if part.name in light.room.elements
     ]
@@ -96,7 +105,7 @@ def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight
         meets = np.any([_towards(light, box, *ray) for box in light.room.elements.values()], axis=0)
         found.append((pixel[meets], count[meets], weight[meets], ray[:, :, meets]))
     pixel, count, weight, before = (np.concatenate(column, axis=-1) for column in zip(*found))
-    out = _followed(backend, light, elements, Rays(before[0], before[1], np.ones(pixel.size)))
+    out = _followed(light, elements, Rays(before[0], before[1], np.ones(pixel.size)))
     behind = np.stack([out.origin, out.direction])
     short = np.float32  # a third of a pixel's grey level is 1e-3
     return Sight(
@@ -110,28 +119,28 @@ def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight
     )
 
 
-def _seen(part: MadePart, optic: Optic, box: Floats) -> _Seen:
+def _seen(backend: Backend, part: MadePart, optic: Optic, box: Floats) -> _Seen:
     """Return an element as it is seen.  A mirror's blank is dark and polished beside its face."""
     if not isinstance(optic, MirrorElement):
         how = {"black_wall": optic.wall == "absorbing", "coats": optic.coats}
-        return _Seen(part.made, part.pose, box, how)
+        return _Seen(backend, part.made, part.pose, box, how)
     blank = replace(lens_of(part.made), index=DARK)
-    return _Seen(blank, part.pose, box, {"bounces": 0, "coats": (1 - optic.share, None)})
+    return _Seen(backend, blank, part.pose, box, {"bounces": 0, "coats": (1 - optic.share, None)})
 
 
-def _followed(backend: Backend, light: PhotoLight, elements: Sequence[_Seen], rays: Rays) -> Branches:
+def _followed(light: PhotoLight, elements: Sequence[_Seen], rays: Rays) -> Branches:
     """Return the branches of rays that leave the elements for the room, of up to MEETINGS elements in a row.
 
     No element shows itself from outside.
     """
     branches, last, gone = Branches.start(rays), np.full(rays.flux.size, -1), []
     for _ in range(MEETINGS):
-        first = _first(backend, light, elements, branches, last)
+        first = _first(light, elements, branches, last)
         gone.append(branches[first < 0])
         leaving, last = [], first[:0]
         for k in np.unique(first[first >= 0]):
             mine = branches[first == k]
-            out = elements[k].branches(backend, Rays(mine.origin, mine.direction, mine.flux))
+            out = elements[k].branches(Rays(mine.origin, mine.direction, mine.flux))
             leaving.append(replace(out, ray=mine.ray[out.ray]))
             last = np.append(last, np.full(out.ray.size, k))
         if not last.size:
@@ -140,9 +149,7 @@ def _followed(backend: Backend, light: PhotoLight, elements: Sequence[_Seen], ra
     return sum(gone[1:], start=gone[0])
 
 
-def _first(
-    backend: Backend, light: PhotoLight, elements: Sequence[_Seen], branches: Branches, last: Integers
-) -> Integers:
+def _first(light: PhotoLight, elements: Sequence[_Seen], branches: Branches, last: Integers) -> Integers:
     """Return the numbers of the elements that branches meet before all others and the room, (m,); -1 is none.
 
     last : of those that they have left.
@@ -153,9 +160,7 @@ def _first(
         may = np.flatnonzero((last != k) & _towards(light, element.box, origin, direction))
         length = np.zeros(may.size)
         if len(elements) > 1 and may.size:
-            assert not isinstance(element.solid, Plate)  # it is the one element
-            body = ShadingBody(backend, Body(element.solid, element.pose))
-            length = body.lengths(element.pose, origin[:, may], direction[:, may])[1]
+            length = element.body.lengths(element.pose, origin[:, may], direction[:, may])[1]
         some = length < nearest[may]
         nearest[may[some]], first[may[some]] = length[some], k
     return first
@@ -220,7 +225,9 @@ def _towards(light: PhotoLight, box: Floats, origin: Floats, direction: Floats) 
     with np.errstate(divide="ignore", invalid="ignore"):
         paths = np.stack([(low - origin) / direction, (high - origin) / direction])
     begin, end = np.nanmax(paths.min(axis=0), axis=0), np.nanmin(paths.max(axis=0), axis=0)
-    return (begin < end) & (end > 0) & (begin < light.screen_path(origin, direction))
+    meets = (begin < end) & (end > 0)
+    meets[meets] = begin[meets] < light.screen_path(origin[:, meets], direction[:, meets])
+    return meets
 
 
 def _shown(irradiance: Floats, half_width: tuple[float, float], room: PhotoRoom) -> Floats:
