@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .sag_table import cloud_text, points_text, sag_text as sag_text, table_size as table_size
     from .spline_json import read_curve, read_surface, sag_from_dict, sag_to_dict, write_curve, write_surface
     from .step_brep import brep, brep_of_text, parse_brep as parse_brep
-    from .step_text import Entity, Value, having, read_file, read_part21, rewritten
+    from .step_text import Entities, Entity, Value, having, read_file, read_part21, rewritten
     from .step_values import direction_of, entity_of, list_of, points_of
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

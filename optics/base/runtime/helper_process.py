@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -93,6 +93,11 @@ class HelperProcess:
         if error is not None:
             raise error
         return value
+
+
+def answered(request: Future[Any], function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return the answer to a request; where it has not begun, the function does it here."""
+    return function(*arguments) if request.cancel() else request.result()
 
 
 @contextmanager

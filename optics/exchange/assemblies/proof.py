@@ -4,7 +4,6 @@ one solid.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +27,7 @@ from thbcad.cad.parts import (
 from thbcad.checks import Floats
 from thbcad.io import (
     Brep,
+    Entities,
     Entity,
     Value,
     brep,
@@ -69,21 +69,22 @@ def placed_text(path: str | Path) -> PlacedText:
         placements = having(entities, PLACEMENT)
         if len(placements) > 1:
             raise ValueError(f"the file must place its one part once, got {len(placements)} placements")
-        rest = {number: entity for number, entity in entities.items() if entity not in placements}
+        placing = {entity.number for entity in placements}
+        rest = Entities({number: text for number, text in entities.texts.items() if number not in placing})
         motion = _motion(entities, placements[0]) if placements else np.eye(4)[:3]
         return PlacedText(brep(rest, header), motion)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _motion(entities: Mapping[int, Entity], placement: Entity) -> Floats:
+def _motion(entities: Entities, placement: Entity) -> Floats:
     """Return the motion T of a placement from the frame F to the frame G, T = G F^-1."""
     _, _, start, stop = placement.parameters(PLACEMENT, 4)
     frames = [_frame(entities, item, placement) for item in (start, stop)]
     return (frames[1] @ np.linalg.inv(frames[0]))[:3]
 
 
-def _frame(entities: Mapping[int, Entity], item: Value, user: Entity) -> Floats:
+def _frame(entities: Entities, item: Value, user: Entity) -> Floats:
     """Return an AXIS2_PLACEMENT_3D as a matrix (4, 4)."""
     axes = entity_of(entities, item, user)
     _, point, axis, first = axes.parameters("AXIS2_PLACEMENT_3D", 4)

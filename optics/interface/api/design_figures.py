@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
-from optics.base.runtime import Backend, HelperProcess
+from optics.base.runtime import Backend, HelperProcess, answered
 from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
@@ -86,9 +86,9 @@ class DesignFigures:
     def pictures(self) -> dict[str, tuple[str, bytes]]:
         """(caption, PNG) by name, in the order of the report.
 
-        The photograph is the last in the row; where it has not begun, it is taken here.
+        The photograph is the last in the row.
         """
-        photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
+        photo = answered(self._photo, photograph, *self._photographed)
         parts = f"Source, {self._noun} and target"
         captions = {
             "scene": f"{parts}, seen from {self._seen_from}; rays that miss the target are red.",

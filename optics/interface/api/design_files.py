@@ -1,18 +1,18 @@
 """A design measured, checked and written as a result folder.
 
-The solid is exported and the figures are drawn by other processes, beside the measurement.
+Beside the measurement, other processes export the solid and read it back, and draw the figures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from optics.base.runtime import Check, HelperProcess, peak_mb, process_for, verification
+from optics.base.runtime import Check, HelperProcess, answered, peak_mb, process_for, verification
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
@@ -32,7 +32,14 @@ from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.problem import Problem
-from optics.scene.system import MadePart, OpticalSystem, designed_part, other_limit_checks, other_parts
+from optics.scene.system import (
+    MadePart,
+    OpticalSystem,
+    designed_part,
+    manufactured,
+    other_limit_checks,
+    other_parts,
+)
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
@@ -68,22 +75,21 @@ class _Exports:
     ) -> None:
         parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in other_parts(system)}
         self.files = [*parts]
-        self._own, *self._fixed = (
+        self.own, *self._fixed = (
             _Export(solids, part, system.problem, place(file)) for file, part in parts.items()
         )
-        self.left_out, self._scene = self._own.left_out, None
+        self._scene = None
         if self._fixed:
             self.files.append(SCENE)
             room = "optics.exchange.assemblies"
             written = {part.name: place(file) for file, part in parts.items()}
             self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE), False, written)
 
-    def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
-        """Return the checks of all solids, and the file of the designed one as `_Export.checked`."""
-        checks, step, file = self._own.checked()
-        for fixed in self._fixed:
-            checks += [replace(c, name=f"{fixed.part.name}: {c.name}") for c in fixed.checked()[0]]
-        return [*checks, *(self._scene.result() if self._scene else [])], step, file
+    def others(self) -> list[Check]:
+        """Return the checks of the fixed elements and of the scene, once all files are written."""
+        found = [(fixed.part.name, check) for fixed in self._fixed for check in fixed.checked()[0]]
+        checks = [replace(check, name=f"{name}: {check.name}") for name, check in found]
+        return [*checks, *(self._scene.result() if self._scene else [])]
 
 
 class _Export:
@@ -121,18 +127,18 @@ def verified(design: DesignRecord) -> Claims:
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Exports(solids, system, lens, Path(folder).joinpath)
-        checks = _checks(design, system.manufactured(lens), *export.checked())
+        checks = _checks(design, manufactured(system, lens), export)
         return verification(checks) | {"left_out": _left_out(design, export)}
 
 
 def _left_out(design: DesignRecord, export: _Exports) -> list[str]:
     """Return what the checks leave out: that bodies of a scene shade light, too."""
-    fates = design.measurement.metrics[design.system.units.key("fates")]
+    left_out, fates = export.own.left_out, design.measurement.metrics[design.system.units.key("fates")]
     shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
     if not shaded or not design.system.shaded_path(design.lens).bodies:
-        return export.left_out
+        return left_out
     share = shaded / sum(fates.values())
-    return [*export.left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
+    return [*left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
 
 
 def write_result(
@@ -146,6 +152,7 @@ def write_result(
     writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
     figures.draw_lens(system, lens, design.history, stages(system.shaping, design.moved))
+    making = figures.process.ask("optics.scene.system", "manufactured", system.plain, lens)
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
@@ -155,10 +162,9 @@ def write_result(
         design.notes(sentence)
     metrics = design.metrics
     clock.lap("measure")
-    product = system.manufactured(lens)
-    exported = export.checked()
+    product = answered(making, manufactured, system, lens)
+    checks = _checks(design, product, export)
     writer.place_steps(export.files)
-    checks = _checks(design, product, *exported)
     clock.lap("verify")
     pictures = figures.pictures
     light = measurement.irradiance, measurement.target
@@ -200,21 +206,15 @@ def write_result(
     return Written(folder, metrics, checked)
 
 
-def _checks(
-    design: DesignRecord,
-    product: Manufacturability,
-    solid: Sequence[Check],
-    step: ExportedStep,
-    file: StepFile,
-) -> list[Check]:
-    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing.
-
-    solid, step, file : as of `_Exports`.
-    """
+def _checks(design: DesignRecord, product: Manufacturability, export: _Exports) -> list[Check]:
+    """Return the checks of the STEP files, of what the lens delivers, and of the limits of manufacturing."""
     system, lens, problem = design.system, design.lens, design.problem
+    solid, step, file = export.own.checked()
+    light = light_checks(system, lens, step, file, system.backend)  # while the others are written
     return [
         *solid,
-        *light_checks(system, lens, step, file, system.backend),
+        *export.others(),
+        *light,
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
         *other_limit_checks(system),

@@ -26,7 +26,7 @@ from optics.light.analysis import (
 )
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, other_limit_checks
+from optics.scene.system import OpticalSystem, manufactured, other_limit_checks
 from thbcad.lens import Lens
 
 
@@ -75,7 +75,7 @@ class DesignRecord:
         problem, metrics = self.problem, self.measurement.metrics
         checks = delivery_checks(metrics, problem.verify)
         if problem.limits != type(problem.limits)():
-            checks += limit_checks(problem, self.system.manufactured(self.lens))
+            checks += limit_checks(problem, manufactured(self.system, self.lens))
             checks += other_limit_checks(self.system)
         return judged(metrics, checks, tuple(self.notes), of_file=False)
 

@@ -15,7 +15,7 @@ from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
-from optics.scene.system import OpticalSystem, other_limit_checks, other_parts
+from optics.scene.system import OpticalSystem, manufactured, other_limit_checks, other_parts
 from thbcad.doors import pip_command
 from thbcad.io import json_text, write_bytes, write_text
 from thbcad.lens import Lens
@@ -212,7 +212,7 @@ def _folder_checks(
 
         with reading(folder.path / SCENE):
             checks += scene_checks(system, lens, folder.path / SCENE)
-    checks += limit_checks(problem, system.manufactured(lens)) + other_limit_checks(system)
+    checks += limit_checks(problem, manufactured(system, lens)) + other_limit_checks(system)
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")
     elif by_optiland and optiland_available():

@@ -130,12 +130,13 @@ class Obstruction:
         if self._start:
             rays, reach = DeviceRays(rays.at(Float(self._start)), rays.direction), reach - self._start
         may = [body.may_take(pose, rays, reach, own) for body, pose, own in self._bodies]
-        dr.eval(may, rays.origin, rays.direction, reach)
+        dr.eval(may)  # as a rule no ray may meet one, and nothing else is needed
         shaded: list[DrArray | bool] = [False, False]
         for (body, pose, _), mask in zip(self._bodies, may):
             chosen = dr.compress(mask)
             if dr.width(chosen):
                 table = [*rays.origin, *rays.direction, reach]
+                dr.eval(table)
                 parts = [dr.gather(Float, dr.select(mask, part, 0), chosen).numpy() for part in table]
                 met = body.takes(pose, np.array(parts[:3]), np.array(parts[3:6]), parts[6])
                 left = FACES.get(body.body.faces.get(self._left, ""), OUTSIDE)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from optics.scene.system.made_parts import (
         MadePart,
         designed_part,
+        manufactured,
         other_limit_checks,
         other_parts,
         scene_parts,

@@ -11,7 +11,7 @@ from optics.scene.problem import Optic
 from optics.scene.system.elements import lens_product, pose_of
 from optics.scene.system.made_bodies import whole_of
 from optics.scene.system.optical_system import OpticalSystem
-from thbcad.lens import Lens, Product, manufacturability
+from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.poses import Pose
 
 if TYPE_CHECKING:
@@ -43,6 +43,13 @@ def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
     Raises UserError : the lens has no such body for a mould, or no such plate.
     """
     return _part(system.problem.optic, lens, system.product)
+
+
+def manufactured(system: OpticalSystem, lens: Lens) -> Manufacturability:
+    """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
+    metrics = manufacturability(lens, system.problem.optic.density or None)
+    made = system.made(lens)
+    return metrics if made is lens else replace(metrics, volume=made.volume())
 
 
 def other_parts(system: OpticalSystem) -> tuple[MadePart, ...]:

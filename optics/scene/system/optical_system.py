@@ -26,7 +26,7 @@ from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
-from thbcad.lens import FreeformSurface, Lens, Manufacturability, manufacturability
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
@@ -212,12 +212,6 @@ class OpticalSystem(Prescribed):
     def made(self, lens: Lens) -> Made:
         """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""
         return whole_of(self.problem.optic, lens)
-
-    def manufactured(self, lens: Lens) -> Manufacturability:
-        """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
-        metrics = manufacturability(lens, self.problem.optic.density or None)
-        made = self.made(lens)
-        return metrics if made is lens else replace(metrics, volume=made.volume())
 
     @property
     def source(self) -> LightSource:

@@ -8,7 +8,7 @@ through the other one.  Faces that continue each other smoothly are one surface.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_f
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, axial_heights, continued, surveyed
 from thbcad.checks import Floats
-from thbcad.io import Entity, entity_of, having, list_of, read_part21
+from thbcad.io import Entities, entity_of, having, list_of, read_part21
 from thbcad.poses import Pose
 
 ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
@@ -158,7 +158,7 @@ def _group(
     return continued(solid, facing, main)
 
 
-def _unit_of(entities: Mapping[int, Entity]) -> str:
+def _unit_of(entities: Entities) -> str:
     """Return the unit of length of a STEP file, "unknown" where it says none, several or another kind."""
     found = set()
     for context in having(entities, ASSIGNED):
