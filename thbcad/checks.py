@@ -1,7 +1,5 @@
 """Checks of numbers, coordinates and knots, and read-only arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import log10, trunc
 from numbers import Real

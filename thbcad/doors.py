@@ -4,8 +4,6 @@ Some rooms need packages that only an extra of `pip install` brings.  A door say
 public one when the name is used, so that `import *`, `help`, `inspect` and `hasattr` work without it.
 """
 
-from __future__ import annotations
-
 import ast
 import ctypes
 import platform

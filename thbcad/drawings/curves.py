@@ -10,8 +10,6 @@ s = a / h(w):
     z(w) = E(s(w), w),    z'' = E_ss s'^2 + 2 E_sw s' + E_s s'',    E_ww = 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum

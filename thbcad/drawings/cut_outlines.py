@@ -6,8 +6,6 @@ polygon has a strip between each two corners that follow each other in v, with i
 sides there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

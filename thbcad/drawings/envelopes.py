@@ -27,8 +27,6 @@ of points d apart, at most |z_uu| d^2 / 8 too great.  Chords over t add |v''| h^
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14 (convex hull property).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,8 +6,6 @@ the section across x stands to the left, the section across y below.  A lens tha
 a flange, is drawn with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

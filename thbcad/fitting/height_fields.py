@@ -1,7 +1,5 @@
 """Measured height fields, rows of pixels, as samples."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

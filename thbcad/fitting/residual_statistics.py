@@ -18,8 +18,6 @@ good samples show by themselves, whatever the surface: with their least-squares 
 All other suspects are detail that the surface lacks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components

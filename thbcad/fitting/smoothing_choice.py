@@ -23,8 +23,6 @@ functional equations by the method of regularization, Soviet Math. Dokl. 7 (1966
 sequence methods for eigenvalue computation, Linear Algebra Appl. 58 (1984).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import count

@@ -11,8 +11,6 @@ A level holds its cells and the functions that act on them, as sorted integers: 
 storage are in proportion to the cells, wherever they lie.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

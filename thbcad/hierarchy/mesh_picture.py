@@ -1,7 +1,5 @@
 """The hierarchical mesh as lines of a picture."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

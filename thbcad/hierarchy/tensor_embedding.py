@@ -10,8 +10,6 @@ and the last G is its exact tensor-product form.  Overwriting is the truncation.
 are non-negative and sum to one: the operation is stable at any depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

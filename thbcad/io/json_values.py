@@ -1,7 +1,5 @@
 """Values of JSON files, checked as they are read: nothing but the wanted type passes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from pathlib import Path

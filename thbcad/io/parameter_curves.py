@@ -17,8 +17,6 @@ Source: ISO 10303-42, pcurve, surface_curve; L. N. Trefethen, Approximation Theo
 chapter 15 (Lebesgue constants of Chebyshev points are below 4 up to degree 100).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The native files of surfaces and curves: THB, B-spline and NURBS as JSON that keeps every bit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import prod
 from pathlib import Path

@@ -2,8 +2,6 @@
 and what volume is left.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -31,8 +31,6 @@ Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analy
 value form).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

@@ -1,7 +1,5 @@
 """A lens as two sections with its numbers, and a freeform surface as a map of its sag."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

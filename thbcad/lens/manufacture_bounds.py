@@ -9,8 +9,6 @@ Concave and convex are meant as seen from the air, where the tool works: a front
 towards -z, a rear where it bends towards +z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

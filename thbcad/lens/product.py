@@ -1,7 +1,5 @@
 """What a lens is called, who made it and what it is made of, as CAD files state it."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

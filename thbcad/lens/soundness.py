@@ -20,8 +20,6 @@ Where the front is the larger surface in one direction and the rear in the other
 on lines of equal w are in order if gap > sum_i |h'_i - h_i| times the greatest slopes of both surfaces in i.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product

@@ -10,8 +10,6 @@ N is the part of T across E: with T = a E + N and s' = (s + v a) / (1 + v a) poi
 differ by v (1 - s') N.  Likewise of the triangle over G.  T falls as the wall is cut into rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ not for both of its triangles, the mesh has no gaps.  Walls are plane, with tria
 Source: G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82 (1975) 648.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import EPS, Bools, Floats, Integers

@@ -1,7 +1,5 @@
 """Walls that taper from a level outline by the same angle everywhere, and where they meet a surface."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Polynomial B-spline curves and tensor-product surfaces."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -11,8 +11,6 @@ whose bound is not less than the best distance so far, less the tolerance, are l
 Source: X.-D. Chen et al., Computing the minimum distance between a point and a NURBS curve, CAD 40 (2008).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb

@@ -3,8 +3,6 @@
 Source: C. de Boor, A Practical Guide to Splines, chapter 13.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

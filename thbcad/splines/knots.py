@@ -3,8 +3,6 @@
 Periodic knots: L. Schumaker, Spline Functions: Basic Theory, section 8.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self, SupportsIndex

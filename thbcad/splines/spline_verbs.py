@@ -8,8 +8,6 @@ The net C of a polynomial spline holds its coefficients, that of a rational one 
 Source: L. Piegl and W. Tiller, The NURBS Book, chapters 4 to 6.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, replace

@@ -1,7 +1,5 @@
 """A THB surface as a map of its values with the mesh on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -14,8 +14,6 @@ On every cell this is put together from the ranges of the derivatives; branch an
 where it matters.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Rays through the front and the rear of a lens within its part, by programs that share no code."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

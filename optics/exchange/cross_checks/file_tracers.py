@@ -3,8 +3,6 @@
 They take nothing but the file: its faces, and the refractive index in its text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The indications of a sheet: what is computed, what is customary, what is left open, and what is given."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf

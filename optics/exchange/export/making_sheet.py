@@ -1,7 +1,5 @@
 """The sheet for the shop: the drawing of a lens with its indications, read back."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

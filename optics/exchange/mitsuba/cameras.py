@@ -3,8 +3,6 @@
 Screens may lie anywhere.  They face the light: it goes along the +z of their own frame.
 """
 
-from __future__ import annotations
-
 from math import atan2, degrees, inf, radians, tan
 from types import ModuleType
 from typing import Any

@@ -1,7 +1,5 @@
 """The sources of a problem as Mitsuba's emitters; fluxes in W."""
 
-from __future__ import annotations
-
 from math import cos, pi, radians
 from types import ModuleType
 from typing import Any

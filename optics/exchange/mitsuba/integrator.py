@@ -26,8 +26,6 @@ Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the spline
 which serves every integrator, and this one is no longer needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache

@@ -7,8 +7,6 @@ Everything that light can do in the scene is measured: it passes the edges, is r
 misses the lens and meets the screen all the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """What a pack holds, as one zip whose bytes depend on the result alone."""
 
-from __future__ import annotations
-
 import io
 import json
 import tempfile

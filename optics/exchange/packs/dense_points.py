@@ -1,7 +1,5 @@
 """Points of front and rear with normals, so dense that interpolation keeps a proven error, and read back."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

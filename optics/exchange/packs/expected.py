@@ -1,7 +1,5 @@
 """What another program shall find: rays with their landing points, numbers of the part and its light."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The file of the page that shows a run: it belongs to the last run, and no record speaks of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from optics.base.runtime import UserError

@@ -3,8 +3,6 @@
 What no record holds, or was changed since, belongs to somebody else and is not replaced unasked.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile

@@ -4,8 +4,6 @@ A result is one thing.  Its record `result.json` is written last and holds the h
 folder without it, or with files that it does not speak of, is not a result.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

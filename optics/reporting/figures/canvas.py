@@ -1,7 +1,5 @@
 """Figures as PNG, and pictures whose pixels are whole numbers of pixels of the figure (matplotlib)."""
 
-from __future__ import annotations
-
 import io
 from math import log
 from typing import cast

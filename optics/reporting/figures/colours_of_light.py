@@ -1,7 +1,5 @@
 """The light of a spectrum in colour, and where a lens takes its colours apart (matplotlib)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from optics.light.analysis import Measurement, fringe

@@ -2,8 +2,6 @@
 (thesis 2.3; matplotlib).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

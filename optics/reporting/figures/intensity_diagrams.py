@@ -1,7 +1,5 @@
 """The two pictures of intensity that lighting engineers read: polar curves and lines of equal intensity."""
 
-from __future__ import annotations
-
 from math import ceil
 from typing import cast
 

@@ -1,7 +1,5 @@
 """The pictures of a report (matplotlib)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 

@@ -4,8 +4,6 @@ and notebooks (matplotlib).
 pyplot and its choice of a backend are left alone: they belong to the script.
 """
 
-from __future__ import annotations
-
 import io
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence

@@ -2,8 +2,6 @@
 element and lit target with rays between them, seen obliquely.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any

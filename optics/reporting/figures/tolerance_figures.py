@@ -1,7 +1,5 @@
 """Pictures of tolerances, form errors and lenses made within them: what each costs, and their light."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from optics.light.analysis import unit_mean

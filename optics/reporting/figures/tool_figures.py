@@ -1,7 +1,5 @@
 """Pictures of a tool on a lens: where it is tight, how its cusps blur, how hard it moves (matplotlib)."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The pages of a design that runs, has stopped, or is done, as HTML that holds everything in itself."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape

@@ -1,7 +1,5 @@
 """What a run tells of itself, written as a page from time to time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace

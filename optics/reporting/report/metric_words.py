@@ -1,7 +1,5 @@
 """The numbers of a report in words: with a unit, three or four digits, and what they mean."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from html import escape
 from math import isinf

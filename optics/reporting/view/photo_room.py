@@ -1,7 +1,5 @@
 """A photograph's room: where camera, lens, lamp, screen and table stand, and which rays make its pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt

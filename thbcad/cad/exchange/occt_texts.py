@@ -4,8 +4,6 @@ text, or with every digit, that reads back to the same bits.
 Text beyond ASCII is encoded in STEP as ISO 10303-21 wants it.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator, Sequence

@@ -6,8 +6,6 @@ of the surface at the same barycentric coordinates of the parameters, which is a
 The mesher is slow on spline faces: the room of meshes has proven ones of lenses with apertures and flanges.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ weights or without; OCCT reads one only with weights.  They are given to it in t
 knows.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from io import BytesIO

@@ -2,8 +2,6 @@
 found by their names, else by their heights at the axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -10,8 +10,6 @@ has F = 0, and F_z = 2 (1 + K) z - 2 R, hence |dz| <= max |P| / (min w^2 min |F_
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 13 (products and the convex hull property).
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

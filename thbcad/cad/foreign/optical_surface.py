@@ -6,8 +6,6 @@ the Greville abscissae are then multiples of n: the first right singular vector 
 and the other singular values show how far the surface is from graph form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Faces that lie in one plane stay apart, so that a flange flush with a flat front
 follow OCCT's history of the operation.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

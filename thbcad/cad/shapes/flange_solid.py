@@ -3,8 +3,6 @@
 The flange is a frame round the lens: its two planes cut the edges of the lens, never the front or the rear.
 """
 
-from __future__ import annotations
-
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 

@@ -5,8 +5,6 @@ Front and rear keep their whole surface, trimmed by the outline.  Nothing is sew
 Boolean operations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

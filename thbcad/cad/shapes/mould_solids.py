@@ -1,7 +1,5 @@
 """Bodies that leave a mould, and inserts of moulds, as OCCT solids with shared topology."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 from OCP.BRep import BRep_Builder

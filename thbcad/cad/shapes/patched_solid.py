@@ -5,8 +5,6 @@ Patches meet at T-junctions.  The corners of all patches are vertices; an edge i
 boundary between two consecutive vertices, so that it belongs to exactly two faces.  Nothing is sewn.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A plate of like lenses as an OCCT solid with shared topology: its land is a frame round all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, islice

@@ -1,7 +1,5 @@
 """The wall that tapers from a level outline by a draft angle: tilted planes and cones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
