@@ -143,10 +143,7 @@ def stand_in(module: str, name: str) -> Any:
 
 
 def loaded(module: str) -> ModuleType:
-    """Import a module and return it.
-
-    Raises MissingPackage : a package of an extra is not installed, or shared libraries that it needs.
-    """
+    """Import a module and return it."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

@@ -59,10 +59,7 @@ class Outline:
 
 
 def lowest_outline(graph: BSplineSurface, chord: float) -> Outline:
-    """Return the Outline min over u of g(u, v), its chords at most `chord` from the exact one.
-
-    Raises ValueError : more than 200,000 chords.
-    """
+    """Return the Outline min over u of g(u, v), its chords at most `chord` from the exact one."""
     bend = cell_bounds(graph, ((0, 2),))[0].max(axis=0)
     slack = chord / 8  # of the values on the lines
     parts = np.ceil(np.diff(graph.kv_v.breaks) * np.sqrt(bend / (4 * chord)))

@@ -55,9 +55,6 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     graphs : front and rear, splines z(x, y) over their rectangles, mm
     thickness : of the rear's z = 0 over the front's, mm
     least : mm, a positive lower bound of the distance in z between points of equal relative position
-
-    Raises ValueError : a crossing, with the position and the amount, or one that is neither proven nor
-        excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):

@@ -76,10 +76,7 @@ class Feature:
     size: tuple[float, float]
 
     def wavelengths(self, wavelength: float) -> float:
-        """Return the lesser size in wavelengths; wavelength : nm.
-
-        Raises ValueError : a wavelength that is not positive and finite.
-        """
+        """Return the lesser size in wavelengths; wavelength : nm."""
         require_number("wavelength", wavelength, above=0, finite=True)
         return min(self.size) * NM_PER_MM / wavelength
 

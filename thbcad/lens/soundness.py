@@ -48,8 +48,6 @@ def require_simple_wall(graphs: Pair, thickness: float, least: float, outline: O
 
     graphs, thickness, least : as of `require_simple_edges`
     outline : of the rear, not a rectangle
-
-    Raises ValueError : a wall that is not proven, with a position and an amount.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):

@@ -51,8 +51,6 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
     """Return a mesh of a lens with an outline; its faces have the names of `tessellated`.
 
     lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
-
-    Raises ValueError : a chord error that needs more than 20 million triangles.
     """
     shapes = lens.front.outline, lens.rear.outline
     bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes), shapes)

@@ -71,8 +71,6 @@ def polar_cells(graph: BSplineSurface) -> Iterator[Cells]:
     """Yield the derivatives of a scalar graph in x, y and round the axis as polynomials on its cells.
 
     The axis is x = y = 0.  The rows are those of `PolarJet`.
-
-    Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
     reach = [max(abs(kv.start), abs(kv.stop)) for kv in (graph.kv_u, graph.kv_v)]
     for cells in bernstein(graph, DERIVATIVES):

@@ -29,10 +29,7 @@ def placed(mi: ModuleType, pose: Pose) -> Any:
 
 
 def square_pixels(screen: Screen) -> None:
-    """Check that pixels are square, as a camera's are.
-
-    Raises UserError : they are not.
-    """
+    """Check that pixels are square, as a camera's are."""
     (hx, hy), (columns, rows) = screen.half_width, screen.pixels
     if abs(hx * rows / (hy * columns) - 1) > FLAT:
         raise UserError(

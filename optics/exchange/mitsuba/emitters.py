@@ -28,8 +28,6 @@ def emitters(
 
     lowest : z from which parallel light along the axis starts, mm, less the distance of its source.
     brighter : factor of their flux.
-
-    Raises UserError : Mitsuba has no such light.
     """
     if not source.several:
         return {"source": _emitter(mi, source, lowest, brighter)}

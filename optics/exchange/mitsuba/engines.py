@@ -51,10 +51,7 @@ class MeshEngine:
     backend: Backend
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
-        """Return the light model of a system with the meshes of a lens, see `Engine`.
-
-        Raises UserError : as `require_open`.
-        """
+        """Return the light model of a system with the meshes of a lens, see `Engine`."""
         require_open(system)
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(

@@ -107,10 +107,7 @@ class SurfaceVertices:
 
     @property
     def space(self) -> THBSpace:
-        """The space of the sag.
-
-        Raises ValueError : a surface without a sag.
-        """
+        """The space of the sag."""
         if self.surface.sag is None:
             raise ValueError("a surface without a sag has no coefficients")
         return self.surface.sag.space

@@ -79,10 +79,7 @@ def packed(result: str, wanted: str) -> Pack:
 
 
 def _verified(folder: ResultFolder) -> dict[str, Any]:
-    """Return the metrics of a result.
-
-    Raises UserError : its STEP file is not verified, or its light not measured.
-    """
+    """Return the metrics of a result."""
     folder.require_recorded(CLAIMS)
     verified, metrics = (json.loads((folder.path / name).read_text("utf-8")) for name in CLAIMS[1:3])
     failed = [check.name for check in checks_of(verified) if check.subject == "file" and not check.ok]

@@ -13,10 +13,7 @@ POINTS, SLOPES = 1e-10, 1e-9  # mm, and of slopes: conics are splines within 1e-
 
 
 def dense_points(lens: Lens) -> tuple[dict[str, bytes], list[Check], dict[str, DenseGrid]]:
-    """Return the files of front and rear, what the bounds and the files read back say, and the grids.
-
-    Raises ValueError : more than 10 million points.
-    """
+    """Return the files of front and rear, what the bounds and the files read back say, and the grids."""
     files, checks, grids = {}, [], {}
     faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
     for (word, surface, vertex), graph in zip(faces, lens.own_graphs()):

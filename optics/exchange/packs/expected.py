@@ -77,8 +77,6 @@ def ray_files(system: OpticalSystem, lens: Lens, suffix: str) -> tuple[dict[str,
     """Return about 1e6 rays before the lens and as many behind it as files, and those before it.
 
     suffix : of a ray file.
-
-    Raises UserError : rays that the format cannot hold.
     """
     rays = _source_rays(system, lens, MANY)
     unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"

@@ -136,10 +136,7 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
 
 
 def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tessellation:
-    """Return the mesh of all faces, with one vertex where the points of neighbours agree.
-
-    Raises RuntimeError : neighbours that do not share the points of their common edges.
-    """
+    """Return the mesh of all faces, with one vertex where the points of neighbours agree."""
     points = np.concatenate([piece.points for piece in pieces])
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, first)])

@@ -43,8 +43,6 @@ def front_and_rear(
     across the middle.
 
     names : of all faces in their order
-
-    Raises ValueError : there are not two, or a face of these names is another surface.
     """
     faces = faces_of(shape)
     places = optical_places(names)
@@ -226,8 +224,6 @@ def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ())
     """Return the SolidFile of a shape that was read from `path`.
 
     names : of its faces in their order; none where the file has none
-
-    Raises ValueError : as `front_and_rear`.
     """
     front, rear = front_and_rear(shape, path, names)
     return SolidFile(shape, front, rear, names or ("",) * len(faces_of(shape)))

@@ -73,10 +73,7 @@ def moulded_part(body: MouldedBody) -> Part:
 
 
 def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
-    """Return a part with rounded edges; front and rear keep their surfaces.
-
-    Raises ValueError : OCCT makes no sound solid within 1e-6 mm.
-    """
+    """Return a part with rounded edges; front and rear keep their surfaces."""
     if not edges:
         return sharp
     fillets = BRepFilletAPI_MakeFillet(sharp.solid)
