@@ -182,8 +182,7 @@ class Knots(Value):
         return self._ending_here(self.degree, np.r_[self.knots, b[:-1] + np.diff(b) / 2])
 
     def merge(self, other: Self) -> Self:
-        """Return the knot vector with the knots of both, each as often as in the one that has it more often.
-        """
+        """Return the knot vector with the knots of both, each as often as in the one that has more of it."""
         require_type("other", other, type(self))
         if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
             raise ValueError(f"knot vectors to merge must agree in degree and ends, got {self} and {other}")

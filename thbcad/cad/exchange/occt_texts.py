@@ -64,8 +64,8 @@ def silence() -> None:
 
 
 def step_text(shape: TopoDS_Shape, product: str) -> bytes:
-    """Return the STEP file of a shape in mm, under the name `product`; the same shape gives the same bytes.
-    """
+    """Return the STEP file of a shape in mm, under the name `product`; the same shape gives the same
+    bytes."""
     silence()
     STEPControl_Writer()  # the settings exist only once a writer has been made
     with occt_settings(SETTINGS):
