@@ -13,9 +13,9 @@ import numpy as np
 
 from optics.base.runtime import Check, UserError, checks_of
 from optics.exchange.export import Body, Labels, export
-from optics.exchange.packs.dense_points import dense_points
 from optics.exchange.packs.expected import (
     Quantity,
+    dense_points,
     light_quantities,
     part_quantities,
     ray_files,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, RegularGridInterpolator
 
-from optics.exchange.packs.dense_points import dense_points
+from optics.exchange.packs.expected import dense_points
 from tests.optics.cases import rough, small_lens, small_space
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
