@@ -226,8 +226,7 @@ class GraphOverStrips:
         u, v = (
             np.clip(row, kv.start, kv.stop) for row, kv in zip((u, v), (self.graph.kv_u, self.graph.kv_v))
         )
-        heights: Floats = self.graph(u, v)
-        return heights
+        return self.graph(u, v)
 
     def _least(self, strip: Strip, t: Floats) -> tuple[Floats, Integers, Floats]:
         """Return the least heights on lines, the numbers of their intervals, and s."""

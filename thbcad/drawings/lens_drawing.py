@@ -148,8 +148,7 @@ def _placed(top: tuple[View, ...], low: tuple[View, ...], scale: float) -> list[
 
 def _frame(placed: PlacedView, scale: float) -> Floats:
     """Return the corners of a view on the paper, (2, 2)."""
-    frame: Floats = placed.origin + scale * placed.view.box()
-    return frame
+    return placed.origin + scale * placed.view.box()
 
 
 def _apertures(panel: Panel, placed: list[PlacedView], chord: float, scale: float) -> Marks:

@@ -174,8 +174,7 @@ def _vertices(lens: Lens, plan: Floats, shape: Outline, outer: Outline, flange: 
             (inner, flange.high),
         ):
             levels.append(np.column_stack([around, np.full(len(around), z)]))
-    vertices: Floats = np.concatenate(levels)
-    return vertices
+    return np.concatenate(levels)
 
 
 def _names(flanged: bool) -> tuple[str, ...]:

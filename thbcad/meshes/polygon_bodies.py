@@ -92,8 +92,7 @@ def _is_ear(corners: Floats, left: Integers, k: int, flat: float) -> bool:
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
     """Return twice the area of triangles, positive where they run counter-clockwise."""
     u, v = b - a, c - a
-    area: Floats = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-    return area
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
 
 
 def _refined(positions: Floats, plan: Integers, longest: float, chord: float) -> tuple[Floats, Integers]:

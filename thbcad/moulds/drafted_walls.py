@@ -57,8 +57,7 @@ class FittedPiece:
 
     def height(self, t: Floats) -> Floats:
         """Return z at parameters t, (n,)."""
-        z: Floats = np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
-        return z
+        return np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,7 @@ class BSplineCurve(Polynomial, Curve):
 
     def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_i I_i c_i."""
-        result: np.float64 | Floats = self.kv.integrals() @ self.coefficients
-        return result
+        return self.kv.integrals() @ self.coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +101,7 @@ class BSplineSurface(Polynomial, Surface):
             at = np.empty((*u.shape, 2))
             at[..., 0], at[..., 1] = u, v
             values = self._scattered(at, nu=orders if any(orders) else None)
-        result: Floats = values[()]
-        return result
+        return values[()]
 
     @cached_property
     def _scattered(self) -> NdBSpline:

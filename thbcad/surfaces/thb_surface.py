@@ -84,8 +84,7 @@ class THBSurface(AnySurface):
             return self._tensor(u, v, derivative)
         u, v = coordinates(u=(u, self.space.kv_u.domain), v=(v, self.space.kv_v.domain))
         values = self._cellwise(u.ravel(), v.ravel(), derivative)
-        result: Floats = values.reshape((*u.shape, *values.shape[1:]))[()]
-        return result
+        return values.reshape((*u.shape, *values.shape[1:]))[()]
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
@@ -147,10 +146,7 @@ class THBSurface(AnySurface):
         """Return the integral over the domain, exact: on a cell its size times the mean of the Bernstein
         coefficients."""
         u0, u1, v0, v1 = self.space.boxes.T
-        result: np.float64 | Floats = np.tensordot(
-            (u1 - u0) * (v1 - v0), self.bernstein().mean(axis=(1, 2)), axes=1
-        )[()]
-        return result
+        return np.tensordot((u1 - u0) * (v1 - v0), self.bernstein().mean(axis=(1, 2)), axes=1)[()]
 
     def area(self) -> tuple[float, float]:
         """Return the area, of a scalar surface that of its graph (u, v, z), and an estimate of its error: the

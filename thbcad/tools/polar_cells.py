@@ -122,8 +122,7 @@ def _times(axis: int, block: Floats, ends: Floats) -> Floats:
     result = np.zeros((degree + 1, *block.shape[1:]))
     result[:-1] += weight[::-1] * ends[0] * block
     result[1:] += weight * ends[1] * block
-    moved: Floats = np.moveaxis(result, 0, axis)
-    return moved
+    return np.moveaxis(result, 0, axis)
 
 
 @dataclass(frozen=True, eq=False)

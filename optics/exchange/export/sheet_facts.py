@@ -142,8 +142,7 @@ class SheetFacts:
         return x, y, self._surface(face).grid(x, y)
 
     def _surface(self, face: str) -> FreeformSurface:
-        surface: FreeformSurface = getattr(self.lens, face)
-        return surface
+        return getattr(self.lens, face)
 
 
 def rounded_down(value: float) -> str:

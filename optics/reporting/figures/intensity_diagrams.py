@@ -94,9 +94,9 @@ def _isocandela(light: Floats, wanted: Floats, screen: Screen, unit: str) -> byt
     words = [f"{level:.4g} {unit} ({share:.0%} of the peak)" for level, share in zip(levels, SHARES)]
     named = [Line2D([], [], color=colour, label=text) for colour, text in zip(LINES, words)]
     figure.legend(handles=named, fontsize=8, loc="outside lower center", ncols=2)
-    axes.set_aspect("equal")
-    axes.set_xlabel("angle towards +x (C0) / degrees")
-    axes.set_ylabel("angle towards +y (C270) / degrees")
+    axes.set(
+        aspect="equal", xlabel="angle towards +x (C0) / degrees", ylabel="angle towards +y (C270) / degrees"
+    )
     axes.grid(alpha=0.3)
     return png_bytes(figure)
 

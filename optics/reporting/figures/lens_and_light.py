@@ -160,11 +160,7 @@ def _mesh(space: THBSpace, outline: Outline) -> bytes:
         one = np.ones(SAMPLES)
         rim = np.hstack([(along, -one), (one, along), (-along, one), (-one, -along)])
         axes.plot(*outline.filled(hx * rim[0], hy * rim[1]), color="tab:red", lw=0.8)
-    axes.set_xlim(-hx, hx)
-    axes.set_ylim(-hy, hy)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x / mm")
-    axes.set_ylabel("y / mm")
+    axes.set(xlim=(-hx, hx), ylim=(-hy, hy), aspect="equal", xlabel="x / mm", ylabel="y / mm")
     axes.set_title(
         f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9
     )
@@ -175,8 +171,7 @@ def _rays(solid: Solid, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
     figure, axes = new_figure()
     draw_fan(axes, solid, fan)
-    axes.set_xlabel("z / mm")
-    axes.set_ylabel("y / mm")
+    axes.set(xlabel="z / mm", ylabel="y / mm")
     return png_bytes(figure)
 
 
@@ -204,9 +199,9 @@ def draw_fan(axes: Axes, solid: Solid, fan: Sequence[RayPath]) -> None:
             lw=0.8,
             color="tab:green" if path.fate.endswith("on_target") else "tab:red",
         )
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    axes.set_aspect("equal")
+    axes.set(
+        xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal"
+    )
 
 
 def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
@@ -224,7 +219,6 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.legend(fontsize=8)
-    axes.set_xlabel("evaluations of loss and gradient")
-    axes.set_ylabel("||E - T|| / ||T||")
+    axes.set(xlabel="evaluations of loss and gradient", ylabel="||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")
     return png_bytes(figure)

@@ -154,6 +154,4 @@ def _mesh(axes: Axes, surface: FreeformSurface, gradient: Floats) -> None:
     )
     cells.set_array(np.maximum(density / greatest, 10.0**-DECADES))
     axes.add_collection(cells)
-    axes.set_xlim(-hx, hx)
-    axes.set_ylim(-hy, hy)
-    axes.set_aspect("equal")
+    axes.set(xlim=(-hx, hx), ylim=(-hy, hy), aspect="equal")

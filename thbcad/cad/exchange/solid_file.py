@@ -122,8 +122,7 @@ def _covers(face: TopoDS_Face, conic: PlacedConic, x: float, y: float) -> bool:
 def _centre(spline: BSplineSurface) -> Floats:
     """Return the point at the middle of the parameters, (3,), mm."""
     u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
-    point: Floats = spline([u], [v])[0]
-    return point
+    return spline([u], [v])[0]
 
 
 def _corners(shape: TopoDS_Shape) -> Floats:

@@ -30,8 +30,7 @@ ROUND_RIM = 1e-4  # the same of an ellipse: a chamfer ends in splines that are 1
 
 def in_frame(frame: Pose, points: Floats) -> Floats:
     """Return points of the file, (..., 3), in the frame of a lens."""
-    local: Floats = frame.inverse().points(points.T).T
-    return local
+    return frame.inverse().points(points.T).T
 
 
 def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
@@ -120,8 +119,7 @@ def _ellipse_axes(points: Floats) -> Floats:
 
 
 def _unit(vector: Floats) -> Floats:
-    result: Floats = vector / (np.linalg.norm(vector) or 1.0)
-    return result
+    return vector / (np.linalg.norm(vector) or 1.0)
 
 
 def _snapped(direction: Floats) -> Floats:

@@ -90,8 +90,7 @@ class SplineForm:
         return geom_surface(self.spline)
 
     def corner(self, corner: Corner) -> Floats:
-        point: Floats = self.spline.coefficients[corner]
-        return point
+        return self.spline.coefficients[corner]
 
     def rim(self, side: Side) -> RimCurve:
         kv, poles = rim(self.spline, side)
