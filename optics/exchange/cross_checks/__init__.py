@@ -7,6 +7,6 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .file_tracers import file_tracer, require_tracer
     from .light_comparison import LightComparison, compare_light
-    from .light_sums import light_comparison_checks, light_comparison_lines
+    from .light_verification import light_comparison_checks, light_comparison_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,4 +1,4 @@
-"""Landing points on pixels, how far two traces of the same rays are apart, and checks of light by others."""
+"""Landing points on pixels, and how far two traces of the same rays are apart."""
 
 from __future__ import annotations
 
@@ -6,19 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optics.base.runtime import Backend, Check
-from optics.exchange.cross_checks.light_comparison import LightComparison
+from optics.base.runtime import Backend
 from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.paths import LightPath
-from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and programs may round it to none
-MOST_Z = 5.0  # 3e-7 of equal lights are farther apart
-MESH_FATES = 1e-3  # of the flux: at rims, and where light is just totally reflected, by single precision
-ERRORS = 2.0  # of mesh and digits, that two lights may be apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,51 +77,3 @@ def on_target(landing: LandingPoints, screen: Screen) -> int:
     """Return how many rays land on the target."""
     lit = landing.flux > 0
     return int((np.abs(landing.points[lit]) <= screen.half_width).all(axis=1).sum())
-
-
-def light_comparison_checks(found: LightComparison, limits: Verify) -> list[Check]:
-    """Return the Checks of a LightComparison.
-
-    Where a mesh is traced, landing points and irradiance may be as far from ours as ERRORS times the error
-    that its nodes and its digits make; faces that are traced exactly keep the limits of the problem.
-    """
-    name, unit = found.name, found.screen.unit
-    if found.resolution is None:
-        fates, landing, irradiance = 0.0, limits.landing, limits.irradiance
-    else:
-        fates = MESH_FATES
-        landing = ERRORS * (found.mesh_landing + found.resolution)
-        irradiance = ERRORS * found.mesh_difference + found.border_noise
-    same = f"the same {found.rays} random rays by {name} through the file and by ours"
-    mismatched = found.to_ours.mismatched / found.emitted
-    return [
-        Check(f"{same}: flux with another fate, relative", mismatched, fates, ""),
-        Check(f"{same}: landing points, root mean square", found.to_ours.rms, landing, unit),
-        Check(f"{same}: irradiance, relative", found.difference_of_same_rays, irradiance, ""),
-        Check(f"irradiance by {name} beside ours of {_beside(found)}: z-score", found.z, MOST_Z, ""),
-    ]
-
-
-def light_comparison_lines(found: LightComparison) -> list[str]:
-    """Return the numbers of a LightComparison as lines of text."""
-    (rows, columns), unit = found.screen.shape, found.screen.unit
-    lines = [
-        f"{found.name}: {found.rays} random rays through the STEP file in {found.seconds:.3g} s, "
-        f"{found.rays_per_pixel:.0f} on each of {columns} x {rows} merged pixels",
-        f"  the same rays, without noise: irradiance {found.difference_of_same_rays:.2e} apart, "
-        f"landing points {found.to_ours.rms:.2e} {unit} (at most {found.to_ours.greatest:.2e})",
-    ]
-    if found.coarser is not None:
-        lines.append(
-            f"  error of the mesh, from every second node: irradiance {found.mesh_difference:.2e}, "
-            f"landing points {found.mesh_landing:.2e} {unit}"
-        )
-    lines.append(
-        f"  beside our {_beside(found)}: irradiance {found.difference:.4f} apart, noise {found.noise:.4f}, "
-        f"z-score {found.z:.2f}"
-    )
-    return lines
-
-
-def _beside(found: LightComparison) -> str:
-    return "cells" if found.ours_error is None else "other rays"

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
         require_free_files,
     )
     from .indications import indications_of
+    from .making_sheet import notes_of, sheet_checks, sheet_of
     from .read_back import READERS, read_mesh, require_readers, triangle_checks
-    from .sheet_facts import SheetFacts, notes_of, sheet_checks, sheet_of
+    from .sheet_facts import SheetFacts
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

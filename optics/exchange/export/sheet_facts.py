@@ -1,5 +1,4 @@
-"""What a result tells the shop: tolerances, form errors, the body and test points, as numbers and texts, and
-the sheet with them, read back.
+"""What a result tells the shop: tolerances, form errors, the body and test points, as numbers and texts.
 
 Allowed errors are heights along z, and the zone of a profile is as wide as along the normal.  With the
 steepest angle theta of a surface, and the middle period p = sqrt(p0 p1) of a band,
@@ -10,7 +9,7 @@ steepest angle theta of a surface, and the middle period p = sqrt(p0 p1) of a ba
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, floor, log10, pi, radians, sqrt
 from pathlib import Path
@@ -18,13 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from optics.base.runtime import Check, UserError, checks_of
-from optics.exchange.export.drawing_checks import drawing_checks
-from optics.exchange.export.indications import Indication
+from optics.base.runtime import UserError, checks_of
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
-from thbcad.drawings import Grid, Panel, Sheet, lens_sheet
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
@@ -33,14 +29,6 @@ FACES = ("front", "rear")
 TOLERANCES = "tolerance.json"
 FRACTIONS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of the largest such rectangle, where test points lie
 ROUNDED = 1e3  # per mm: test points lie at whole micrometres, so that 0.1 um of their sag is true
-PARTS = {"moulded": "moulded plastic part", "cut": "part that is cut, in the manner of ISO 10110"}
-ORIGINS = (
-    "computed: by this program. customary: a proposal. open: to be agreed. given: by the user. "
-    "Nothing here is said to conform to a standard: standards are named for what entries mean."
-)
-NO_TOLERANCES = "thbcad tolerance has not run on this result: what it would compute is left open."
-WITHOUT_BODY = "Views show the lens without lens.body, whose walls lens.step holds."
-ESCAPED = {ord(letter): f"\\{letter}" for letter in "\\()"}  # in texts of PDF
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +130,8 @@ class SheetFacts:
         return x, y, self._surface(face).grid(x, y)
 
     def _surface(self, face: str) -> FreeformSurface:
-        return getattr(self.lens, face)
+        surface: FreeformSurface = getattr(self.lens, face)
+        return surface
 
 
 def rounded_down(value: float) -> str:
@@ -165,44 +154,3 @@ def _tolerances(path: Path, run: str) -> Mapping[str, Any] | None:
     if not own:
         raise UserError(f"{path} belongs to another run; run thbcad tolerance again")
     return known
-
-
-def sheet_of(facts: SheetFacts, indications: Sequence[Indication], manner: str, chord: float) -> Sheet:
-    """Return the sheet of a result; chord : mm, the error that curves of its views may have.
-
-    Raises ValueError : as `lens_sheet`.
-    """
-    rows = [(one.name, f"{one.value}  [{one.sentence}]", one.origin) for one in indications]
-    front, rear = (Grid(f"sag of the {face}, mm", *facts.test_points(face)) for face in FACES)
-    panel = Panel(
-        heading=f"Indications: {PARTS[manner]}",
-        rows=tuple(rows),
-        grids=(front, rear),
-        foot=tuple(notes_of(facts)),
-        clear=(facts.clear("front"), facts.clear("rear")),
-    )
-    return lens_sheet(facts.lens, facts.system.product, chord, panel=panel)
-
-
-def notes_of(facts: SheetFacts) -> list[str]:
-    """Return what is to be said of all indications."""
-    form = (facts.tolerance or {}).get("form_error", {})
-    if facts.tolerance is None:
-        said = NO_TOLERANCES
-    elif "sides" in form:
-        said = (
-            f"Form errors are those of {TOLERANCES}: each band by itself raises rel_l2 from "
-            f"{form['rel_l2']:.2%} by {form['rise']:.2%}."
-        )
-    else:
-        said = f"{TOLERANCES} holds no form errors: {' '.join(form.get('sentences', ()))}"
-    return [said, *([WITHOUT_BODY] if facts.system.body else []), ORIGINS]
-
-
-def sheet_checks(lens: Lens, sheet: Sheet, path: Path, name: str) -> list[Check]:
-    """Return the Checks of a sheet that was written: as `drawing_checks`; of a PDF its texts alone."""
-    if name != "pdf":
-        return drawing_checks(lens, sheet, path, name)
-    data = path.read_bytes()
-    texts = (label.text.translate(ESCAPED).encode("cp1252", "replace") for label in sheet.labels)
-    return [Check.none_of("texts missing in the PDF file", sum(b"(%b)" % text not in data for text in texts))]
