@@ -1,4 +1,4 @@
-"""A problem as a Mitsuba scene, mm and W: emitters, closed bodies, diffuse screen, pinhole camera (thesis 5.2.2).
+"""A problem as a Mitsuba scene in mm and W: emitters, bodies, diffuse screen, pinhole camera (thesis 5.2.2).
 
 The irradiance of a screen of reflectance r is E = pi L / r, with the radiance L that the camera sees.  The
 screen is nearly black, so that light which it throws back on the lens does not come again; r cancels.
