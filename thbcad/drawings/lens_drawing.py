@@ -181,7 +181,8 @@ def _axes(placed: list[PlacedView], planes: tuple[float, float]) -> Marks:
 def _sizes(lens: Lens, cut: CutLens | None, placed: list[PlacedView]) -> Marks:
     """Return width and height of the outline on the rear, and of the flange, or another rim, on the front."""
     differ = lens.front.half_width != lens.rear.half_width
-    rear, other = lens.rear.outline, lens.front.outline if differ else None
+    rear: Shape = lens.rear.outline
+    other: Shape | None = lens.front.outline if differ else None
     if cut is not None:
         rear, other = cut.shapes[1], cut.around or (cut.shapes[0] if cut.slanted else None)
     marks = _width_and_height(placed[3], rear)

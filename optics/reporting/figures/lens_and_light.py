@@ -14,7 +14,7 @@ from optics.light.analysis import Measurement, counted_ways, fringe
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 from optics.reporting.figures.intensity_diagrams import intensity_figures
-from optics.reporting.figures.overview import relative_light
+from optics.reporting.figures.overview import cell_corners, relative_light
 from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import block_means, within_foot
 from optics.scene.photometry import srgb
@@ -144,11 +144,7 @@ def _sag(surface: FreeformSurface) -> bytes:
 
 def _mesh(space: THBSpace, outline: Outline) -> bytes:
     (hx, hy), cells = outline.half_width, space.cells
-    (x0, x1), (y0, y1) = (
-        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
-        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
-    )
-    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
+    corners = cell_corners(space, outline.half_width)
     figure, axes = new_figure()
     # one path per level, which is much faster than one per cell
     levels = np.unique(cells[:, 0])
