@@ -36,11 +36,8 @@ from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
 SAMPLES = np.linspace(0, 1, 65)  # each way on a part of the wall, for the amount that is missing
-PARTS = (
-    "corner",
-    "x",
-    "y",
-)  # of the unit outline where x and y are positive: a corner and two halves of sides
+# of the unit outline where x and y are positive: a corner and two halves of sides
+PARTS = ("corner", "x", "y")
 
 
 def require_simple_wall(graphs: Pair, thickness: float, least: float, outline: Outline) -> None:

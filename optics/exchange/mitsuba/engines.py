@@ -110,11 +110,8 @@ class RenderedModel:
         self.traced, self._names = traced, names
         self._mitsuba = current_mitsuba()
         self._backend = mitsuba_backend(self._mitsuba)
-        sensor = {
-            "type": "perspective",
-            "film": {"type": "hdrfilm", "pixel_format": "luminance"},
-        }  # the light model needs none
-        self._sensor = self._mitsuba.load_dict(sensor)
+        film = {"type": "hdrfilm", "pixel_format": "luminance"}  # the light model needs no sensor
+        self._sensor = self._mitsuba.load_dict({"type": "perspective", "film": film})
 
     @property
     def screen(self) -> Screen:

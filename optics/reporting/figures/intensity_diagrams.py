@@ -18,15 +18,9 @@ SIZE = (5.2, 4.8)  # inches
 LOOKS = {"C0-C180": ("tab:blue", 2.4), "C90-C270": ("tab:orange", 1.1)}  # the first is seen behind the second
 STEPS = (1, 2, 5, 10, 15, 30)  # degrees between the rays of a polar diagram
 MOST_STEPS = 6  # of them on either side
-SHARES = (
-    0.1,
-    0.25,
-    0.5,
-    0.75,
-)  # of the peak, at which lines of equal intensity are drawn; higher ones show ripple
-LINES = plt.get_cmap("viridis")(
-    np.linspace(0, 0.85, len(SHARES))
-)  # their colours; lighter ones are hard to see
+# of the peak, at which lines of equal intensity are drawn; higher ones show ripple
+SHARES = (0.1, 0.25, 0.5, 0.75)
+LINES = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(SHARES)))  # lighter ones are hard to see
 FINEST = 128  # pixels of these lines in each direction: finer ones show ripples, not the beam
 
 
