@@ -49,7 +49,7 @@ class Product:
     def __post_init__(self) -> None:
         from thbcad.checks import require_number  # loads numpy, which `require_line` does without
 
-        for key in [field.name for field in fields(self) if field.type == "str"]:
+        for key in [field.name for field in fields(self) if field.type is str]:
             require_line(key, getattr(self, key))
         if not self.name:
             raise ValueError("name must not be empty")
