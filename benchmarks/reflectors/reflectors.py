@@ -105,8 +105,8 @@ class Case:
 
 
 FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
-# borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end near
-# 1e-6 of the radius, with cells left coarse or not
+# borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end
+# near 1e-6 of the radius, with cells left coarse or not
 ALIGNED = {
     "element.M1.face.freeform.max_level": 3,
     "element.M1.face.freeform.degree": 5,
