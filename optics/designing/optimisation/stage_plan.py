@@ -119,8 +119,9 @@ def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
         iterations = 0 if from_transport and level < last else per_level(problem.optimizer.iterations, level)
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
     if from_transport and system.aim:
-        screen = system.aim.screen(margin=MARGIN)
-        out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
+        screen, final = system.aim.screen(margin=MARGIN), out[-1]
+        aimed = replace(final, screen=screen, rays=_fewer(final), final=False, aimed=True)
+        out[-1:] = [aimed, *_roughly_first(final)]
     elif system.source.several:
         out.insert(-1, replace(out[-1], final=False, far_sighted=True))
     elif from_transport:
@@ -153,9 +154,14 @@ def _roughly_first(stage: Stage) -> list[Stage]:
     if not stage.exact or stage.iterations < MANY_STEPS:
         return [stage]
     late = stage.iterations // LATE
-    rays_x, rays_y = (_even(FEWER * (n - 1)) + 1 for n in stage.rays)
-    rough = replace(stage, iterations=stage.iterations - late, rays=(rays_x, rays_y), rough=True)
+    rough = replace(stage, iterations=stage.iterations - late, rays=_fewer(stage), rough=True)
     return [rough, replace(stage, iterations=late)]
+
+
+def _fewer(stage: Stage) -> tuple[int, int]:
+    """Return the rays of a stage on fewer cells, where it is exact."""
+    rays_x, rays_y = (_even(FEWER * (n - 1)) + 1 if stage.exact else n for n in stage.rays)
+    return rays_x, rays_y
 
 
 def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:

@@ -13,7 +13,9 @@ FLAT_REAR = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "lens.rea
 FAR = WIDE | FLAT_REAR | {"target.half_width": [35.0, 35.0]}
 
 
-@pytest.mark.parametrize(("changes", "mapped"), [(FAR, True), (FAR, False), ({}, True)], ids=str)
+@pytest.mark.parametrize(
+    ("changes", "mapped"), [(FAR, True), (FAR, False), ({}, True)], ids=["map", "no map", "near"]
+)
 def test_a_map_asks_for_what_can_arrive_where_its_surface_reflects_much(tmp_path, backend, changes, mapped):
     """Designs from the same surface, with a map to follow or without: up to 48 degrees aside much is
     reflected, before a near target hardly more than by the unoptimised lens."""
