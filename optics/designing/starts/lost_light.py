@@ -48,12 +48,12 @@ def passing_share(
 def lost_share(
     path: LightPath, number: int, light: RearLight, places: Sequence[Floats], made_up: Floats
 ) -> float:
-    """Return the share of the light that a surface loses which sends it to places of the receiver.
+    """Return the share of the light that a surface loses, whose places on the receiver are known.
 
         1 - sum w p s / sum w,      w = Phi s0 / s
 
-    Of every cell Phi is the flux, p whether a slope can send it there, s the share of it that then passes,
-    and s0 that for which its places were laid: the same picture arrives where light goes by s0 / s.
+    Of every cell Phi is the flux, p whether a slope can send it to its place, s the share that then passes,
+    and s0 that which the places make up for.  Light goes there by s0 / s: the same picture arrives.
 
     number : of the surface; its height follows.  places : u and v, (nx, ny), of the cells of the light.
     made_up : s0, (nx, ny).

@@ -148,10 +148,8 @@ class TransportStart:
         path, here = system.path(self._lens), self._system.path(self._lens)
         number = path.shaped
         sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
-        places, made_up = (
-            [new / old * a for (new, old), a in zip(sides, self._shaped.places)],
-            self._shaped.made_up,
-        )
+        places = [new / old * a for (new, old), a in zip(sides, self._shaped.places)]
+        made_up = self._shaped.made_up
         if np.array_equal(system.pose.rotation, self._system.pose.rotation):
             return lost_share(path, number, self._light, places, made_up)
         lights = [light_on(self._backend, p, number, system.source, (CELLS, CELLS)) for p in (here, path)]
