@@ -1,7 +1,5 @@
 """Meshes of lenses: closed, oriented, and as close to the surfaces as they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st

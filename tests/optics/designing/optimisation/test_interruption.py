@@ -1,7 +1,5 @@
 """The design loop repeated, interrupted and taken up again."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The design loop where it fails: each cause is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Limits that a design will miss are said before it, and no prediction is made where nothing tells it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """`thbcad export` of every body of a lens: files pass and repeat, are sound by themselves, and refusals leave
 nothing behind."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """`thbcad export`: every format reads back, every damage shows, refusals leave no file."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

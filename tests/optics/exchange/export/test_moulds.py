@@ -1,7 +1,5 @@
 """`thbcad export` for a mould: enlarged lenses in every format, read by programs that did not write them."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

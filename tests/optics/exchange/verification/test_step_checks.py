@@ -1,7 +1,5 @@
 """Verification of STEP files: good ones pass, every kind of damage is caught."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

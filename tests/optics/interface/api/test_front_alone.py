@@ -1,7 +1,5 @@
 """A lens whose front alone is free, from the problem to the verified file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Designs: the same bytes on any number of threads, and again."""
 
-from __future__ import annotations
-
 import pytest
 
 import optics

@@ -5,8 +5,6 @@ function of the good text that gives text or bytes.  key : the words that must n
 that say what to do or what is allowed.
 """
 
-from __future__ import annotations
-
 import math
 
 NAN, INF = math.nan, math.inf

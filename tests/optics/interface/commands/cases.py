@@ -1,7 +1,5 @@
 """A quick problem, the command line as a process, and what a refusal must look like."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """A whole run that several files of tests look at."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from concurrent.futures import Future

@@ -1,7 +1,5 @@
 """What the command line refuses, in one sentence, and odd input that it takes."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

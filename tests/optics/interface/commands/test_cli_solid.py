@@ -1,8 +1,6 @@
 """What a design's files say and keep: metadata, limits and titles arrive, damage to the solid is caught, from
 outside."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The command line with a glowing picture, two free surfaces and a far-field target."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """`thbcad export DIR --out scene.xml`: a scene that Mitsuba reads by itself; refusals in one sentence."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.interface.commands.cli import main

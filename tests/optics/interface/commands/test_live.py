@@ -1,7 +1,5 @@
 """`thbcad design --live`: the page of a run, and that the design does not change by it."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

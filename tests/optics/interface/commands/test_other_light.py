@@ -1,7 +1,5 @@
 """`thbcad relight` and `thbcad export --light`: other light on a finished lens, and its light as rays."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """`thbcad tolerance`: a page and numbers beside a result, whose own files stay what they are."""
 
-from __future__ import annotations
-
 import json
 from html import unescape
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """`thbcad trace`: fates by flux and by number, other ways of light, files, refusals."""
 
-from __future__ import annotations
-
 import json
 import re
 from types import SimpleNamespace

@@ -1,8 +1,6 @@
 """The light of lenses with outlines and of bodies for a mould, against all branches through the faces of
 their STEP files by OCCT, walls included."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Pictures of made lenses have their panels, and the scale of the error that they show."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from types import SimpleNamespace
 

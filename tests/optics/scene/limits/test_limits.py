@@ -1,8 +1,6 @@
 """Limits of manufacture: every key is checked from the certified side, with its place, and advice comes
 before a design."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

@@ -1,7 +1,5 @@
 """Problems built and varied in code: the checks and the messages of a problem file."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Random problem files: each gives a problem, or is refused in one sentence."""
 
-from __future__ import annotations
-
 from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError

@@ -1,7 +1,5 @@
 """Bad problem files: every one is refused in one sentence."""
 
-from __future__ import annotations
-
 import datetime
 import math
 import re

@@ -1,7 +1,5 @@
 """What a formula means."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Formulas that are refused, and formulas in problem files."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import sys

@@ -1,7 +1,5 @@
 """Formulas over the target: position, the mean over a pixel, any scale."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st

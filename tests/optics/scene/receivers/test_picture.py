@@ -1,7 +1,5 @@
 """Pictures as targets: every kind of file, decoding, fitting, and what is refused."""
 
-from __future__ import annotations
-
 import os
 import tracemalloc
 import zlib

@@ -1,7 +1,5 @@
 """From a problem file to rays, surfaces and targets: every kind of source, one or two free surfaces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a problem is told before any tracing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

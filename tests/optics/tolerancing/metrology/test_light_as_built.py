@@ -1,7 +1,5 @@
 """The made surface is the designed one plus what was measured, and its light is that of the made lens."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

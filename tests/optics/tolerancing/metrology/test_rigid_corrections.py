@@ -1,7 +1,5 @@
 """A lens whose only fault is where it stands is put back, and what does not help is not done."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Made lenses: each is the perturbed lens of its errors; failures are counted; workers change nothing."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Small systems for the tests of tolerances, and a ray through a perturbed lens by numpy alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation

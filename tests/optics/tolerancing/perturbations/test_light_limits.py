@@ -1,7 +1,5 @@
 """Limits of the light by choice, amounts that keep them, light that may shift as a whole, and the words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

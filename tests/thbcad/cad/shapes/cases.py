@@ -1,7 +1,5 @@
 """Lenses with elliptic apertures, and surfaces compared bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.hierarchy import THBSpace

@@ -1,7 +1,5 @@
 """Planes, spheres and conics of revolution in solids: faces and rims are what they are, in every format."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import product
 
