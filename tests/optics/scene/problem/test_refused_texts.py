@@ -3,11 +3,14 @@
 import os
 
 import pytest
+from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
+from optics.scene.problem import Problem
 from optics.scene.problem.problem_record import MAX_FILE_BYTES, load_problem
+from tests.cases import examples
 from tests.optics.cases import SMALL, toml_text
-from tests.optics.scene.problem.cases import load_text, one_sentence
+from tests.optics.scene.problem.cases import EXTENDED, load_text, one_sentence
 
 
 @pytest.mark.parametrize(
@@ -82,3 +85,61 @@ def test_endless_whole_numbers_are_refused(tmp_path, key, digits):
 def test_deep_nesting_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"values are nested more than 16 deep \(at line 1\)"):
         load_text(tmp_path, "x = " + "[" * 50_000)
+
+
+def message_of(folder, text):
+    """Return the reason for which a text is refused, "" if it gives a Problem; any other exception passes
+    through."""
+    try:
+        assert isinstance(load_text(folder, text), Problem)
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+VALUES = st.recursive(
+    st.one_of(
+        st.booleans(),
+        st.integers(),
+        st.sampled_from([10**308, 10**309, -(10**400)]),
+        st.floats(),
+        st.text(max_size=20),
+        st.sampled_from(
+            [
+                "srgb",
+                "linear",
+                "image",
+                "crop",
+                "bspline",
+                "single",
+                "collimated",
+                "lambertian",
+                "point",
+                "gaussian",
+            ]
+        ),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+KEYS = st.one_of(
+    st.sampled_from(
+        [*EXTENDED, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]
+    )
+)
+
+
+@examples(400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(changes=st.dictionaries(KEYS, VALUES, max_size=4), dropped=st.sets(KEYS, max_size=1))
+def test_random_values_give_a_problem_or_a_user_error(tmp_path, changes, dropped):
+    text = toml_text({k: v for k, v in (SMALL | changes).items() if k not in dropped})
+    assert "\n" not in message_of(tmp_path, text)
+
+
+@examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.integers(0, 700), length=st.integers(0, 40), new=st.binary(max_size=12))
+def test_damaged_bytes_give_a_problem_or_a_user_error(tmp_path, at, length, new):
+    text = toml_text(SMALL).encode()
+    assert "\n" not in message_of(tmp_path, text[:at] + new + text[at + length :])
