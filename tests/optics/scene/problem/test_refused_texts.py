@@ -1,40 +1,13 @@
 """What is no problem file at all: text, bytes, folders, and what has no end."""
 
-import os
-
 import pytest
 from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem
-from optics.scene.problem.problem_record import MAX_FILE_BYTES, load_problem
 from tests.cases import examples
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.scene.problem.cases import EXTENDED, load_text, one_sentence
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "title = ",
-        "[source",
-        "= 3",
-        "a = 1\na = 2",
-        "\x00",
-        "title = 'x",
-    ],
-    ids=repr,
-)
-def test_text_that_is_not_toml_is_refused(tmp_path, text):
-    with pytest.raises(UserError, match=r"cannot be read as TOML") as caught:
-        load_text(tmp_path, text)
-    assert one_sentence(str(caught.value))
-
-
-@pytest.mark.parametrize("data", [b"\xff\xfe\x00", b"\x89PNG\r\n\x1a\n", "title = 'ü'".encode("latin-1")])
-def test_text_that_is_not_utf_8_is_refused(tmp_path, data):
-    with pytest.raises(UserError, match=r"is no UTF-8 text from byte \d+ on; save it as UTF-8"):
-        load_text(tmp_path, data)
 
 
 def test_the_mark_that_editors_of_windows_put_before_the_text_is_read_over(tmp_path):
@@ -47,44 +20,12 @@ def test_line_ends_of_windows_are_read(tmp_path):
     assert load_text(tmp_path, text.replace("\n", "\r\n")) == load_text(tmp_path, text)
 
 
-def test_an_empty_file_names_the_first_missing_key(tmp_path):
-    with pytest.raises(UserError, match=r"the key source is missing"):
-        load_text(tmp_path, "")
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"cannot read .*none\.toml: No such file"):
-        load_problem(tmp_path / "none.toml")
-
-
-def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"cannot read .*: it is a folder; give the path of a file"):
-        load_problem(tmp_path)
-
-
-@pytest.mark.parametrize("name", ["pipe", "/dev/zero"])
-def test_what_has_no_end_is_refused(tmp_path, name):
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(UserError, match=r"cannot read .*: it is a pipe or a device"):
-        load_problem(tmp_path / name)
-
-
-def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
-    with pytest.raises(UserError, match=rf"larger than the {MAX_FILE_BYTES} bytes allowed"):
-        load_text(tmp_path, b"#" * (MAX_FILE_BYTES + 1))
-
-
 @pytest.mark.parametrize("digits", [400, 5000])
 @pytest.mark.parametrize("key", ["lens.thickness", "lens.rear.freeform.degree"])
 def test_endless_whole_numbers_are_refused(tmp_path, key, digits):
     with pytest.raises(UserError) as caught:
         load_text(tmp_path, toml_text(SMALL | {key: 123456789}).replace("123456789", "1" + "0" * digits))
     assert one_sentence(str(caught.value))
-
-
-def test_deep_nesting_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"values are nested more than 16 deep \(at line 1\)"):
-        load_text(tmp_path, "x = " + "[" * 50_000)
 
 
 def message_of(folder, text):
