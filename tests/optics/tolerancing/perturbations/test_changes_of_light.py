@@ -16,7 +16,7 @@ from optics.tolerancing.perturbations import (
     tolerances_of,
 )
 from tests.optics.cases import FREE_REAR, FRONT, write_problem
-from tests.optics.tolerancing.perturbations.cases import small_light, small_system
+from tests.optics.tolerancing.perturbations.cases import few, small_light, small_system
 
 MOVING = [  # tolerances that move round light in proportion to their amount
     "lens.decentre_x",
@@ -79,11 +79,6 @@ def test_light_that_a_rim_cuts_has_no_derivative(tmp_path, backend):
     p = Perturbation(lens_shift=(0.2, 0.0, 0.0))
     assert linear.derivative(p) is None
     assert linear.moved(p) is None
-
-
-def few(system, **amounts):
-    """Return amounts that leave all tolerances out but some."""
-    return {t.name: 0.0 for t in tolerances_of(system)} | amounts
 
 
 @pytest.fixture(scope="module")
