@@ -1,4 +1,4 @@
-"""Tasks on processes of this machine: results, failures, killed workers, bad arguments."""
+"""Tasks on processes of this machine: results, failures, killed workers, a lack of memory, bad arguments."""
 
 import errno
 import os

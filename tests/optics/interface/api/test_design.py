@@ -1,4 +1,4 @@
-"""A whole design from a script: shaped, measured, saved, read back, verified, shown."""
+"""A whole design from a script: shaped, measured, saved, read back, verified, shown; the same bytes again."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The record of a luminaire: orientation, interpolation, and the flux of what it interpolates."""
+"""Intensities of luminaires: orientation, interpolation, directions drawn from them, rays summed to one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Curves of intensity in two planes, and widths of beams against closed forms."""
+"""Intensities in two planes, widths of beams, units of light, and the tables of standards."""
 
 from math import acos, degrees, log, sqrt
 

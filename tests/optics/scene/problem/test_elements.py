@@ -1,4 +1,4 @@
-"""Elements, [[element]]: lenses and mirrors with a place, read, changed and written, and what is refused."""
+"""Lists of tables, [[element]] and [[stop]]: read, changed, written, and what is refused."""
 
 import re
 

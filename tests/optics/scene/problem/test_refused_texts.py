@@ -1,4 +1,4 @@
-"""What is no problem file at all: text, bytes, folders, and what has no end."""
+"""Problem files of any bytes and values: each gives a problem, or is refused in one sentence."""
 
 import pytest
 from hypothesis import HealthCheck, given, strategies as st

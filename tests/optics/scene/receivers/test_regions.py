@@ -1,4 +1,4 @@
-"""Regions of uniform light: areas, edges, symmetry, orientation."""
+"""Regions of uniform light and zones: areas, edges, angles and readings against closed forms."""
 
 import tracemalloc
 

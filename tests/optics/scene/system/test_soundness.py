@@ -1,4 +1,4 @@
-"""What a problem is told before any tracing."""
+"""What a problem is told before any tracing, and the nearest geometry that works."""
 
 import math
 import re

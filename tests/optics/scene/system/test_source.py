@@ -1,4 +1,4 @@
-"""A kind of source is looked up once, where a problem becomes its source; all else asks the source."""
+"""A source is looked up once, where a problem becomes its source, and turned as `tilt` and `turn` say."""
 
 import ast
 import re

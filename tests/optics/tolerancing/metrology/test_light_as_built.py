@@ -1,4 +1,4 @@
-"""The made surface is the designed one plus what was measured, and its light is that of the made lens."""
+"""The made surface is the designed one plus what was measured; its light, and what re-positioning brings."""
 
 from dataclasses import replace
 

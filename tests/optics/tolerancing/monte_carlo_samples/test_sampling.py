@@ -1,4 +1,4 @@
-"""Made lenses: each is the perturbed lens of its errors; failures are counted; workers change nothing."""
+"""Made lenses: random errors, each lens that of its errors, quantiles and yields; workers change nothing."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

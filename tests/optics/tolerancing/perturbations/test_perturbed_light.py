@@ -1,4 +1,4 @@
-"""The light of a perturbed lens: traced exactly, in whatever frame one thinks of it."""
+"""The light of a perturbed lens, beside stops too: traced exactly, in whatever frame one thinks of it."""
 
 import numpy as np
 import pytest
