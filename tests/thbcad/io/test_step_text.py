@@ -315,13 +315,6 @@ def test_a_file_cut_off_at_every_tenth_is_refused(tmp_path, text, tenth):
 
 
 @pytest.mark.slow
-@given(st.integers(0, len(TABLE63.rstrip()) - 1))
-def test_a_file_cut_off_anywhere_is_refused(end):
-    with pytest.raises(ValueError, match=r"head|cut off"):
-        entities_of_text(TABLE63[:end])
-
-
-@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.integers(0, len(PLANO) - 1), st.sampled_from("#'();,.*$/0 9ETA-\n\0é")),

@@ -113,8 +113,3 @@ def test_a_number_of_rays_out_of_range_is_refused(capsys, result, rays):
     done = run(capsys, result(), "--rays", rays)
     assert (done.code, done.err.count("\n")) == (2, 1)
     assert "--rays must lie between 8 and 32768" in done.err
-
-
-def test_a_folder_without_a_result_is_refused(capsys, tmp_path):
-    done = run(capsys, tmp_path)
-    assert (done.code, done.err.count("\n"), done.out) == (2, 1, "")

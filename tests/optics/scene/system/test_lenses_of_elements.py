@@ -123,16 +123,6 @@ def test_the_sources_picture_glows_where_it_is_bright(tmp_path, changes):
     assert upper + lower == pytest.approx(flux.sum() / 3.0, rel=1e-13)
 
 
-def test_a_sources_picture_that_is_missing_or_black_is_refused(tmp_path):
-    problem = glowing(tmp_path)
-    (tmp_path / "glow.png").unlink()
-    with pytest.raises(UserError, match=r"glow\.png"):
-        _ = OpticalSystem(problem).source.profile
-    Image.fromarray(0 * GLOW).save(tmp_path / "glow.png")
-    with pytest.raises(UserError, match=r"glow\.png"):
-        _ = OpticalSystem(problem).source.profile
-
-
 # Surfaces
 
 FREE_FRONT = {

@@ -172,8 +172,3 @@ def test_files_of_planes_and_spheres_are_small():
     rear = FreeformSurface((20, 20), Conic(150.0, -1.0), corner_sag())
     spline = Lens(FreeformSurface((20, 20), Conic(1e30, -1.0)), rear, 5.0, 1.5)  # flat to every bit
     assert len(step_bytes(Lens(flat, rear, 5.0, 1.5))) < len(step_bytes(spline))
-
-
-def test_the_same_lens_gives_the_same_bytes():
-    for front in CONICS:
-        assert step_bytes(lens_of(front)) == step_bytes(lens_of(front))
