@@ -58,9 +58,17 @@ BAD = [
         for bad in values
         if bad != -math.inf or not key.name.endswith("radius")  # a plane
     ),
+    *(
+        (key.name, math.inf, "a finite number|at most")
+        for key in PLAIN
+        if float in (key.hint, *get_args(key.hint)[:1]) and get_origin(key.hint) is not tuple
+        if not key.limits["infinite"]
+    ),
     *((key.name, "other", "one of") for key in PLAIN if key.limits and key.limits["choices"]),
 ]
+NAMES = "export.author", "export.organization", "export.product", "lens.material"
 OUT_OF_RANGE = [
+    *((key, bad) for key in NAMES for bad in ("two\nlines", " blank")),
     *((key, bad) for key in HALF_WIDTHS for bad in ([9.5, 0], [-1.0, 9.5])),
     *((f"lens.{face}.radius", bad) for face in ("front", "rear") for bad in (0, 0.0, -0.0, "plane")),
     *((f"lens.{face}.freeform.{key}", 0) for face in ("front", "rear") for key in ("degree", "z_freedom")),
