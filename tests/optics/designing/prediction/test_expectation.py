@@ -1,7 +1,5 @@
 """What `check` expects of a lens, against stored designs, traces and closed forms."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Limits that a design will miss are said before it, and no prediction is made where nothing tells it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -108,4 +106,7 @@ def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
     (said,) = (line for line in foreseen(system, backend) if "body" in line)
     assert said.startswith("the body of this design may fail as that of its start does: ")
     assert words in said
+
+
+def test_nothing_is_foretold_of_a_body_whose_start_has_it(backend, tmp_path):
     assert not any("body" in line for line in foreseen(loaded(tmp_path, BODY), backend))

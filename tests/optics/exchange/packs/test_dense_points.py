@@ -1,7 +1,5 @@
 """Points with normals in packs: read back, on the surfaces, and dense enough for what they promise."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np
