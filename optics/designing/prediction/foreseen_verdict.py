@@ -35,8 +35,8 @@ def foreseen_misses(
         found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=wide, grid=limits.grid)
         if found.reason:  # the blur is as wide as the region
             sentences.append(
-                f"the uniformity may stay undecided: of the base lens {found.reason}; make the region "
-                "larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
+                f"the uniformity may stay undecided: of the base lens {found.reason}; or make the "
+                "region larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
             )
     if expected.efficiency < limits.lit_efficiency:
         sentences.append(
