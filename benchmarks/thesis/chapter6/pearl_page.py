@@ -104,9 +104,7 @@ def _tables(results: Results) -> list[Table]:
         ("loss", "loss", four),
         *(figure for figure in FIGURES if figure[1] in ("rel_l2", "stray", "roughness")),
     )
-    tables = [
-        batches("THB refinement, at the end of every batch.", results["thb"].numbers, DOF, per_batch)
-    ]
+    tables = [batches("THB refinement, at the end of every batch.", results["thb"].numbers, DOF, per_batch)]
     at_end = (
         ("DOF", "dof", dof),
         ("loss", "loss", four),

@@ -36,12 +36,14 @@ def foreseen_misses(
         if found.reason:  # the blur is as wide as the region
             sentences.append(
                 f"the uniformity may stay undecided: of the base lens {found.reason}; or make the "
-                "region larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
+                "region larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 "
+                "--set verify.rsd=inf"
             )
     if expected.efficiency < limits.lit_efficiency:
         sentences.append(
             f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
-            f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region{_aside(system)}"
+            f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
+            f"{_aside(system)}"
         )
     if expected.refused:
         sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")

@@ -62,7 +62,9 @@ def check(options: Namespace) -> Outcome:
         if limits is not None:
             data["blur"] = asdict(limits)
             lines.append(f"blur: {blur_sentence(system, limits)}")
-        lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))]
+        lines += [
+            f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))
+        ]
         return Outcome(data, lines)
 
 
