@@ -133,8 +133,8 @@ def _uniformity_line(found: dict[str, Any], density: Density) -> str:
     return (
         f"uniformity U0 = {symbol}_min/{symbol}_mean {found['min_over_mean']:.3f}, "
         f"{symbol}_min/{symbol}_max {found['min_over_max']:.3f}, rsd {found['rsd']:.3f} "
-        f"on {found['boxes']} boxes of {plain_number(across, 3)} x {plain_number(down, 3)} {unit}, with a noise "
-        f"of {found['noise']:.1%} at most; {mean}{border}"
+        f"on {found['boxes']} boxes of {plain_number(across, 3)} x {plain_number(down, 3)} {unit}, "
+        f"with a noise of {found['noise']:.1%} at most; {mean}{border}"
     )
 
 

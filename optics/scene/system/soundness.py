@@ -144,7 +144,8 @@ def advice(system: OpticalSystem) -> list[str]:
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
             "an extended source blurs its light anyway: --set optimizer.window=bspline "
-            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time (examples/extended.toml)"
+            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time "
+            "(examples/extended.toml)"
         )
     if problem.target.kind == "zones" and (missed := system.target.forbidden):
         sentences.append(
