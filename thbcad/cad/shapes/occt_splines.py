@@ -4,8 +4,6 @@ The numbers of a surface go over together, in OCCT's own binary format: one by o
 needs to read or to write the file.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Light that other ways than front and rear bring, as a background of the finish."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
