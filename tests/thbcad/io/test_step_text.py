@@ -27,7 +27,7 @@ from thbcad.io.step_text import (
     header_of_text,
     read_part21,
 )
-from thbcad.io.step_values import curve_of, spline_surface
+from thbcad.io.step_values import curve_of, points_of, spline_surface
 from thbcad.lens import Product, optical_forms
 from thbcad.sags import patch_numbers
 from thbcad.splines import BSplineSurface, NURBSCurve, NURBSSurface
@@ -47,6 +47,21 @@ def solid_of(text):
 
 
 # ---- the grammar ----
+
+
+def test_points_are_read_together_whatever_their_names_and_blanks():
+    entities = read(
+        "#1=CARTESIAN_POINT('',(1.,-2.5E-3,3.));"
+        "#2 = CARTESIAN_POINT ( '7.;(8.,''9.)' , ( 1.E+2 ,\n0. , +4.5 ) ) ;"
+        "#3=CARTESIAN_POINT('',(1.,2.));#4=A(#1,#2,#3);"
+    )
+    both, user = [Reference(k) for k in (1, 2)], entities[4]
+    assert points_of(entities, both, user).tolist() == [[1.0, -2.5e-3, 3.0], [100.0, 0.0, 4.5]]
+    assert points_of(entities, [], user).shape == (0, 3)
+    with pytest.raises(ValueError, match="#3 must be a CARTESIAN_POINT of three reals"):
+        points_of(entities, [*both, Reference(3)], user)
+    with pytest.raises(ValueError, match="#4 must refer to an entity of the file"):
+        points_of(entities, [*both, Reference(5)], user)
 
 
 def test_every_kind_of_parameter():

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from optics.base.runtime import UserError, process_for
+from optics.base.runtime import UserError, answered, process_for
 from tests.cases import ROOT
 from tests.without_posix import without_posix
 
@@ -74,6 +74,13 @@ def test_its_peak_memory_is_not_that_of_the_process_that_started_it():
     held = b"x" * 200_000_000
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True, capture_output=True)
     assert len(held) / 1e6 > 2 * float(done.stdout) > 10
+
+
+def test_what_has_not_begun_is_done_here(process):
+    first, second = process.ask("time", "sleep", 0.5), process.ask("os", "getpid")
+    assert answered(second, os.getpid) == os.getpid()
+    assert first.result() is None
+    assert answered(first, pytest.fail) is None
 
 
 def test_what_it_is_asked_travels_whole_however_long(process):
