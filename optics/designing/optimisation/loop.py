@@ -30,6 +30,7 @@ from optics.designing.optimisation.first_state import (
     with_sags,
 )
 from optics.designing.optimisation.level_objective import (
+    Background,
     Indicators,
     background,
     marked_cells,
@@ -172,7 +173,7 @@ class _Task:
     system: OpticalSystem
     lens: Lens
     target: Floats
-    background: Floats | None
+    background: Background | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +207,7 @@ class _Run:
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux
         if around is not None:
-            flux += float(around.sum()) * stage.screen.pixel_area
+            flux += float(around.image.sum()) * stage.screen.pixel_area
         wanted = system.goal if stage.aimed else system.target
         return _Task(stage, system, lens, wanted.irradiance(stage.screen, flux), around)
 
@@ -260,7 +261,7 @@ class _Run:
 
         shaped, lens : that the stage ended with.
         """
-        indicators = Indicators(shaped, self.engine, task.target, self.guide, task.background)
+        indicators = Indicators(shaped, self.engine, task.target, self.guide)
         marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
         sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
         following = replace(state, stage=state.stage + 1, sags=sags)

@@ -16,6 +16,7 @@ from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
     EDGE,
     FRONT,
+    INDIRECT,
     LEFT,
     NEVER,
     OUTSIDE,
@@ -95,6 +96,7 @@ class NonsequentialResult:
     ray : (m,), index of the source ray.  fate : (m,), index into FATES.
     direct : (m,), True for the path front, rear, target, with two refractions and nothing else.
     departures : of the branches that left the lens, be it forward or back.
+    onto_rear : branches on their way within to a rear that lets some of them through, by no direct path.
     """
 
     by_ray: Floats
@@ -103,6 +105,7 @@ class NonsequentialResult:
     fate: NDArray[np.int64]
     direct: NDArray[np.bool_]
     departures: Departures
+    onto_rear: Branches
 
     @property
     def fates(self) -> Fates:
@@ -129,7 +132,7 @@ def trace_nonsequential(
     require_rays(rays)
     solid = ClosedLens(backend, lens, target.coats)
     n = len(rays.flux)
-    by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
+    by_ray, landings, departures, onto_rear = np.zeros((len(FATES), n)), [], [], []
 
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
@@ -162,6 +165,8 @@ def trace_nonsequential(
             account(branches[~leaving], FATES.index("trapped"))
             break
         branches, meetings = branches[~leaving], meetings[~leaving]
+        within = branches.inside & (branches.stage == INDIRECT)
+        onto_rear.append(branches[within & (meetings.face == REAR) & (meetings.transmittance > 0)])
         branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
         branches = refracted[meetings.transmittance > 0] + reflected
@@ -176,7 +181,8 @@ def trace_nonsequential(
             break
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
-    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
+    points = LandingPoints(np.column_stack([x, y]), flux)
+    return NonsequentialResult(by_ray, points, ray, fate, direct, out, sum(onto_rear[1:], start=onto_rear[0]))
 
 
 def seen_branches(
