@@ -9,7 +9,8 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import UserError
+from optics.designing.optimisation.background import Background
 from optics.designing.optimisation.indicators import (
     mark,
     near_cells,
@@ -23,19 +24,15 @@ from optics.designing.optimisation.symmetry import Mirrors
 from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
-from optics.light.analysis import nonsequential_light
-from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
+from optics.light.engines import Engine, Film, JointModel, LightModel, sharp_engine
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
-import os
-JOINT, JOINT_FINAL = os.environ.get('JOINT','1')=='1', os.environ.get('JOINT_FINAL','0')=='1'
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 
 
@@ -107,50 +104,10 @@ def stage_objective(
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
     zones = None if stage.aimed else ZoneLoss.of(system.target, model.screen)
-    if background is None:
-        return penalised_objective(system, lens, model, target, None, stage.far_sighted, zones)
-    model = background.added_to(model)
-    return penalised_objective(system, lens, model, target, background.image, stage.far_sighted, zones)
-
-
-@dataclass(frozen=True, eq=False)
-class Background:
-    """What a lens sends to a stage's pixels by other ways than front and rear.
-
-    image : irradiance, (rows, columns), W/mm^2.
-    within : the part of it that leaves by the rear, as the rear's sag changes it; None where it has none.
-    before : image of that at the start.
-    """
-
-    image: Floats
-    within: LightModel | None = None
-    before: Floats | float = 0.0
-
-    def added_to(self, model: LightModel) -> LightModel:
-        return JointModel(model, self.within, self.before) if self.within else model
-
-
-def background(
-    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, axes: Sequence[int]
-) -> Background | None:
-    """Return what a lens sends to a stage's pixels by other ways than front and rear.
-
-    It is None where it is negligible, and before the finish: what a level changes moves it.
-    axes : directions in which it is averaged with its mirror image.
-    """
-    if not ((stage.finish or (JOINT_FINAL and stage.final)) and system.by_edges):
-        return None
-    other = nonsequential_light(system, lens, stage.screen, backend)
-    if other.negligible:
-        return None
-    image = other.light.irradiance
-    for axis in axes:
-        image = (image + np.flip(image, 1 - axis)) / 2
-    film = stage_film(system, stage, axes)
-    if not JOINT or other.onto_rear is None or lens.rear.sag is None or film.window is None:
-        return Background(image)
-    within = light_within(backend, system.own_path(lens), other.onto_rear, film)
-    return Background(image, within, within.image([lens.rear.sag.coefficients]))
+    around = None if background is None else background.image
+    if background and background.within:
+        model = JointModel(model, background.within, background.before)
+    return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones)
 
 
 def penalised_objective(

@@ -21,6 +21,7 @@ from time import perf_counter
 import numpy as np
 
 from optics.base.runtime import Backend, UserError
+from optics.designing.optimisation.background import Background, background
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.first_state import (
     first_state,
@@ -30,10 +31,9 @@ from optics.designing.optimisation.first_state import (
     with_sags,
 )
 from optics.designing.optimisation.level_objective import (
-    Background,
     Indicators,
-    background,
     marked_cells,
+    stage_film,
     stage_objective,
 )
 from optics.designing.optimisation.limit_keeper import LimitKeeper
@@ -202,7 +202,8 @@ class _Run:
         flux is added.
         """
         system, lens = with_sags(self.system, state.sags)
-        around = background(system, self.backend, lens, stage, self.axes) if stage.iterations else None
+        film = stage_film(system, stage, self.axes)
+        around = background(system, self.backend, lens, film) if stage.follows_other_ways else None
         flux = transmitted_flux(system, self.backend, lens)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux

@@ -61,6 +61,14 @@ class Stage:
         return f"{kind}level {self.level}"
 
     @property
+    def follows_other_ways(self) -> bool:
+        """Whether light by other ways than the path is part of its light.
+
+        What levels before the last change moves that light, and where the stage is exact it cannot follow.
+        """
+        return bool(self.iterations) and (self.finish or (self.final and not self.exact))
+
+    @property
     def evaluations(self) -> int:
         """Expected evaluations of loss and gradient, with those that estimate curvature."""
         return self.iterations + 1 + PROBES

@@ -14,7 +14,15 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import FATES, Branches, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
+from optics.light.tracing import (
+    FATES,
+    Branches,
+    Fates,
+    SequentialFates,
+    TargetArea,
+    Tracer,
+    trace_nonsequential,
+)
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
@@ -50,8 +58,13 @@ class OtherLight:
         return abs(self.share) <= NEGLIGIBLE
 
 
-def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherLight:
-    """Return the light of non-sequential paths on a screen.  backend : of double precision."""
+def nonsequential_light(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, replicates: int = REPLICATES
+) -> OtherLight:
+    """Return the light of non-sequential paths on a screen.
+
+    backend : of double precision.  replicates : at least PILOT.
+    """
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     images: list[tuple[Floats, float, float]] = []
     fates: list[Fates] = []
@@ -72,7 +85,7 @@ def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backe
         return OtherLight(light, mean, share, rays)
 
     pilot = trace(PILOT)
-    return pilot if pilot.negligible else trace(REPLICATES - PILOT)
+    return pilot if pilot.negligible else trace(replicates - PILOT)
 
 
 def _replicate(

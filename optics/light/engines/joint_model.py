@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from optics.base.runtime import Backend
 from optics.light.engines.light_model import Film, Light, LightModel
 from optics.light.engines.traced_model import TracedModel
