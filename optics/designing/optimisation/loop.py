@@ -165,8 +165,7 @@ def shape_lens(
 class _Task:
     """What a stage is to do.
 
-    system, lens : the shapes that it starts from.  target : the irradiance that it asks for.
-    background : light of other ways.
+    system, lens : that it starts from.  target : irradiance asked for.  background : light of other ways.
     """
 
     stage: Stage

@@ -44,7 +44,7 @@ class JointModel:
 
     path: LightModel
     within: LightModel
-    before: Floats
+    before: Floats | float
 
     @property
     def screen(self) -> Screen:

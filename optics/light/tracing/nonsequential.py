@@ -1,8 +1,8 @@
 """Non-sequential tracing: every ray through the closed lens, with every split at its faces.
 
-At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).
-Branches go on, generation by generation, until they leave the lens for good, fall below a
-threshold or have met too many faces.  Every part of the source flux ends in one named fate.
+At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).  Branches go
+on, generation by generation, until they leave the lens for good, fall below a threshold or have met too many
+faces.  Every part of the source flux ends in one named fate.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from optics.base.runtime import Backend
 from optics.light.tracing.branches import (
     EDGE,
     FRONT,
-    INDIRECT,
     LEFT,
     NEVER,
     OUTSIDE,
@@ -25,6 +24,7 @@ from optics.light.tracing.branches import (
     Branches,
     ClosedLens,
     Meetings,
+    indirectly_onto_rear,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
@@ -123,16 +123,15 @@ def trace_nonsequential(
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
-    lens : or its body for a mould, or a plate of lenses.
-    bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
-    Both drop branches into the fate `trapped`.
+    lens : or its body for a mould, or a plate of lenses.  bounces : the most faces that a branch meets.
+    threshold : of a branch's flux, relative to its source ray.  Both drop branches as `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens, target.coats)
     n = len(rays.flux)
-    by_ray, landings, departures, onto_rear = np.zeros((len(FATES), n)), [], [], []
+    by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
 
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
@@ -145,7 +144,7 @@ def trace_nonsequential(
         account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
         return replace(branches, flux=branches.flux * kept)
 
-    branches = Branches.start(rays)
+    branches, onto_rear = Branches.start(rays), Branches.start(rays)[np.arange(0)]
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         if target.blocks or solid.absorbs:
@@ -165,8 +164,7 @@ def trace_nonsequential(
             account(branches[~leaving], FATES.index("trapped"))
             break
         branches, meetings = branches[~leaving], meetings[~leaving]
-        within = branches.inside & (branches.stage == INDIRECT)
-        onto_rear.append(branches[within & (meetings.face == REAR) & (meetings.transmittance > 0)])
+        onto_rear += indirectly_onto_rear(branches, meetings)
         branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
         branches = refracted[meetings.transmittance > 0] + reflected
@@ -182,7 +180,7 @@ def trace_nonsequential(
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
     points = LandingPoints(np.column_stack([x, y]), flux)
-    return NonsequentialResult(by_ray, points, ray, fate, direct, out, sum(onto_rear[1:], start=onto_rear[0]))
+    return NonsequentialResult(by_ray, points, ray, fate, direct, out, onto_rear)
 
 
 def seen_branches(
@@ -192,9 +190,7 @@ def seen_branches(
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
     that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
-    so is what meets a black wall.
-
-    coats : as of `ClosedLens`.
+    so is what meets a black wall.  coats : as of `ClosedLens`.
     """
     require_rays(rays)
     solid, branches, gone = ClosedLens(backend, lens, coats), Branches.start(rays), []
@@ -228,8 +224,7 @@ def trace_paths(
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
-    A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them.
+    A path ends in the target plane; others a lens's thickness after, or on, the last of `bounces` faces.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
