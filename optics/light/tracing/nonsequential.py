@@ -39,10 +39,9 @@ from thbcad.outlines import Outline
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens, and
-    what takes light on all ways to it.
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver, and what takes light before it.
 
-    stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    receiver, stops : in the lens's frame.  clear : what a holder leaves free of front and rear; None is all.
     absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
     coats : as of `ClosedLens`.
@@ -179,8 +178,8 @@ def trace_nonsequential(
             break
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
-    points = LandingPoints(np.column_stack([x, y]), flux)
-    return NonsequentialResult(by_ray, points, ray, fate, direct, out, onto_rear)
+    at = LandingPoints(np.column_stack([x, y]), flux)
+    return NonsequentialResult(by_ray, at, ray, fate, direct, out, onto_rear)
 
 
 def seen_branches(
