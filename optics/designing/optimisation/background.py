@@ -34,20 +34,25 @@ class Background:
     before: Floats | float = 0.0
 
 
-def background(system: OpticalSystem, backend: Backend, lens: Lens, film: Film) -> Background | None:
+def background(
+    system: OpticalSystem, backend: Backend, lens: Lens, film: Film, fixed: bool = True
+) -> Background | None:
     """Return what a lens sends to a film by other ways than front and rear; None where it is negligible.
 
     It is averaged with its mirror images in the film's axes.
+    fixed : it counts where it cannot follow the rear, too: light in cells or blurred, a rear without a sag.
     """
-    if not system.by_edges:
+    sag = lens.rear.sag
+    follows = sag is not None and film.window is not None and not system.blurred
+    if not (system.by_edges and (follows or fixed)):
         return None
     other = nonsequential_light(system, lens, film.screen, backend, REPLICATES)
     if other.negligible:
         return None
-    image, sag = other.light.irradiance, lens.rear.sag
+    image = other.light.irradiance
     for axis in film.axes:
         image = (image + np.flip(image, 1 - axis)) / 2
-    if film.window is None or sag is None or other.onto_rear is None:
+    if not follows or sag is None or other.onto_rear is None:
         return Background(image)
     within = light_within(backend, system.own_path(lens), other.onto_rear, film)
     return Background(image, within, within.image([sag.coefficients]))

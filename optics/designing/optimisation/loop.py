@@ -197,12 +197,12 @@ class _Run:
 
         Of sharp light that will be blurred, the target is the aim.  Its flux is what the unoptimised lens
         sends on, but in the finish, and where the surface of a map sends on less: there it is what the
-        present lens sends on, since asking for light that cannot arrive spoils what does.  The background's
-        flux is added.
+        present lens sends on, since asking for light that cannot arrive spoils what does, and by other ways.
         """
         system, lens = with_sags(self.system, state.sags)
-        film = stage_film(system, stage, self.axes)
-        around = background(system, self.backend, lens, film) if stage.follows_other_ways else None
+        film, around = stage_film(system, stage, self.axes), None
+        if stage.follows_other_ways:
+            around = background(system, self.backend, lens, film, stage.finish)
         flux = transmitted_flux(system, self.backend, lens)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux

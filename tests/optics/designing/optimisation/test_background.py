@@ -76,12 +76,23 @@ def test_where_it_is_negligible_there_is_none(tmp_path, backend, changes):
     assert background(system, backend, system.lens, stage_film(system, stages(system, False)[-1])) is None
 
 
+@pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "optimizer.window": "cells"}])
+def test_what_cannot_follow_the_rear_counts_where_fixed_light_does(tmp_path, backend, monkeypatch, changes):
+    """Rays of an extended source follow it, cells of a point do not."""
+    monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (32, 32))
+    system = system_of(tmp_path, changes)
+    film = stage_film(system, stages(system, False)[-1])
+    film = replace(film, window=None) if changes else film
+    fixed, moving = (background(system, backend, system.lens, film, fixed) for fixed in (True, False))
+    assert (fixed.within is None, moving is None) == (bool(changes), bool(changes))
+
+
 def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeypatch):
     """The flux asked for grows by the background's, and the objective sees the background."""
     system = system_of(tmp_path, {"optimizer.iterations": [2], "optimizer.finish": 2})
     seen, real, objectives = [], loop.stage_objective, []
 
-    def known(system, backend, lens, film):
+    def known(system, backend, lens, film, fixed):
         return Background(np.full(film.screen.shape, 1e-8))
 
     def watched(*arguments, **named):
