@@ -201,7 +201,7 @@ class _Run:
         """
         system, lens = with_sags(self.system, state.sags)
         film, around = stage_film(system, stage, self.axes), None
-        if stage.follows_other_ways:
+        if stage.other_ways and stage.iterations:
             around = background(system, self.backend, lens, film, stage.finish)
         flux = transmitted_flux(system, self.backend, lens)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux

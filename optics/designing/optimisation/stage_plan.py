@@ -39,6 +39,7 @@ class Stage:
     aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
     far_sighted : by a norm that moves light over long distances, before the same level in that of the pixels.
     rough : on fewer cells, before the same level on as many as its mesh needs.
+    other_ways : light by these is part of its light: in a finish, and before one where it is not exact.
     """
 
     level: int
@@ -51,6 +52,7 @@ class Stage:
     aimed: bool = False
     rough: bool = False
     far_sighted: bool = False
+    other_ways: bool = False
 
     @property
     def name(self) -> str:
@@ -59,14 +61,6 @@ class Stage:
             return "finish"
         kind = "sharp " * self.aimed + "rough " * self.rough + "far-sighted " * self.far_sighted
         return f"{kind}level {self.level}"
-
-    @property
-    def follows_other_ways(self) -> bool:
-        """Whether light by other ways than the path is part of its light.
-
-        What levels before the last change moves that light, and where the stage is exact it cannot follow.
-        """
-        return bool(self.iterations) and (self.finish or (self.final and not self.exact))
 
     @property
     def evaluations(self) -> int:
@@ -86,7 +80,7 @@ class Stage:
     @property
     def before(self) -> float:
         """The expected seconds before the first evaluation."""
-        return BACKGROUND if self.follows_other_ways else 0.0
+        return BACKGROUND if self.other_ways else 0.0
 
 
 def stage_seconds(iterations: int, rays: float, dof: float) -> float:
@@ -134,7 +128,9 @@ def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     elif from_transport:
         out[-1:] = _roughly_first(out[-1])
     if problem.optimizer.finish:
-        out.append(replace(_stage(system, last, problem.optimizer.finish, 1, True), finish=True))
+        out[-1] = replace(out[-1], other_ways=not out[-1].exact)
+        finish = _stage(system, last, problem.optimizer.finish, 1, True)
+        out.append(replace(finish, finish=True, other_ways=True))
     return out
 
 

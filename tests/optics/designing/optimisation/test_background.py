@@ -60,7 +60,7 @@ def test_it_is_its_own_mirror_image_and_only_the_last_level_has_one(tmp_path, ba
     monkeypatch.setattr("optics.designing.optimisation.background.REPLICATES", closed_lens_light.REPLICATES)
     system = system_of(tmp_path)
     *levels, last, finish = stages(system, False)
-    assert [stage.follows_other_ways for stage in (*levels, last, finish)] == [False, True, True]
+    assert [stage.other_ways for stage in (*levels, last, finish)] == [False, True, True]
     image = background(system, backend, system.lens, stage_film(system, finish, (0, 1))).image
     assert image.shape == finish.screen.shape
     assert np.array_equal(image, image[::-1])
