@@ -9,8 +9,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import UserError
-from optics.designing.optimisation.background import Background
+from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.indicators import (
     mark,
     near_cells,
@@ -24,15 +23,18 @@ from optics.designing.optimisation.symmetry import Mirrors
 from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
-from optics.light.engines import Engine, Film, JointModel, LightModel, sharp_engine
+from optics.light.analysis import nonsequential_light
+from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
+REPLICATES = 4  # of light by other ways: windows and the optimiser's steps smooth what noise is left
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 
 
@@ -108,6 +110,46 @@ def stage_objective(
     if background and background.within:
         model = JointModel(model, background.within, background.before)
     return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones)
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What a lens sends to a screen by other ways than front and rear, measured where a stage begins.
+
+    What of it leaves by the rear follows the rear: its rays within the lens are known, and traced on.
+
+    image : irradiance, (rows, columns), W/mm^2.
+    within : of that, what leaves by the rear, as a function of the rear's sag; None where nothing follows it.
+    before : image of `within` at the start.
+    """
+
+    image: Floats
+    within: LightModel | None = None
+    before: Floats | float = 0.0
+
+
+def background(
+    system: OpticalSystem, backend: Backend, lens: Lens, film: Film, fixed: bool = True
+) -> Background | None:
+    """Return what a lens sends to a film by other ways than front and rear; None where it is negligible.
+
+    It is averaged with its mirror images in the film's axes.
+    fixed : it counts where it cannot follow the rear, too: light in cells or blurred, a rear without a sag.
+    """
+    sag = lens.rear.sag
+    follows = sag is not None and film.window is not None and not system.blurred
+    if not (system.by_edges and (follows or fixed)):
+        return None
+    other = nonsequential_light(system, lens, film.screen, backend, REPLICATES)
+    if other.negligible:
+        return None
+    image = other.light.irradiance
+    for axis in film.axes:
+        image = (image + np.flip(image, 1 - axis)) / 2
+    if not follows or sag is None or other.onto_rear is None:
+        return Background(image)
+    within = light_within(backend, system.own_path(lens), other.onto_rear, film)
+    return Background(image, within, within.image([sag.coefficients]))
 
 
 def penalised_objective(

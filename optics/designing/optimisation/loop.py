@@ -21,7 +21,6 @@ from time import perf_counter
 import numpy as np
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation.background import Background, background
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
 from optics.designing.optimisation.first_state import (
     first_state,
@@ -31,7 +30,9 @@ from optics.designing.optimisation.first_state import (
     with_sags,
 )
 from optics.designing.optimisation.level_objective import (
+    Background,
     Indicators,
+    background,
     marked_cells,
     stage_film,
     stage_objective,
@@ -200,9 +201,8 @@ class _Run:
         present lens sends on, since asking for light that cannot arrive spoils what does, and by other ways.
         """
         system, lens = with_sags(self.system, state.sags)
-        film, around = stage_film(system, stage, self.axes), None
-        if stage.other_ways and stage.iterations:
-            around = background(system, self.backend, lens, film, stage.finish)
+        film, fixed = stage_film(system, stage, self.axes), stage.finish
+        around = background(system, self.backend, lens, film, fixed) if stage.other_ways else None
         flux = transmitted_flux(system, self.backend, lens)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux

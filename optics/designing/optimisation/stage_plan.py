@@ -128,7 +128,7 @@ def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     elif from_transport:
         out[-1:] = _roughly_first(out[-1])
     if problem.optimizer.finish:
-        out[-1] = replace(out[-1], other_ways=not out[-1].exact)
+        out[-1] = replace(out[-1], other_ways=out[-1].iterations > 0 and not out[-1].exact)
         finish = _stage(system, last, problem.optimizer.finish, 1, True)
         out.append(replace(finish, finish=True, other_ways=True))
     return out

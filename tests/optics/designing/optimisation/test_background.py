@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import Listener, loop, shape_lens, stages, transmitted_flux
-from optics.designing.optimisation.background import Background, background
-from optics.designing.optimisation.level_objective import stage_film, stage_objective
+from optics.designing.optimisation.level_objective import (
+    Background,
+    background,
+    stage_film,
+    stage_objective,
+)
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem
@@ -56,7 +60,9 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
 @pytest.mark.slow
 def test_it_is_its_own_mirror_image_and_only_the_last_level_has_one(tmp_path, backend, monkeypatch):
     monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (64, 64))
-    monkeypatch.setattr("optics.designing.optimisation.background.REPLICATES", 8)  # as many as are measured
+    monkeypatch.setattr(
+        "optics.designing.optimisation.level_objective.REPLICATES", 8
+    )  # as many as are measured
     system = system_of(tmp_path)
     *levels, last, finish = stages(system, False)
     assert [stage.other_ways for stage in (*levels, last, finish)] == [False, True, True]
