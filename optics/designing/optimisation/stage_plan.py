@@ -24,7 +24,7 @@ MANY_STEPS, LATE, FEWER = 36, 3, 0.55
 # seconds of an evaluation, and of a stage without any, as measured on the examples for two quiet cores
 PER_EVALUATION, PER_RAY, PER_DOF = 0.006, 3.3e-8, 5e-7
 MARKING_PER_RAY = 2.2e-7
-BACKGROUND = 3.0  # of a stage that measures the light by other ways
+BACKGROUND = 6.0  # of a finish, which renews the light by other ways
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Stage:
     @property
     def before(self) -> float:
         """The expected seconds before the first evaluation."""
-        return BACKGROUND if self.other_ways else 0.0
+        return BACKGROUND if self.finish else 0.0
 
 
 def stage_seconds(iterations: int, rays: float, dof: float) -> float:
