@@ -165,7 +165,7 @@ LENSES = (
         "lamp.toml",
         "luminaire (IES file)",
         "uniform ellipse",
-        "rear",
+        "front and rear",
         "The source is a file with the intensity of a lamp, as makers publish it "
         "([luminaires](luminaires.md)).",
     ),

@@ -83,7 +83,7 @@ def cone_rows(folder: Path, quick: bool) -> list[Row]:
         out += _rows(
             "picture in a cone, designed for it", _score(system, cone.design.lens), reference, limits
         )
-        out += time_rows(cone, "", None)
+        out += [Row("  one-blur model: rel_l2", cone.metrics["rel_l2_one_blur"]), *time_rows(cone, "", None)]
     return out
 
 

@@ -105,8 +105,15 @@ class Case:
 
 
 FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
-# borders of pixels at those of the square; light within pixels is free to gather where knots are finer
-ALIGNED = {"element.M1.face.freeform.max_level": 3, "target.pixels": [60, 60], "optimizer.iterations": [300]}
+# borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end
+# near 1e-6 of the radius, with cells left coarse or not
+ALIGNED = {
+    "element.M1.face.freeform.max_level": 3,
+    "element.M1.face.freeform.degree": 5,
+    "refinement.alpha": [0.0],
+    "target.pixels": [90, 90],
+    "optimizer.iterations": [400],
+}
 # light that leaves 80 degrees from the axis meets a rim beyond the lit face, or the far side of a bowl
 SHALLOW = {
     "element.M1.face.half_width": [90.0, 90.0],

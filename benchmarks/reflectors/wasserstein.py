@@ -27,7 +27,10 @@ ALONE = 1e-3  # of the mean diagonal: what holds rays without a border
 
 
 def distance_to_density(rays: Floats, half: float, density: Floats) -> float:
-    """Return a lower bound of W2 that is near to it.
+    """Return a lower bound of W2, near to it where light errs over no more than the distance of rays.
+
+    Steps end early where cells become empty: of a mirror of case 4 after 20 iterations the bound is 0.0049,
+    where the distances of u and of v alone prove 0.0136.
 
     rays : (n, 2), each of the same flux.
     density : (m, m), of any scale, on the cells of the square |x|, |y| <= half, index order x, y.

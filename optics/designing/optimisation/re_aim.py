@@ -25,7 +25,8 @@ CLOSE = 0.02  # of a limit that is aimed at: nearer light is not worth a round
 def re_aimed(
     system: OpticalSystem, shaping: OpticalSystem, state: State, engine: Engine
 ) -> tuple[OpticalSystem, State] | None:
-    """Return the system whose light a design traces with corrected aims, and the state before its last stage.
+    """Return the system whose light a design traces with corrected aims, and the state before its last stage,
+    or before the rough one that leads to it.
 
     None where fresh light keeps what is aimed at, and where it is that of the model.
 
@@ -51,4 +52,5 @@ def re_aimed(
     corrected.__dict__["light"] = target.light  # asked for as before
     other = copy(shaping)
     other.__dict__["targets"] = (corrected,)
-    return other, replace(state, stage=len(plan) - 1)
+    again = 2 if any(stage.rough for stage in plan) else 1
+    return other, replace(state, stage=len(plan) - again)

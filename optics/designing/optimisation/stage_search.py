@@ -20,7 +20,7 @@ from thbcad.surfaces import THBSurface
 
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
-LEAST_DECREASE = 2.2e-9  # of the loss: it ends a run that starts near a minimum
+LEAST_DECREASE = 2.2e-9  # of the loss at the start, in a step that is worth another one
 
 
 class Interrupted(Exception):
@@ -72,7 +72,6 @@ class Search:
 
     sags : the start.  variables : around it.
     scaled : they are scaled by the curvature of the fit.
-    again : the search starts near a minimum, where small steps are not worth their time.
     """
 
     problem: Problem
@@ -80,7 +79,6 @@ class Search:
     variables: BoundedVariables
     sags: tuple[THBSurface, ...]
     scaled: bool = False
-    again: bool = False
 
     def preconditioned(self, coefficients: Sequence[Floats], log: Log) -> Search:
         """Return the search with variables scaled by the fit's curvature at coefficients."""
@@ -91,7 +89,7 @@ class Search:
     def begun_again(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> Search:
         """Return the search from other sags, with another penalty on the shape."""
         objective, variables = self.objective.with_shape(shape), self.variables.around(sags)
-        return replace(self, objective=objective, variables=variables, sags=tuple(sags), again=True)
+        return replace(self, objective=objective, variables=variables, sags=tuple(sags))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +147,7 @@ def minimised(search: Search, iterations: int, log: Log) -> Found:
         first = evaluated(search.variables.coefficients(search.variables.zeros())[0])
         if not search.scaled and 2 * (first.fit**2 + first.zones) > first.loss:
             search = search.preconditioned(best.coefficients, log)
-        enough = LEAST_DECREASE * first.loss if search.again else None  # scipy compares with 1
+        enough = LEAST_DECREASE * min(1.0, first.loss)  # scipy compares with 1
         method = Adam(options.step) if options.method == "adam" else LBFGS(options.memory, enough)
         steps = method.run(by_weights, search.variables.zeros(), iterations, after_step)
     except KeyboardInterrupt:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from optics.designing.starts.rear_light import Floats, RearLight
-from optics.designing.transport import height_from_slopes
+from optics.designing.transport import LEAST_SHARE, height_from_slopes
 from optics.light.refraction import ShapedSurface
 from optics.light.tracing import transmittances
 from optics.scene.paths import LightPath, Surface
@@ -45,23 +45,31 @@ def passing_share(
     return np.asarray(passing.reshape(cosine.shape))
 
 
-def lost_share(path: LightPath, number: int, light: RearLight, places: Sequence[Floats]) -> float:
-    """Return the share of the light that a surface loses which sends it to places of the receiver.
+def lost_share(
+    path: LightPath, number: int, light: RearLight, places: Sequence[Floats], made_up: Floats
+) -> float:
+    """Return the share of the light that a surface loses, whose places on the receiver are known.
 
-    Lost is what no slope can send there, and what bare glass reflects of the rest.
+        1 - sum w p s / sum w,      w = Phi s0 / s
+
+    Of every cell Phi is the flux, p whether a slope can send it to its place, s the share that then passes,
+    and s0 that which the places make up for.  Light goes there by s0 / s: the same picture arrives.
 
     number : of the surface; its height follows.  places : u and v, (nx, ny), of the cells of the light.
+    made_up : s0, (nx, ny).
     """
     shaped, surface = ShapedSurface.of(path, number), path.surfaces[number]
     some = tuple(slice(n // CELLS // 2, None, max(1, n // CELLS)) for n in (light.x.size, light.y.size))
     x, y = (row[part] for row, part in zip((light.x, light.y), some))
     along = [d[some] for d in light.direction]
     flux, wanted = light.emitted(light.direction[0].shape)[some], [a[some] for a in places]
+    before = np.maximum(made_up[some], LEAST_SHARE)
     jet = [surface.shape.conic(x[:, None], y[None, :], d) for d in ((0, 0), (1, 0), (0, 1))]
     height, base = jet[0], jet[1:]
     for _ in range(STEPS):
         asked, possible = shaped.slopes((x[:, None], y[None, :], height), along, wanted)
         sx, sy = (np.where(possible & (flux > 0), s, b) for s, b in zip(asked, base))
         height = height_from_slopes(sx, sy, [x[1] - x[0], y[1] - y[0]]) + jet[0].mean()
-    passing = possible * passing_share(surface, shaped, along, (sx, sy))
-    return 1 - float(np.average(passing, weights=flux))
+    passing = passing_share(surface, shaped, along, (sx, sy))
+    sent = flux * before / np.maximum(passing, LEAST_SHARE)
+    return 1 - float(np.average(possible * passing, weights=sent))

@@ -63,7 +63,7 @@ class Picture:
         rows = (c + h * (2 * np.arange(n + 1) / n - 1) for c, h, n in sides)
         return list(np.meshgrid(*rows, indexing="ij"))
 
-    def relative(self, y: list[Floats]) -> list[Floats]:
+    def relative(self, y: Sequence[Floats]) -> list[Floats]:
         """Return u and v with the rectangle as [-1, 1]^2."""
         return [(a - c) / h for a, c, h in zip(y, self.centre, self.half)]
 
@@ -74,12 +74,14 @@ class ShapedLight:
 
     light : that meets it.  above : the slopes that its sag needs, (nx, ny) each, which go on without light.
     bent : share of the light that slopes can send to where the map wants it.  places : u and v there.
+    made_up : (nx, ny), the share of a cell's light that passes, as far as places make up for it.
     """
 
     light: RearLight
     above: list[Floats]
     bent: float
-    places: list[Floats]
+    places: Sequence[Floats]
+    made_up: Floats
 
 
 def shaped_along(
@@ -137,7 +139,7 @@ def shaped_along(
         if unchanged and grid == counts:
             break
         settled = settled or unchanged
-    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent)
+    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent, share)
 
 
 def _halved(counts: tuple[int, int]) -> tuple[int, int]:

@@ -3,44 +3,36 @@
 The light of a source without extent has one direction at every point of the surface that is shaped.  Optimal
 transport from its density there to the target gives the target point of each point, and Snell's law the
 slope that sends the light there.  Where parallel light meets the rear of a lens on the axis, it does not
-change with the shape that is looked for; anywhere else, and for a wide far field, it is traced again on each
-new shape (`shaped_along`).  The light that is sent is that which arrives: Fresnel's losses are made up for.
+change with the shape that is looked for (`ParallelStart`); anywhere else, and for a wide far field, it is
+traced again on each new shape (`shaped_along`).  Fresnel's losses are made up for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 
 import numpy as np
 
 from optics.base.runtime import Backend
 from optics.designing.starts.cell_sums import summed_over_cells
-from optics.designing.starts.lost_light import CELLS, lost_share, passing_share, stretched
+from optics.designing.starts.lost_light import CELLS, lost_share, stretched
+from optics.designing.starts.parallel_start import ParallelStart
 from optics.designing.starts.path_light import light_on
 from optics.designing.starts.path_start import Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
-    LEAST_WEIGHT,
     Floats,
     RearLight,
     as_many_within,
-    centres,
-    inside,
 )
-from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.blur import aimed
-from optics.light.refraction import RestOfPath, ShapedSurface
-from optics.scene.paths import LightPath
-from optics.scene.receivers import Screen, lit_part
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.receivers import lit_part
+from optics.scene.system import OpticalSystem
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.surfaces import THBSurface
 
-SNELL_STEPS = 4
 TRACED = 2  # level of the fit that tells whether a sag is within its bounds
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
@@ -56,10 +48,6 @@ ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a li
 MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
-CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
-# the same within an outline, where texture alone changes more of it (pearl on a disk, five seeds: a change of
-# 0.067, rel_l2 0.0284 with another map and 0.0285 without)
-CHANGE_WITHIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,39 +81,29 @@ class TransportStart:
         system = aimed(system, spot_lens(system, backend), backend)
         self._system, self._lens, self._backend = system, system.lens, backend
         screen, receiver = system.goal.screen(), system.target.receiver
-        self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
+        self.lit, centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)
         counts = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         nx, ny = (as_many_within(self._surface.outline, n) for n in counts)
         self._cells = nx, ny
         self._bound = INSIDE * system.freeforms[-1].freedom
         self.traced: TransportFit | None = None
-        self.bent = 1.0
         narrow = receiver.across_axis and not (receiver.far_field and max(self.half_lit) > WIDE)
-        if system.parallel and system.shaped == "rear" and narrow and not self._crosses:
-            self._vertex = system.lens.thickness
-            air = RestOfPath((), (1.0,), receiver)
-            self._refraction = ShapedSurface(False, (system.lens.index, 1.0), air)
-            self._light, self._slopes = self._shape_parallel()
-            self._weight = self._light.weight
-            return
-        path, finest = self._path(), system.freeforms[-1].finest
-        picture = Picture(np.ascontiguousarray(self.lit[::-1].T), self._centre, self.half_lit, self._crosses)
-        shaped = shaped_along(backend, path, path.shaped, system.source, picture, self._cells, finest)
-        self._light, self._slopes, self.bent = shaped.light, shaped.above, shaped.bent
-        self._places: Sequence[Floats] = shaped.places
-        self._weight = np.ones(self._cells)  # the slopes go on where no light is
-        if not shaped.light.parallel:
+        crosses, finest = system.target.settings.crossing, system.freeforms[-1].finest
+        picture = Picture(np.ascontiguousarray(self.lit[::-1].T), centre, self.half_lit, crosses)
+        path = system.path(self._lens)
+        path = path if system.problem.optimizer.fresnel else path.without_reflection()
+        if system.parallel and system.shaped == "rear" and narrow and not crosses:
+            self._shaped = ParallelStart(system, backend, path, picture, self._cells).shaped()
+            self._weight = self._shaped.light.weight
+        else:
+            self._shaped = shaped_along(
+                backend, path, path.shaped, system.source, picture, self._cells, finest
+            )
+            self._weight = np.ones(self._cells)  # the slopes go on where no light is
+        self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
+        if not self._light.parallel:
             self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
-
-    def _path(self) -> LightPath:
-        """Return the path to the surface and behind it, with the losses that the design reckons with."""
-        path = self._system.path(self._lens)
-        return path if self._system.problem.optimizer.fresnel else path.without_reflection()
-
-    @property
-    def _crosses(self) -> bool:
-        return self._system.target.settings.crossing
 
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
@@ -165,17 +143,19 @@ class TransportStart:
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
     def lost(self, system: OpticalSystem) -> float:
-        """Return the share of the light that the surface loses, see `lost_share`, which sends it to the same
-        places of a target that lies elsewhere; with what misses an element that is turned."""
+        """Return the share of the light that the surface loses, see `lost_share`, to make its picture on a
+        target that lies elsewhere; with what misses an element that is turned."""
         path, here = system.path(self._lens), self._system.path(self._lens)
         number = path.shaped
         sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
-        places = [new / old * a for (new, old), a in zip(sides, self._places)]
+        places = [new / old * a for (new, old), a in zip(sides, self._shaped.places)]
+        made_up = self._shaped.made_up
         if np.array_equal(system.pose.rotation, self._system.pose.rotation):
-            return lost_share(path, number, self._light, places)
+            return lost_share(path, number, self._light, places, made_up)
         lights = [light_on(self._backend, p, number, system.source, (CELLS, CELLS)) for p in (here, path)]
         before, now = (float(light.emitted((CELLS, CELLS)).sum()) for light in lights)
-        turned = lost_share(path, number, lights[1], stretched(places, self._light, lights[1]))
+        *at, share = stretched([*places, made_up], self._light, lights[1])
+        turned = lost_share(path, number, lights[1], at, share)
         return 1 - now / before * (1 - turned)
 
     def level(self, least: int, finest: int) -> int:
@@ -221,82 +201,6 @@ class TransportStart:
             f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
 
-    def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
-        """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
-        source, lens = self._system.source, self._lens
-        size = self._system.problem.source.half_width
-        outlines = {lens.front.outline, self._surface.outline}
-        half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
-        relative = [b / s for b, s in zip(half, size)]
-
-        @cache
-        def emitted(grid: tuple[int, ...]) -> Floats:
-            s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
-            return source.profile(s[:, None], t[None, :]) * inside(outlines, half, grid)
-
-        x, y = centres(half, self._cells)
-        along = np.zeros(self._cells)
-        weight = np.maximum(inside(outlines, half, self._cells), LEAST_WEIGHT)
-        light = RearLight(x, y, (along, along, along + 1), emitted, weight)
-        arrival = self._arrival(light, half, self.lit)
-        above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
-        picture = self._prewarped(light, arrival, above)
-        if picture is not None:
-            arrival = self._arrival(light, half, picture)
-            above, _ = self._above(light, arrival, _height(light, above), 1)
-        self._places = arrival
-        return light, above
-
-    def _above(
-        self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int
-    ) -> tuple[list[Floats], float]:
-        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm, and
-        the share of the light that slopes can send there.
-        """
-        base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
-        for _ in range(steps):
-            points = light.x[:, None], light.y[None, :], base + sag
-            slopes, refracts = self._refraction.slopes(points, light.direction, arrival)
-            above = _above_conic(light, self._surface, slopes)
-            sag = _height(light, above)
-        return above, float(np.average(refracts, weights=light.emitted(self._cells)))
-
-    def _prewarped(
-        self, light: RearLight, arrival: Sequence[Floats], above: Sequence[Floats]
-    ) -> Floats | None:
-        """Return the picture to ask for, so that the one that is wanted arrives.
-
-        None where it would hardly be another one.
-        """
-        sag = _height(light, above)
-        # where light lands that a sag on the cells refracts, mm or degrees
-        x, y = light.x[:, None], light.y[None, :]
-        steep = np.gradient(sag, *_spacing(light))
-        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
-        height = self._vertex + self._surface.conic(x, y) + sag
-        landing = self._refraction.landing((x, y, height), light.direction, slopes)
-        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
-        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
-        wanted = self._density(self.lit, self._cells)
-        path = self._path()
-        share = passing_share(path.surfaces[path.shaped], self._refraction, light.direction, slopes)
-        asked = prewarped(wanted, sent, beside, light.emitted(self._cells), share=share)
-        change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
-        enough = CHANGE if self._surface.outline.is_rectangle else CHANGE_WITHIN
-        much = change > enough * np.linalg.norm(wanted / wanted.mean())
-        return asked.T[::-1] if much else None
-
-    def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
-        """Return a picture of the lit rectangle as cell means, (nx, ny)."""
-        return target_irradiance(picture, Screen(self.half_lit, grid), "stretch", 1.0)[::-1].T
-
-    def _arrival(self, light: RearLight, half: Sequence[float], picture: Floats) -> tuple[Floats, Floats]:
-        """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
-        aspect = np.sqrt(half[0] * self.half_lit[0] / (half[1] * self.half_lit[1]))
-        density = partial(self._density, picture)
-        plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
-        return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
-
 
 def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
     """Return the lens that tells the blur of a system before there is a design: the base lens, that sends its
@@ -310,23 +214,3 @@ def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
 def _with_last(lens: Lens, sag: THBSurface) -> Lens:
     """Return the lens with another sag on the last of its free surfaces."""
     return lens.with_sags([*lens.sags[:-1], sag])
-
-
-def _above_conic(light: RearLight, surface: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
-    """Return the slopes that a sag adds to those of the surface's conic."""
-    x, y = light.x[:, None], light.y[None, :]
-    return [s - surface.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
-
-
-def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
-    """Return the sag with about these slopes, whose greatest and least value are opposite, (nx, ny), mm.
-
-    That is the constant which `fit_slopes` chooses, as far as coefficients are values.
-    """
-    zx, zy = slopes
-    sag = height_from_slopes(zx, zy, _spacing(light))
-    return sag - (sag.max() + sag.min()) / 2
-
-
-def _spacing(light: RearLight) -> list[float]:
-    return [float(row[1] - row[0]) for row in (light.x, light.y)]

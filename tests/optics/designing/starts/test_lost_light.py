@@ -46,3 +46,16 @@ def test_light_that_no_surface_can_send_there_is_lost(tmp_path, backend):
     turned = np.radians(angles)
     passing = np.mean(transmittances(1.5, 1.0, np.arctan2(np.sin(turned), 1.5 - np.cos(turned))), axis=0)
     assert start.lost(OpticalSystem(beyond)) == pytest.approx(1 - passing.mean() / 2, abs=0.02)
+
+
+def test_light_of_a_place_elsewhere_loses_what_that_of_a_start_there_does(tmp_path, backend):
+    """A start that has to make up for much loss tells of a gentler place, where it would not."""
+    flat = {"lens.rear.radius": float("inf"), "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}
+    aside = {"target.kind": "tophat", "target.distance": False, "target.tilt": [0.0, 45.0, 0.0]}
+    far, near = (
+        OpticalSystem(load_problem(write_problem(tmp_path, flat | aside | {"target.position": place})))
+        for place in ([44.0, 0.0, 66.0], [27.5, 0.0, 76.0])
+    )
+    there, here = (TransportStart(system, backend) for system in (far, near))
+    assert there.lost(near) == pytest.approx(here.lost(near), rel=0.02)
+    assert there.lost(far) > 3 * there.lost(near)

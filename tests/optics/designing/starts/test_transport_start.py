@@ -163,7 +163,7 @@ def test_light_sent_far_aside_lands_in_its_place(tmp_path, backend, monkeypatch)
         return measure(system, lens, backend).metrics["rel_l2"]
 
     allowed_for = error()
-    monkeypatch.setattr("optics.designing.starts.transport_start.CHANGE", np.inf)
+    monkeypatch.setattr("optics.designing.starts.parallel_start.CHANGE", np.inf)
     assert allowed_for < 0.8 * error()
 
 
