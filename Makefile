@@ -67,7 +67,7 @@ QUICK = \
 	tests/optics/tolerancing/perturbations/test_height_errors.py \
 	tests/optics/tolerancing/perturbations/test_perturbed_light.py \
 	tests/optics/scene/luminaires \
-	tests/optics/tolerancing/monte_carlo_samples/test_random_errors.py \
+	tests/optics/tolerancing/monte_carlo_samples/test_sampling.py \
 	tests/optics/interface/api/test_monte_carlo.py \
 	tests/optics/scene/materials \
 	tests/optics/exchange/mitsuba/test_mesh.py \

@@ -1,7 +1,5 @@
 """Pages in a real browser: Chromium without a window, asked through two pipes (the DevTools protocol)."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

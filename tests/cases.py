@@ -2,6 +2,8 @@
 
 import fcntl
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,9 @@ def shared_folder(tmp_path_factory, name, make):
             make(folder)
             done.touch()
     return folder
+
+
+def python(program, *arguments, **options):
+    """Run a Python program beside this checkout, and return how it ended, with its texts."""
+    words = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, **options)

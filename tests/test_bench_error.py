@@ -1,7 +1,5 @@
 """The arithmetic of `thbcad bench error` and `thbcad bench scaling`."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The cases of others: their problem files can be designed, and their pictures are what the script makes."""
 
-from __future__ import annotations
-
 import importlib.util
 from math import degrees, sqrt
 

@@ -1,7 +1,5 @@
 """The light of a STEP file by numpy and scipy, which `thbcad bench pixels` takes as its reference."""
 
-from __future__ import annotations
-
 import ast
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Checks of numbers, coordinates and knots, and read-only arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import log10, trunc
 from numbers import Real
@@ -25,10 +23,7 @@ GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
 
 
 def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
-    """Return a contiguous read-only copy of `array`.
-
-    Raises ValueError : as `require_real`; integers that the type cannot hold.
-    """
+    """Return a contiguous read-only copy of `array`."""
     require_real(array)
     try:
         out = np.array(array, dtype=dtype, order="C")
@@ -77,10 +72,7 @@ def require_real(array: ArrayLike) -> None:
 
 
 def floats(array: ArrayLike) -> Floats:
-    """Return numbers as float64, without a copy where they are.
-
-    Raises ValueError : as `require_real`; integers that float64 cannot hold.
-    """
+    """Return numbers as float64, without a copy where they are."""
     if isinstance(array, float) or (type(array) is np.ndarray and array.dtype == np.float64):
         return np.asarray(array)  # neither masked nor complex
     require_real(array)
@@ -181,10 +173,7 @@ def half_widths(half_width: Any) -> tuple[float, float]:
 
 
 def inside(name: str, x: ArrayLike, domain: tuple[float, float]) -> Floats:
-    """Return a coordinate as float64, of any shape.
-
-    Raises ValueError : as `floats`; a number that is NaN or outside the domain [start, stop].
-    """
+    """Return a coordinate as float64, of any shape."""
     (start, stop), x = domain, floats(x)
     least, most = (x.min(), x.max()) if x.ndim and x.size else (x, x)
     if x.size and not (start <= least and most <= stop):
@@ -195,10 +184,7 @@ def inside(name: str, x: ArrayLike, domain: tuple[float, float]) -> Floats:
 
 def coordinates(**given: tuple[ArrayLike, tuple[float, float]]) -> tuple[Floats, ...]:
     """Return coordinates, given by name with their domains, as arrays of the one shape to which they
-    broadcast.
-
-    Raises ValueError : as `inside`; shapes that do not broadcast.
-    """
+    broadcast."""
     found = tuple(inside(name, x, domain) for name, (x, domain) in given.items())
     if len({x.shape for x in found}) == 1:
         return found
@@ -235,10 +221,7 @@ def require_subset(knots: Floats, finer: Floats) -> None:
 
 
 def uniform_breaks(spans: SupportsIndex, start: float, stop: float) -> Floats:
-    """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
-
-    Raises ValueError : spans that is no integer from 1 to 10,000,000; start that is not less than stop.
-    """
+    """Return the ends of `spans` equal spans on [start, stop], (spans + 1,)."""
     require_integer("spans", spans, 1, MOST_SPANS)
     for name, end in (("start", start), ("stop", stop)):
         require_number(name, end, finite=True)

@@ -4,8 +4,6 @@ Some rooms need packages that only an extra of `pip install` brings.  A door say
 public one when the name is used, so that `import *`, `help`, `inspect` and `hasattr` work without it.
 """
 
-from __future__ import annotations
-
 import ast
 import ctypes
 import platform
@@ -145,10 +143,7 @@ def stand_in(module: str, name: str) -> Any:
 
 
 def loaded(module: str) -> ModuleType:
-    """Import a module and return it.
-
-    Raises MissingPackage : a package of an extra is not installed, or shared libraries that it needs.
-    """
+    """Import a module and return it."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

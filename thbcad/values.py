@@ -1,7 +1,5 @@
 """Records that are values: what holds the same is the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """The particle tracer with screen and camera as an engine: light and derivatives within their noise."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mirrors before light and charts of a script's own, by the public API, and the distance that judges them."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small problems for the tests: a picture, a problem file, and the objects behind it."""
 
-from __future__ import annotations
-
 import json
 import re
 

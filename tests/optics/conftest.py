@@ -1,7 +1,5 @@
 """Fixtures shared by the optics tests."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

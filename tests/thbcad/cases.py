@@ -1,7 +1,5 @@
 """Hypothesis strategies: knot vectors, parameters, hierarchies, lenses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import reject, strategies as st

@@ -9,8 +9,6 @@ Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14; N. Higham, Ac
 Stability of Numerical Algorithms, chapter 3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from math import comb

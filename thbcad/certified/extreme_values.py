@@ -11,8 +11,6 @@ The bounds hold in floating point: what rounding does to the coefficients comes 
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 

@@ -167,9 +167,8 @@ def _restricted(kv: KnotVector, x: Interval, span: Integers, order: int) -> tupl
     p = kv.degree
     ends = np.stack([np.maximum(x.low, kv.breaks[span]), np.minimum(x.high, kv.breaks[span + 1])], axis=1)
     degree = p - order
-    pattern = (
-        np.arange(p) >= degree - np.arange(degree + 1)[:, None]
-    )  # coefficient k is the polar form at degree - k times the low end
+    # coefficient k is the polar form at degree - k times the low end
+    pattern = np.arange(p) >= degree - np.arange(degree + 1)[:, None]
     mu = np.searchsorted(kv.knots, kv.breaks[span], "right") - 1
     arguments = ends[:, pattern.astype(int)].reshape(-1, p)
     rows = blossom_rows(kv.knots, p, np.repeat(mu, degree + 1), arguments, order)

@@ -16,8 +16,6 @@ from the greatest value by the square of the cell's size, and for a paraboloid o
 Source: S. Boyd, L. Vandenberghe, Convex Optimization, section 5.1 (Lagrange's dual function).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import comb
 

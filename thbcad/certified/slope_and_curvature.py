@@ -19,8 +19,6 @@ exceeds kappa + max(mu + kappa rho, 0) / min W; nor max(nu, 0) / min W, with nu 
 Source: M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

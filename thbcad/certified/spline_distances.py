@@ -5,8 +5,6 @@ its distance from 0 is at most that of its Bernstein coefficients, vectors where
 several dimensions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

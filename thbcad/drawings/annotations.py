@@ -5,8 +5,6 @@ Sources: ISO 5457 (margins), ISO 7200 (title block), ISO 10110-10 (table of left
 surface).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Floats

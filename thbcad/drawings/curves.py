@@ -10,8 +10,6 @@ s = a / h(w):
     z(w) = E(s(w), w),    z'' = E_ss s'^2 + 2 E_sw s' + E_s s'',    E_ww = 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -86,8 +84,6 @@ def spline_chords(kv: KnotVector, coefficients: Floats, chord: float) -> tuple[F
     """Return parameters (n,), values (n,) and the proven error of the chords of a scalar spline.
 
     chord : the error that they may have.
-
-    Raises ValueError : more than 200,000 chords.
     """
     constant_in_v = BSplineSurface(kv, UNIT, np.stack([coefficients, coefficients], axis=1))
     bend = cell_bounds(constant_in_v, ((2, 0),))[0, :, 0]
@@ -107,8 +103,6 @@ def edge_cut(lens: Lens, across: int, at: float, end: int, chord: float) -> tupl
     chords in z: points (n, 2) of (y or x, z) from front to rear.
 
     end : 0 the edge at low y or x, -1 the one at high.
-
-    Raises ValueError : more than 200,000 chords.
     """
     side = next(s for s in SIDES if s.axis == across and s.end == end)
     net = ruled_edge(placed_surfaces(lens), side)
@@ -149,8 +143,6 @@ def outline_cut(lens: Lens, across: int, at: float, end: int, chord: float) -> t
         w(t) = (at / S - h_F) / (h_R - h_F),
 
     and bounds of the derivatives of S, Y, w and of the heights of both rims give that of the cut.
-
-    Raises ValueError : more than 200,000 chords.
     """
     (h, other), sign = _both(lens, across), 1 if end else -1
     c, d = (lens.rear.outline.relative_corners[k] for k in (across, 1 - across))

@@ -6,8 +6,6 @@ polygon has a strip between each two corners that follow each other in v, with i
 sides there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -58,11 +56,7 @@ class CutLens:
 def cut_lens(
     lens: Lens, aperture: tuple[float, float] | None, flange: Flange | None, corners: object
 ) -> CutLens | None:
-    """Return the CutLens of an elliptic aperture, a flange or a polygon, None where there is none.
-
-    Raises ValueError : as `require_aperture`, `require_clear` and `require_polygon`; a polygon beside an
-        aperture or a flange; a flange round a rectangular lens whose front and rear differ in size.
-    """
+    """Return the CutLens of an elliptic aperture, a flange or a polygon, None where there is none."""
     if corners is not None:
         if aperture is not None or flange is not None:
             raise ValueError("a polygon is an outline by itself: leave out aperture and flange")

@@ -4,8 +4,6 @@ What stands inside the flange is not drawn, and edges that are seen behind other
 left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Floats

@@ -1,7 +1,5 @@
 """The drawing of a lens as an SVG or a DXF file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A sheet as DXF (AutoCAD 2010), the lens at its true size in mm; the same sheet gives the same bytes."""
 
-from __future__ import annotations
-
 import io
 
 import ezdxf

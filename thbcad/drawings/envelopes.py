@@ -27,8 +27,6 @@ of points d apart, at most |z_uu| d^2 / 8 too great.  Chords over t add |v''| h^
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14 (convex hull property).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,10 +59,7 @@ class Outline:
 
 
 def lowest_outline(graph: BSplineSurface, chord: float) -> Outline:
-    """Return the Outline min over u of g(u, v), its chords at most `chord` from the exact one.
-
-    Raises ValueError : more than 200,000 chords.
-    """
+    """Return the Outline min over u of g(u, v), its chords at most `chord` from the exact one."""
     bend = cell_bounds(graph, ((0, 2),))[0].max(axis=0)
     slack = chord / 8  # of the values on the lines
     parts = np.ceil(np.diff(graph.kv_v.breaks) * np.sqrt(bend / (4 * chord)))
@@ -231,8 +226,7 @@ class GraphOverStrips:
         u, v = (
             np.clip(row, kv.start, kv.stop) for row, kv in zip((u, v), (self.graph.kv_u, self.graph.kv_v))
         )
-        heights: Floats = self.graph(u, v)
-        return heights
+        return self.graph(u, v)
 
     def _least(self, strip: Strip, t: Floats) -> tuple[Floats, Integers, Floats]:
         """Return the least heights on lines, the numbers of their intervals, and s."""

@@ -1,7 +1,5 @@
 """A panel of texts to the right of a drawing, which makes its sheet as wide as an A2 (A3.2 of ISO 5457)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from textwrap import wrap

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,10 +43,20 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A View whose point (0, 0) lies at `origin` on the paper."""
+    """A View whose point (0, 0) lies at `origin` on the paper, at a scale."""
 
     view: View
     origin: Floats
+    scale: float
+
+    def at(self, points: Floats) -> Floats:
+        """Return points of the view, mm, on the paper."""
+        return self.origin + self.scale * points
+
+    @property
+    def frame(self) -> Floats:
+        """The corners of the view on the paper, (2, 2)."""
+        return self.at(self.view.box())
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +74,8 @@ class Sheet:
     scale: float
     bound: float
     views: tuple[PlacedView, ...]
-    strokes: tuple[Stroke, ...] = field(default=())
-    labels: tuple[Label, ...] = field(default=())
-
-    def with_(self, marks: Iterable[Stroke | Label]) -> Sheet:
-        """Return the sheet with more strokes and labels."""
-        marks = tuple(marks)
-        strokes = tuple(mark for mark in marks if isinstance(mark, Stroke))
-        labels = tuple(mark for mark in marks if isinstance(mark, Label))
-        return replace(self, strokes=self.strokes + strokes, labels=self.labels + labels)
+    strokes: tuple[Stroke, ...]
+    labels: tuple[Label, ...]
 
 
 def line(*points: ArrayLike, style: Style = Style.DIMENSION) -> Stroke:

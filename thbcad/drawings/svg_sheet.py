@@ -1,8 +1,6 @@
 """A sheet as SVG: user units are mm on paper, coordinates have nine decimals; the same sheet gives the same
 bytes."""
 
-from __future__ import annotations
-
 from xml.sax.saxutils import escape, quoteattr
 
 from thbcad.drawings.annotations import rounded_up

@@ -5,8 +5,6 @@ seen from -y, downwards and x to the left, as third-angle projection wants it be
 y = at it runs upwards and x to the right, as below the rear.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import require_number

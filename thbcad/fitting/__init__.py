@@ -7,8 +7,12 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .adaptive_fit import Fit, fit
     from .continuation import Continuation, cell_shares
-    from .height_fields import height_field_samples
-    from .least_squares_fit import Samples, least_squares, robust_weights as robust_weights
+    from .least_squares_fit import (
+        Samples,
+        height_field_samples,
+        least_squares,
+        robust_weights as robust_weights,
+    )
     from .noisy_fit import NoisyFit, fit_noisy as fit_noisy
     from .normal_equations import Underdetermined
     from .quasi_interpolant import quasi_interpolate, quasi_interpolation as quasi_interpolation

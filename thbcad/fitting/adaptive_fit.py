@@ -4,8 +4,6 @@ Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines, CAGD 29 (2012), sec
 Adaptive CAD model (re-)construction with THB-splines, Graphical Models 76 (2014).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple

@@ -9,8 +9,6 @@ is least: no coefficient outside jumps.  The map is linear, and the spline of a 
 plane.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -67,8 +67,7 @@ class _Passes:
     factors: Factors
 
     def one(self, values: Floats) -> Floats:
-        result: Floats = self.factors.solve(self.equations.weighted @ values)
-        return result
+        return self.factors.solve(self.equations.weighted @ values)
 
     def coefficients(self, values: Floats) -> Floats:
         total = self.one(values)

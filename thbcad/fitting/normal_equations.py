@@ -88,10 +88,7 @@ class NormalEquations:
         return csr_array(self.weighted @ self.collocation)
 
     def factors(self, smoothing: float) -> Factors:
-        """Return the factors of N / unit.
-
-        Raises Underdetermined : N is singular to working precision.
-        """
+        """Return the factors of N / unit."""
         normal = self.gram + smoothing / self.unit * self.energy
         return _factorised(normal, self.space, smoothing)
 

@@ -17,8 +17,6 @@ Source: H. Speleers, C. Manni, Effortless quasi-interpolation in hierarchical sp
 Numer. Math. 132 (2016); T. Lyche and K. Moerken, Spline Methods, chapter 8.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

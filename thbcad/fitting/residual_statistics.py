@@ -18,8 +18,6 @@ good samples show by themselves, whatever the surface: with their least-squares 
 All other suspects are detail that the surface lacks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
@@ -51,8 +49,7 @@ def nearest(points: Floats, chosen: Integers, among: Integers, count: int) -> In
     _, near = cKDTree(points[among]).query(points[chosen], k=min(count + 1, len(among)))
     near = among[near.reshape(len(chosen), -1)]
     itself_last = np.argsort(near == chosen[:, None], axis=1, kind="stable")
-    result: Integers = np.take_along_axis(near, itself_last, axis=1)[:, : min(count, len(among) - 1)]
-    return result
+    return np.take_along_axis(near, itself_last, axis=1)[:, : min(count, len(among) - 1)]
 
 
 def neighbours(u: Floats, v: Floats, count: int) -> Integers:

@@ -17,8 +17,6 @@ that level (a quasi-interpolant: H. Speleers, C. Manni, Numer. Math. 132 (2016))
 rest, there and for uneven weights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -23,8 +23,6 @@ functional equations by the method of regularization, Soviet Math. Dokl. 7 (1966
 sequence methods for eigenvalue computation, Linear Algebra Appl. 58 (1984).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import count
@@ -54,10 +52,7 @@ MOST_FITS = 15
 
 
 def chosen_smoothing(equations: NormalEquations, rule: Rule, progress: Progress) -> float:
-    """Return the smoothing that the samples ask for.
-
-    Raises Underdetermined : the samples do not determine every coefficient with any smoothing.
-    """
+    """Return the smoothing that the samples ask for."""
     if not equations.weights.any():
         return 0.0
     return (_cross_validated if rule == "auto" else _discrepant)(equations, progress)

@@ -34,10 +34,7 @@ NONE = np.zeros(0, dtype=np.int64)
 
 
 class Domains:
-    """Per level, the sorted keys of the refined cells.  Domains never change.
-
-    Raises ValueError : more than 10,000,000 cells on level 0.
-    """
+    """Per level, the sorted keys of the refined cells.  Domains never change."""
 
     def __init__(self, axes: tuple[DyadicAxis, DyadicAxis], refined: tuple[Integers, ...] = ()) -> None:
         n_u, n_v = (axis.spans(0) for axis in axes)
@@ -201,10 +198,7 @@ def _by_level(rows: ArrayLike) -> dict[int, Integers]:
 
 
 def closure(domains: Domains, cells: Mapping[int, Integers], m: int) -> dict[int, Integers]:
-    """Return the cells to refine together with `cells` so that class m is kept, {level: (n, 2) int}.
-
-    Raises ValueError : m that is not an integer of at least 2.
-    """
+    """Return the cells to refine together with `cells` so that class m is kept, {level: (n, 2) int}."""
     require_integer("the class of admissibility", m, 2)
     marked = dict(cells)
     for level in range(max(marked, default=0), m - 2, -1):

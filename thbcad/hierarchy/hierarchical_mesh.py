@@ -5,8 +5,6 @@ level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined c
 level l.  *Leaf cells* are the cells that are not refined; they tile the domain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -20,8 +20,6 @@ M. Scott, J. Evans, T. Hughes, Isogeometric finite element data structures based
 extraction, IJNME 87 (2011); thesis 3.6-3.9.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 

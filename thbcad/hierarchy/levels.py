@@ -11,8 +11,6 @@ A level holds its cells and the functions that act on them, as sorted integers: 
 storage are in proportion to the cells, wherever they lie.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,9 +34,8 @@ class DyadicAxis:
         self._multiplicity = multiplicity
         surplus = np.r_[0, np.cumsum(multiplicity - 1)]
         self._surplus = surplus - surplus[origin + 1] + self.degree  # the last knot at break 0 is knot p
-        self.roughness = 1 + float(
-            np.abs(row).max() / np.diff(row).min()
-        )  # the largest number in units of the shortest span
+        # the largest number in units of the shortest span
+        self.roughness = 1 + float(np.abs(row).max() / np.diff(row).min())
 
     def spans(self, level: int) -> int:
         """Return the number of non-empty spans of a level."""

@@ -1,13 +1,9 @@
 """The hierarchical mesh as lines of a picture."""
 
-from __future__ import annotations
-
-from typing import Protocol
-
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.hierarchy.levels import DyadicAxis
+from thbcad.hierarchy.hierarchical_mesh import HierarchicalMesh
 from thbcad.pictures import card, frame_size, interval_text, svg
 from thbcad.splines import KnotVector
 
@@ -16,46 +12,27 @@ LONGEST_TEXT = 14_000  # characters of all lines
 INK = 'fill="none" stroke="#333" stroke-width=".5" stroke-opacity=".7"'
 
 
-class Mesh(Protocol):
-    """What is shown of a THB space."""
-
-    @property
-    def kv_u(self) -> KnotVector: ...
-    @property
-    def kv_v(self) -> KnotVector: ...
-    @property
-    def axes(self) -> tuple[DyadicAxis, DyadicAxis]: ...
-    @property
-    def levels(self) -> int: ...
-    @property
-    def refined(self) -> tuple[Integers, ...]: ...
-    @property
-    def cells(self) -> Integers: ...
-    @property
-    def dim(self) -> int: ...
-
-
-def space_card(space: Mesh) -> str:
+def space_card(mesh: HierarchicalMesh, dim: int) -> str:
     """Return a picture of the mesh beside the numbers of a space, as HTML of at most 40 kB."""
-    size = frame_size(*(kv.stop - kv.start for kv in (space.kv_u, space.kv_v)))
-    lines, drawn = mesh_lines(space, *size)
-    return card("THBSpace", svg(lines, *size), space_rows(space, drawn))
+    size = frame_size(*(kv.stop - kv.start for kv in (mesh.kv_u, mesh.kv_v)))
+    lines, drawn = mesh_lines(mesh, *size)
+    return card("THBSpace", svg(lines, *size), space_rows(mesh, dim, drawn))
 
 
-def space_rows(space: Mesh, drawn: int) -> list[tuple[str, object]]:
+def space_rows(mesh: HierarchicalMesh, dim: int, drawn: int) -> list[tuple[str, object]]:
     """Return names and numbers of a space; drawn : levels of the mesh that the picture shows."""
-    mesh = "" if drawn == space.levels else f", {drawn} of them drawn"
+    shown = "" if drawn == mesh.levels else f", {drawn} of them drawn"
     return [
-        ("degree", f"{space.kv_u.degree} x {space.kv_v.degree}"),
-        ("levels", f"{space.levels}{mesh}"),
-        ("cells", len(space.cells)),
-        ("degrees of freedom", space.dim),
-        ("u", interval_text(space.kv_u.start, space.kv_u.stop)),
-        ("v", interval_text(space.kv_v.start, space.kv_v.stop)),
+        ("degree", f"{mesh.kv_u.degree} x {mesh.kv_v.degree}"),
+        ("levels", f"{mesh.levels}{shown}"),
+        ("cells", len(mesh.cells)),
+        ("degrees of freedom", dim),
+        ("u", interval_text(mesh.kv_u.start, mesh.kv_u.stop)),
+        ("v", interval_text(mesh.kv_v.start, mesh.kv_v.stop)),
     ]
 
 
-def mesh_lines(space: Mesh, width: float, height: float) -> tuple[str, int]:
+def mesh_lines(mesh: HierarchicalMesh, width: float, height: float) -> tuple[str, int]:
     """Return the mesh as an SVG path, every line once, and how many levels it shows.
 
     A level is left out, and those above it, where its lines are closer than 3 pixels or their text takes more
@@ -63,11 +40,11 @@ def mesh_lines(space: Mesh, width: float, height: float) -> tuple[str, int]:
     """
     text = f"M0 0H{width:g}V{height:g}H0Z"
     drawn = 0
-    for level in range(space.levels):
-        spans = [axis.spans(level) for axis in space.axes]
+    for level in range(mesh.levels):
+        spans = [axis.spans(level) for axis in mesh.axes]
         if min(width / spans[0], height / spans[1]) < CLOSEST:
             break
-        more = "".join(_level_lines(space, level, axis, (width, height)) for axis in (0, 1))
+        more = "".join(_level_lines(mesh, level, axis, (width, height)) for axis in (0, 1))
         if len(text) + len(more) > LONGEST_TEXT:
             break
         text += more
@@ -75,14 +52,14 @@ def mesh_lines(space: Mesh, width: float, height: float) -> tuple[str, int]:
     return f'<path {INK} d="{text}"/>', drawn
 
 
-def _level_lines(space: Mesh, level: int, axis: int, size: tuple[float, float]) -> str:
+def _level_lines(mesh: HierarchicalMesh, level: int, axis: int, size: tuple[float, float]) -> str:
     """Return the lines that a level adds across an axis: its breaks, or the middles of the refined cells."""
-    across, along = (space.axes[d] for d in (axis, 1 - axis))
+    across, along = (mesh.axes[d] for d in (axis, 1 - axis))
     if level == 0:
         at = np.arange(1, across.spans(0))
         low, high = np.zeros_like(at), np.full_like(at, along.spans(0))
     else:
-        at, low, high = _runs(space.refined[level - 1][:, [axis, 1 - axis]])
+        at, low, high = _runs(mesh.refined[level - 1][:, [axis, 1 - axis]])
         at, low, high = 2 * at + 1, 2 * low, 2 * high
     lines = [(across, at, axis), (along, low, 1 - axis), (along, high, 1 - axis)]
     ends = (_pixels(row.value(level, k), row.knot_vector, size, d) for row, k, d in lines)

@@ -12,8 +12,6 @@ THB basis grow by a factor of 4 to 16 with each level.
 Source: J. Bramble, J. Pasciak, J. Xu, Parallel multilevel preconditioners, Math. Comp. 55 (1990).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Floats

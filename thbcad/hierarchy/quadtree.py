@@ -7,8 +7,6 @@ point is found by one binary search.
 Source: I. Gargantini, An effective way to represent quadtrees, Comm. ACM 25 (1982).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Floats, Integers

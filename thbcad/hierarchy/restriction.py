@@ -14,8 +14,6 @@ Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adapti
 multilevel spline spaces, Adv. Comput. Math. 40 (2014).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

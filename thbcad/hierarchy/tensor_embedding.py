@@ -10,8 +10,6 @@ and the last G is its exact tensor-product form.  Overwriting is the truncation.
 are non-negative and sum to one: the operation is stable at any depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -32,8 +30,6 @@ class Embedding:
     kv_u, kv_v : KnotVector of the last (finest) one
     supported, active : per level, the flat positions in W_l of the functions supported in
         Omega_l, and of those that are active
-
-    Raises ValueError : the last one has more than 10^8 functions.
     """
 
     def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[Level]) -> None:
@@ -99,8 +95,6 @@ class Embedding:
         """Return the tensor-product net of the spline with THB coefficients c.
 
         c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
-
-        Raises ValueError : coefficients of another shape.
         """
         c = floats(c)
         if c.shape[:1] != (self.dim,) or c.ndim > 2:

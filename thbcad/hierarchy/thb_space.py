@@ -51,7 +51,7 @@ class THBSpace(HierarchicalMesh):
 
     def _repr_html_(self) -> str:
         """Return a picture of the mesh and some numbers for notebooks."""
-        return space_card(self)
+        return space_card(self, self.dim)
 
     @cached_property
     def functions(self) -> Integers:

@@ -12,8 +12,6 @@ Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics
 and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -4,8 +4,6 @@ Points are parametrised as ISO 10303-42 has it.  A placement has a centre C, an 
 P3 is the axis and P1 the part of the first direction across it, both of length 1, and P2 = P3 x P1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Values of JSON files, checked as they are read: nothing but the wanted type passes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from pathlib import Path
@@ -19,11 +17,7 @@ def write_json(data: object, path: str | Path) -> None:
 
 
 def read_json(path: str | Path, content: str) -> Any:
-    """Return the content of a JSON file.
-
-    Raises OSError : unreadable; ValueError : no JSON, `content` names what was wanted; a key that stands
-        twice.
-    """
+    """Return the content of a JSON file."""
     try:
         return json.loads(Path(path).read_text("utf-8"), object_pairs_hook=_once)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

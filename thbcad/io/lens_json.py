@@ -4,8 +4,6 @@ Python's JSON writes the shortest text that reads back to the same float64, so a
 changes nothing.  A plane has radius null.  Nothing in the file is executed.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

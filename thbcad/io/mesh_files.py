@@ -6,8 +6,6 @@ OBJ and PLY hold float64: every number reads back bit for bit.
 Sources: 3MF Core Specification 1.3; G. Turk, The PLY polygon file format, 1994.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 

@@ -17,8 +17,6 @@ Source: ISO 10303-42, pcurve, surface_curve; L. N. Trefethen, Approximation Theo
 chapter 15 (Lebesgue constants of Chebyshev points are below 4 up to degree 100).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -107,24 +105,20 @@ class Passage:
 
     def points(self, t: Floats) -> Floats:
         """Return (u, v) at parameters of the curve, (n, 2)."""
-        points: Floats = _image_points(self.image, self.pace * t) + self.shift
-        return points
+        return _image_points(self.image, self.pace * t) + self.shift
 
     def rates(self, t: Floats) -> Floats:
         """Return the derivatives of (u, v) by the parameter of the curve, (n, 2)."""
-        rates: Floats = self.pace * _image_points(self.image, self.pace * t, 1)
-        return rates
+        return self.pace * _image_points(self.image, self.pace * t, 1)
 
     def samples(self) -> Floats:
         """Return points in the order of the loop, some in every span of the image."""
         t = lobatto_nodes(np.unique(np.clip([*self.span, *_breaks(self.image)], *self.span)), 4)
-        points: Floats = self.points(t)[:: 1 if self.along else -1]
-        return points
+        return self.points(t)[:: 1 if self.along else -1]
 
     def ends(self) -> Floats:
         """Return the first and the last point, in the order of the loop, (2, 2)."""
-        points: Floats = self.points(np.array(self.span))[:: 1 if self.along else -1]
-        return points
+        return self.points(np.array(self.span))[:: 1 if self.along else -1]
 
     def pieces(self, lines: Sequence[Floats]) -> Floats:
         """Return the parameters of the curve, increasing, between which the image meets no line u = lines[0],

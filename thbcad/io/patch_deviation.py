@@ -1,7 +1,5 @@
 """How far the patches in a STEP file lie from the surfaces of a lens, by the text of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ turning.
 Source: Zemax OpticStudio user guide, Grid Sag surface, importing grid data.
 """
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

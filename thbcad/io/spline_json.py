@@ -1,7 +1,5 @@
 """The native files of surfaces and curves: THB, B-spline and NURBS as JSON that keeps every bit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import prod
 from pathlib import Path
@@ -77,11 +75,7 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
 
 
 def surface_from_dict(data: object) -> Surface:
-    """Return the surface of `surface_to_dict`.
-
-    Raises ValueError : another schema, version or kind, a missing or unknown key, or numbers that make no
-        surface.
-    """
+    """Return the surface of `surface_to_dict`."""
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
         kind = _kind(table, KEYS, "surface")

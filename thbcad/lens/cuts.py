@@ -2,8 +2,6 @@
 and what volume is left.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,7 +130,7 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     if flange.low < top + LEAST_SIZE:
         raise ValueError(
             f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
-            f"{flange.low:.9g} mm"
+            f"{flange.low:.9g} mm; a mount may be flush with a flat face (seat)"
         )
     if flange.high > bottom - LEAST_SIZE:
         raise ValueError(

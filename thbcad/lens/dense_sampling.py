@@ -17,8 +17,6 @@ Source: G. Farin, Curves and surfaces for CAGD, on Coons patches; P. J. Davis, I
 approximation, chapter 3, on remainders.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

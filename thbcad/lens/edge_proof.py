@@ -31,8 +31,6 @@ Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analy
 value form).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 
@@ -57,9 +55,6 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     graphs : front and rear, splines z(x, y) over their rectangles, mm
     thickness : of the rear's z = 0 over the front's, mm
     least : mm, a positive lower bound of the distance in z between points of equal relative position
-
-    Raises ValueError : a crossing, with the position and the amount, or one that is neither proven nor
-        excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):
@@ -139,9 +134,8 @@ class _EdgeOverBase:
         by_t = at_rim + w * by_lift - width * in_y
         near = np.where(abs(t.low) < abs(t.high), t.low, t.high)
         centre = (t.low + t.high) / 2, (w.low + w.high) / 2
-        whole = self._inside(
-            *centre
-        )  # else from the corner that lies over the base if any point of the box does
+        # else from the corner that lies over the base if any point of the box does
+        whole = self._inside(*centre)
         at = np.where(whole, centre[0], near), np.where(whole, centre[1], w.low)
         reach = [Interval.at(np.where(whole, 0.5, 1.0) * (box.high - box.low)) for box in (t, w)]
         change = Interval.at(by_t.magnitude) * reach[0] + Interval.at(by_w.magnitude) * reach[1]
@@ -229,11 +223,8 @@ def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int])
         np.append(a.ravel(), x) for a, x in zip(np.meshgrid(np.r_[SAMPLES - 1, 1 - SAMPLES], SAMPLES), point)
     )
     height = edge(t, w)
-    height, raised, k = (
-        height * w,
-        -height.min(),
-        int(np.argmin(np.where(np.isfinite(height), height * w, np.inf))),
-    )
+    raised, height = -height.min(), height * w
+    k = int(np.argmin(np.where(np.isfinite(height), height, np.inf)))
     raise ValueError(
         f"the ruled edge at {name} crosses the {surface}: at "
         f"{_where(edge.position(t[k], w[k]), axis, (sign, 1))} it lies "

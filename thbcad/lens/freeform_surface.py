@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import Floats, coordinates, floats, half_widths, inside, require_orders, require_type
-from thbcad.lens.lens_picture import surface_card
+from thbcad.hierarchy import space_rows
 from thbcad.outlines import Outline
+from thbcad.pictures import card, frame_size, interval_text, line_path, map_element, svg
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
-from thbcad.surfaces import THBSurface
+from thbcad.surfaces import THBSurface, value_map
 
 PLANE = Conic()
 RIM = 1e-12  # of the half-width: rounding of positions on the rim
+POINTS = 161  # of a picture without a sag, in x and y, and of its outline
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class FreeformSurface:
 
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""
-        return surface_card(self)
+        return _card(self)
 
     @property
     def outline(self) -> Outline:
@@ -170,3 +172,41 @@ class FreeformSurface:
     def _chain(self, derivative: tuple[int, int]) -> float:
         su, sv = self._scale()
         return su ** derivative[0] * sv ** derivative[1]
+
+
+def _card(surface: FreeformSurface) -> str:
+    """Return a map of the sag, or without one of z, beside the numbers of a surface, as HTML of at most 40
+    kB."""
+    size = frame_size(*surface.half_width)
+    rows: list[tuple[str, object]] = [
+        ("size", surface.outline.text()),
+        ("radius", "plane" if surface.conic.is_plane else f"{surface.conic.radius:.6g} mm"),
+        ("conic constant", f"{surface.conic.constant:.6g}"),
+    ]
+    unit = surface.outline.scaled((1.0, 1.0))
+    if surface.sag is None:
+        x, y = (np.linspace(-h, h, POINTS) for h in surface.half_width)
+        values = surface.grid(x, y)
+        shown = values[surface.outline.contains(x[:, None], y)]
+        picture = map_element(np.clip(values, shown.min(), shown.max()), *size)
+        rows.append(_span("z", shown))
+    else:
+        picture, shown, drawn = value_map(surface.sag, size, unit.contains)
+        rows += [_span("sag", shown), *space_rows(surface.sag.space, surface.sag.space.dim, drawn)[:4]]
+    return card("FreeformSurface", svg(picture + _cover(unit, *size), *size), rows)
+
+
+def _cover(unit: Outline, width: float, height: float) -> str:
+    """Return what hides the corners of a picture that lie outside an outline of half-widths 1."""
+    if unit.is_rectangle:
+        return ""
+    turn = np.linspace(0, 2 * np.pi, POINTS)
+    ring = np.stack([np.cos(turn), np.sin(turn)])
+    ring = (1 + ring / unit.gauge(*ring)) / 2
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    lines = (line_path(points * [width, height]) for points in (corners, ring.T))
+    return f'<path fill="#fff" fill-rule="evenodd" d="{"Z".join(lines)}Z"/>'
+
+
+def _span(name: str, values: Floats) -> tuple[str, str]:
+    return name, interval_text(values.min(), values.max(), "mm")

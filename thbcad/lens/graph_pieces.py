@@ -1,7 +1,5 @@
 """Graphs z(x, y) over rectangles round the origin: bounds of their slopes, segments and mirror images."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply

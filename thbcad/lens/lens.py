@@ -6,14 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from thbcad.certified import Enclosure, minimum
-from thbcad.checks import require_number, require_type
+from thbcad.checks import Floats, require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
-from thbcad.lens.lens_picture import lens_card
 from thbcad.outlines import RELATIVE, walled_volume
+from thbcad.pictures import card, line_path, svg
 from thbcad.sags import gap_graph, volume_between
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
+
+POINTS = 161  # of a line in a section of the picture
+HEIGHT, WIDEST, GAP = 200.0, 300.0, 40.0  # pixels: of a section, and between the two
+MOST_POLES = 100_000  # of a surface, up to which the volume takes 0.1 s
+GLASS = 'fill="#cfe3f5" stroke="#333" stroke-linejoin="round"'
+WORDS = 'font-size="11" fill="#333" text-anchor="middle"'
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class Lens:
 
     def _repr_html_(self) -> str:
         """Return two sections and some numbers for notebooks."""
-        return lens_card(self)
+        return _card(self)
 
     def least_thickness(self) -> Enclosure:
         """Return certified bounds of the least distance in z inside the outline, mm, and its position on the
@@ -149,3 +157,48 @@ class Lens:
         rest = iter(sags)
         front, rear = (s if s.sag is None else s.with_sag(next(rest)) for s in (self.front, self.rear))
         return Lens(front, rear, self.thickness, self.index)
+
+
+def _card(lens: Lens) -> str:
+    """Return the sections y = 0 and x = 0 beside the numbers of a lens, as HTML of at most 40 kB."""
+    sections = [_section(lens, axis) for axis in (0, 1)]
+    low, high = (f([f(s, axis=0) for s in sections], axis=0) for f in (np.min, np.max))
+    scale = min(HEIGHT / (high[1] - low[1]), WIDEST / (high[0] - low[0]))
+    width, height = (high - low) * scale
+    shift = max(width, GAP) + GAP
+    content = ""
+    for k, (section, name) in enumerate(zip(sections, ("y = 0", "x = 0"))):
+        points = (section - low) * [scale, -scale] + [k * shift + GAP / 2, height]
+        content += f'<path {GLASS} d="{line_path(points)}Z"/>'
+        content += f'<text {WORDS} x="{points[:, 0].mean():.4g}" y="{height + 14:.4g}">{name}</text>'
+    middle = lens.thickness + lens.rear(0, 0) - lens.front(0, 0)
+    rows = [
+        ("index", f"{lens.index:.6g}"),
+        ("thickness", f"{lens.thickness:.6g} mm, {middle:.6g} mm in the middle"),
+        ("front", lens.front.outline.text()),
+        ("rear", lens.rear.outline.text()),
+        ("degrees of freedom", sum(sag.space.dim for sag in lens.sags)),
+        *_volume(lens),
+    ]
+    return card("Lens", svg(content, 2 * shift, height + 18), rows)
+
+
+def _section(lens: Lens, axis: int) -> Floats:
+    """Return the outline of the section along x (axis 0) or y as points (z, x or y), mm."""
+    lines = []
+    for face, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+        along = np.linspace(-1, 1, POINTS) * face.half_width[axis]
+        z = face(along, 0 * along) if axis == 0 else face(0 * along, along)
+        lines.append(np.column_stack([vertex + z, along]))
+    return np.concatenate([lines[0], lines[1][::-1]])
+
+
+def _volume(lens: Lens) -> list[tuple[str, str]]:
+    """Return the volume as a row, where it is quickly found: conics that need no approximation, few poles."""
+    spaces = [sag.space for sag in lens.sags]
+    exact = all(face.conic.is_paraboloid for face in (lens.front, lens.rear))
+    if not exact or any(min(space.kv_u.degree, space.kv_v.degree) < 2 for space in spaces):
+        return []
+    if any(not s.is_compact or s.embedding.kv_u.dim * s.embedding.kv_v.dim > MOST_POLES for s in spaces):
+        return []
+    return [("volume", f"{lens.volume():.6g} mm^3")]

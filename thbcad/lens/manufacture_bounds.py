@@ -9,8 +9,6 @@ Concave and convex are meant as seen from the air, where the tool works: a front
 towards -z, a rear where it bends towards +z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,10 +76,7 @@ class Feature:
     size: tuple[float, float]
 
     def wavelengths(self, wavelength: float) -> float:
-        """Return the lesser size in wavelengths; wavelength : nm.
-
-        Raises ValueError : a wavelength that is not positive and finite.
-        """
+        """Return the lesser size in wavelengths; wavelength : nm."""
         require_number("wavelength", wavelength, above=0, finite=True)
         return min(self.size) * NM_PER_MM / wavelength
 

@@ -1,7 +1,5 @@
 """What a lens is called, who made it and what it is made of, as CAD files state it."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -51,7 +49,7 @@ class Product:
     def __post_init__(self) -> None:
         from thbcad.checks import require_number  # loads numpy, which `require_line` does without
 
-        for key in [field.name for field in fields(self) if field.type == "str"]:
+        for key in [field.name for field in fields(self) if field.type is str]:
             require_line(key, getattr(self, key))
         if not self.name:
             raise ValueError("name must not be empty")

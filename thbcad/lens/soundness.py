@@ -20,8 +20,6 @@ Where the front is the larger surface in one direction and the rear in the other
 on lines of equal w are in order if gap > sum_i |h'_i - h_i| times the greatest slopes of both surfaces in i.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -38,11 +36,8 @@ from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
 SAMPLES = np.linspace(0, 1, 65)  # each way on a part of the wall, for the amount that is missing
-PARTS = (
-    "corner",
-    "x",
-    "y",
-)  # of the unit outline where x and y are positive: a corner and two halves of sides
+# of the unit outline where x and y are positive: a corner and two halves of sides
+PARTS = ("corner", "x", "y")
 
 
 def require_simple_wall(graphs: Pair, thickness: float, least: float, outline: Outline) -> None:
@@ -50,8 +45,6 @@ def require_simple_wall(graphs: Pair, thickness: float, least: float, outline: O
 
     graphs, thickness, least : as of `require_simple_edges`
     outline : of the rear, not a rectangle
-
-    Raises ValueError : a wall that is not proven, with a position and an amount.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if gap_suffices(graphs, growth, least):

@@ -16,8 +16,6 @@ Source: D. Filip, R. Magedson, R. Markot, Surface algorithms using bounds on der
 theorem 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

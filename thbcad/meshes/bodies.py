@@ -10,8 +10,6 @@ N is the part of T across E: with T = a E + N and s' = (s + v a) / (1 + v a) poi
 differ by v (1 - s') N.  Likewise of the triangle over G.  T falls as the wall is cut into rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -53,8 +51,6 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
     """Return a mesh of a lens with an outline; its faces have the names of `tessellated`.
 
     lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
-
-    Raises ValueError : a chord error that needs more than 20 million triangles.
     """
     shapes = lens.front.outline, lens.rear.outline
     bounds = bounds_of(lens, max(max(shape.half_width) for shape in shapes), shapes)
@@ -178,8 +174,7 @@ def _vertices(lens: Lens, plan: Floats, shape: Outline, outer: Outline, flange: 
             (inner, flange.high),
         ):
             levels.append(np.column_stack([around, np.full(len(around), z)]))
-    vertices: Floats = np.concatenate(levels)
-    return vertices
+    return np.concatenate(levels)
 
 
 def _names(flanged: bool) -> tuple[str, ...]:

@@ -7,8 +7,6 @@ twice.
 Source: Khronos Group, glTF 2.0 specification, chapters 3 and 4.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -19,8 +19,6 @@ Sources: S. Waldron, The error in linear interpolation at the vertices of a simp
 (1998), theorem 2.1; P. Shirley, K. Chiu, A low distortion map between disk and square, 1997.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ not for both of its triangles, the mesh has no gaps.  Walls are plane, with tria
 Source: G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82 (1975) 648.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import EPS, Bools, Floats, Integers
@@ -31,9 +29,6 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
     """Return a mesh of a lens that is cut to a polygon; its faces are front, rear, edge 1, edge 2, ...
 
     lens : a sound one.  chord : mm, the error that it may have.  single : round the vertices to float32.
-
-    Raises ValueError : as `require_polygon`; a chord error that rounding does not keep, or that needs more
-        than 20 million triangles.
     """
     polygon = require_polygon(lens, corners)
     bounds = bounds_of(lens, float(np.abs(polygon.corners).max()), (lens.front.outline, lens.rear.outline))
@@ -64,8 +59,6 @@ def ears(polygon: Polygon) -> Integers:
 
     A corner that rounding does not tell from the border of an ear lies in it.  Corners on a straight side
     would otherwise be cut off from the rest, and leave a strip without area.
-
-    Raises ValueError : corners that rounding does not tell from a line.
     """
     corners = np.array(polygon.corners)
     flat = ROUNDINGS * EPS * float(np.square(corners).max())
@@ -99,8 +92,7 @@ def _is_ear(corners: Floats, left: Integers, k: int, flat: float) -> bool:
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
     """Return twice the area of triangles, positive where they run counter-clockwise."""
     u, v = b - a, c - a
-    area: Floats = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-    return area
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
 
 
 def _refined(positions: Floats, plan: Integers, longest: float, chord: float) -> tuple[Floats, Integers]:

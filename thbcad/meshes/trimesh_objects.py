@@ -1,7 +1,5 @@
 """The mesh of a lens as an object of trimesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

@@ -1,7 +1,5 @@
 """Walls that taper from a level outline by the same angle everywhere, and where they meet a surface."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -59,8 +57,7 @@ class FittedPiece:
 
     def height(self, t: Floats) -> Floats:
         """Return z at parameters t, (n,)."""
-        z: Floats = np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
-        return z
+        return np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
 
 
 @dataclass(frozen=True, eq=False)

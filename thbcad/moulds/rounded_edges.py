@@ -1,8 +1,6 @@
 """What rounded edges take away of the faces of a body: what the ball of their radius, which rolls along wall
 and surface, does not reach."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Bools, Floats, Integers

@@ -7,8 +7,6 @@ The distance of a point p from a convex outline is the greatest d . p - h(d), h 
 d.  Every d gives a lower bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations

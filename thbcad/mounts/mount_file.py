@@ -1,7 +1,5 @@
 """Mounts as TOML files: every key is known, or a sentence names it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """What a mount consists of: a flange, holes, pins, bosses and a gate, in mm in the frame of the lens."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from math import cos, pi, sin, tan
 from typing import Any

@@ -8,8 +8,6 @@ a x b = a_x b_y - a_y b_x it adds the integral along the rim of
     z_f (f' x d + d' x d / 2) + (z_r - z_f) (f' x d / 2 + d' x d / 3).
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

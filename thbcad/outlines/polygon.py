@@ -1,7 +1,5 @@
 """Polygons in the plane z = 0."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

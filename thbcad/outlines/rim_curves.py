@@ -5,8 +5,6 @@ The curves have a known number of derivatives where they cross knot lines.  With
 there, interpolation at the Greville points converges with order 6 on the pieces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

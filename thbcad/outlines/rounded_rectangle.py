@@ -149,8 +149,7 @@ class Outline:
         half, squares = a * p + b * q, a * a + b * b
         root = np.sqrt(np.maximum(half * half - (p * p + q * q - 1) * squares, 0.0))
         at_corner = (v > u * (1 - ry)) & (u > v * (1 - rx))
-        out: Floats = np.where(at_corner, squares / np.maximum(half + root, TINY), straight)
-        return out
+        return np.where(at_corner, squares / np.maximum(half + root, TINY), straight)
 
     def contains(self, x: ArrayLike, y: ArrayLike, slack: float = 0.0) -> Bools:
         """Return which points lie inside, of their shape.  slack : relative, by which they may lie beside."""

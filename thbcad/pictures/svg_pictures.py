@@ -2,8 +2,6 @@
 a few numbers, as HTML.
 """
 
-from __future__ import annotations
-
 import zlib
 from base64 import b64encode
 from collections.abc import Iterable

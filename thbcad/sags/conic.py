@@ -1,7 +1,5 @@
 """Conic sections of revolution about z."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import factorial
 from typing import Any, TypeVar

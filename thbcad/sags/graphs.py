@@ -1,7 +1,5 @@
 """Graphs z(x, y) as tensor-product splines: conics, poles, volume."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from itertools import combinations
 

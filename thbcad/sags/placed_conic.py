@@ -8,8 +8,6 @@ Curves are parametrised as in ISO 10303-42. A placement has a centre C, an axis 
 the axis and P1 the part of the first direction across it, both of length 1, and P2 = P3 x P1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal

@@ -121,8 +121,7 @@ class PolynomialSag(Value):
         a, b = self.half_width
         x, y = coordinates(x=(x, (-a, a)), y=(y, (-b, b)))
         values = np.asarray(chebyshev.chebval2d(x / a, y / b, derived.coefficients), dtype=np.float64)
-        result: Floats = values[()]
-        return result
+        return values[()]
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y)); numbers outside are refused."""

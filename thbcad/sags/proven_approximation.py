@@ -14,8 +14,6 @@ Source: T. J. Rivlin, Chebyshev Polynomials, chapter 1; J. H. McCabe and G. M. P
 class of Lebesgue constants, BIT 13 (1973).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import factorial
 from typing import Protocol, runtime_checkable

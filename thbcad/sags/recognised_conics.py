@@ -1,7 +1,5 @@
 """Conics of revolution about z, found in the numbers of planes, spheres and rational patches of files."""
 
-from __future__ import annotations
-
 from math import hypot
 
 import numpy as np

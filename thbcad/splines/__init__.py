@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .bsplines import BSplineCurve, BSplineSurface
-    from .interpolation import Function, evaluate, interpolate
+    from .bsplines import BSplineCurve, BSplineSurface, Function, evaluate, interpolate
     from .knot_vector import UNIT, KnotVector
     from .nurbs import NURBSCurve, NURBSSurface
     from .nurbs_shapes import circular_arc, conic_arc, line, revolved, ruled

@@ -11,8 +11,6 @@ whose bound is not less than the best distance so far, less the tolerance, are l
 Source: X.-D. Chen et al., Computing the minimum distance between a point and a NURBS curve, CAD 40 (2008).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
@@ -55,8 +53,6 @@ def closest_points(
     """Return the closest points of a spline by its Bezier cells.
 
     nets : (m, p + 1, q + 1, d + 1), homogeneous, q = 0 of a curve.  ends : (m, 2, k), in the k parameters.
-
-    Raises ValueError : points of another dimension or not finite; a tolerance that is negative or NaN.
     """
     d = nets.shape[-1] - 1
     if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():

@@ -10,8 +10,6 @@ Source: T. Lyche and K. Moerken, Knot removal for parametric B-spline curves and
 (1987); A data-reduction strategy for splines, IMA J. Numer. Anal. 8 (1988).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Periodic knots: L. Schumaker, Spline Functions: Basic Theory, section 8.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self, SupportsIndex
@@ -37,8 +35,6 @@ class Knots(Value):
 
     Clamped knots begin and end with p + 1 equal ones; others go on outside the domain.  A knot between the
     first and the last occurs at most p times.
-
-    Raises ValueError : as `KnotVector`.
     """
 
     degree: int
@@ -73,10 +69,7 @@ class Knots(Value):
     @classmethod
     def clamped(cls, degree: SupportsIndex, inner: ArrayLike, start: float, stop: float) -> Self:
         """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written
-        twice.
-
-        Raises ValueError : as the class.
-        """
+        twice."""
         require_degree(degree)
         p = int(degree)
         return cls(p, np.r_[[start] * (p + 1), floats(inner), [stop] * (p + 1)])
@@ -87,8 +80,6 @@ class Knots(Value):
 
         breaks : (n + 1,), from the seam to the seam, T later; inner ones may be repeated.  The functions run
         across the seam, and `clamp` leads to those that end there.
-
-        Raises ValueError : fewer than two breaks, a seam that is repeated; as the class.
         """
         require_degree(degree)
         b = floats(breaks)
@@ -168,18 +159,12 @@ class Knots(Value):
         return result
 
     def span_of(self, u: ArrayLike) -> Integers:
-        """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
-
-        Raises ValueError : u that is NaN or outside [start, stop].
-        """
+        """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span."""
         right = np.searchsorted(self.knots, inside("u", u, self.domain), side="right")
         return np.minimum(right - 1, self.dim - 1)
 
     def insert(self, knots: ArrayLike) -> Self:
-        """Return the knot vector with the given knots added (repeats raise the multiplicity).
-
-        Raises ValueError : a knot outside the open domain, or more than p times in all.
-        """
+        """Return the knot vector with the given knots added (repeats raise the multiplicity)."""
         new = np.atleast_1d(floats(knots))
         bad = ~((new > self.start) & (new < self.stop))
         if bad.any():
@@ -197,10 +182,7 @@ class Knots(Value):
         return self._ending_here(self.degree, np.r_[self.knots, b[:-1] + np.diff(b) / 2])
 
     def merge(self, other: Self) -> Self:
-        """Return the knot vector with the knots of both, each as often as in the one that has it more often.
-
-        Raises ValueError : `other` is no knot vector or has another degree, start or stop.
-        """
+        """Return the knot vector with the knots of both, each as often as in the one that has more of it."""
         require_type("other", other, type(self))
         if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
             raise ValueError(f"knot vectors to merge must agree in degree and ends, got {self} and {other}")
@@ -212,10 +194,7 @@ class Knots(Value):
         return self._ending_here(self.degree, np.repeat(values, np.maximum(*counts)))
 
     def rescale(self, start: float, stop: float) -> Self:
-        """Return the knot vector mapped linearly onto [start, stop].
-
-        Raises ValueError : start that is not less than stop, or so near that knots coincide.
-        """
+        """Return the knot vector mapped linearly onto [start, stop]."""
         for name, end in (("start", start), ("stop", stop)):
             require_number(name, end, finite=True)
         start, stop = float(start), float(stop)
@@ -231,10 +210,7 @@ class Knots(Value):
         return type(self)(self.degree, np.select(ends, (self.start, self.stop), t))
 
     def elevate(self) -> Self:
-        """Return the knot vector of degree p + 1 whose splines contain those of this one.
-
-        Raises ValueError : degree 10 already.
-        """
+        """Return the knot vector of degree p + 1 whose splines contain those of this one."""
         return self._ending_here(self.degree + 1, np.r_[self.knots, np.unique(self.knots)])
 
     def _ending_here(self, degree: int, knots: Floats) -> Self:

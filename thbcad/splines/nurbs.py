@@ -97,10 +97,7 @@ class Rational(Spline, Generic[Twin]):
         return self.from_homogeneous(self._polynomial(*knot_vectors, net))
 
     def to_bspline(self) -> Twin:
-        """Return the same spline as a polynomial one.
-
-        Raises ValueError : weights that differ.
-        """
+        """Return the same spline as a polynomial one."""
         if np.ptp(self.weights) != 0:
             raise ValueError(
                 f"a rational spline is polynomial where all weights are equal, got {self.weights.min():g} to "
@@ -114,8 +111,6 @@ class Rational(Spline, Generic[Twin]):
 
         With points within 1 of the origin and weights of at least w, a net that errs by e moves points by at
         most e sqrt(2) / (w - e), certified but for rounding.
-
-        Raises ValueError : tolerance that is negative or NaN.
         """
         require_number("tolerance", tolerance, least=0)
         centre = self.coefficients.reshape(-1, self.coefficients.shape[-1]).mean(axis=0)

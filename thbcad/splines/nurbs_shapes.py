@@ -3,8 +3,6 @@
 Source: L. Piegl and W. Tiller, The NURBS Book, chapters 7 and 8.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -12,8 +12,6 @@ of the refinement matrix (Oslo algorithm).
 Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35.
 """
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

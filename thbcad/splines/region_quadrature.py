@@ -11,8 +11,6 @@ Source: A. Sommariva and M. Vianello, Product Gauss cubature over polygons based
 formula, BIT 47 (2007).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Sparse operators on coefficients: how they are stored, applied to nets, and inverted in least squares."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array

@@ -8,8 +8,6 @@ The net C of a polynomial spline holds its coefficients, that of a rational one 
 Source: L. Piegl and W. Tiller, The NURBS Book, chapters 4 to 6.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, replace
@@ -56,8 +54,6 @@ class AnySpline(Value, ABC):
 
         matrix : (e, d) float, so that (3, 2) puts a plane curve into space; a `Pose` has rotation and shift.
         offset : (e,) float or one number.
-
-        Raises ValueError : scalar coefficients, a matrix or an offset of another shape.
         """
         matrix, offset = (floats(x) for x in (matrix, offset))
         if self.is_scalar:
@@ -79,9 +75,6 @@ class AnySpline(Value, ABC):
         """Return the points of the spline that are closest to given ones, (d,) or (n, d).
 
         tolerance : of the distances, in units of the coefficients; None is 1e-9 of their greatest extent
-
-        Raises ValueError : scalar coefficients; points of another dimension or not finite; a tolerance that
-            is negative or NaN.
         """
         if self.is_scalar:
             raise ValueError("a closest point needs a spline of points, got scalar coefficients")
@@ -204,8 +197,6 @@ class Spline(AnySpline):
 
         The distance is bounded by that of coefficients on equal knots, certified but for rounding.  Of a
         curve, no single knot more can go; of a surface, removal in u uses up to half of the tolerance.
-
-        Raises ValueError : tolerance that is negative or NaN.
         """
         require_number("tolerance", tolerance, least=0)
         return self._with(*thinned(self.knot_vectors, self.net, tolerance))
@@ -225,11 +216,7 @@ class Polynomial(Spline):
     """A spline whose derivatives are splines."""
 
     def derivative(self, *orders: int) -> Self:
-        """Return the spline that is a derivative, of less degree; one order for each direction.
-
-        Raises ValueError : an order that is not a non-negative integer; derivatives that jump, or of degree
-            0.
-        """
+        """Return the spline that is a derivative, of less degree; one order for each direction."""
         for _, order in self._each(orders):
             require_order(order)
         return self._repeated(KnotVector.derivative, orders)

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .surface_picture import value_map
-    from .thb_surface import STRIP, THBSurface
+    from .thb_surface import STRIP, THBSurface, value_map
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

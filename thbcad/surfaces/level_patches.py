@@ -16,8 +16,6 @@ Source: W. Lipski et al., Graph-theoretic algorithms for minimum rectangle parti
 D. Eppstein, Graph-theoretic solutions to computational geometry problems (2009).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

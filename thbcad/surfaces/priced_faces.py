@@ -10,8 +10,6 @@ boxes up, where the faces of both halves together cost more than one face:
 Source: the pruning of L. Breiman et al., Classification and Regression Trees (1984), chapter 3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

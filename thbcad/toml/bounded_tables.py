@@ -3,8 +3,6 @@
 The standard library takes the square of a key's parts, and a level of its stack for every bracket.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from typing import Any

@@ -16,8 +16,6 @@ Nose of radius r on a spiral: with s = z_rho, w^2 = 1 + s^2, G = w^3 - r z_rho_r
 Source: Faux and Pratt, Computational Geometry for Design and Manufacture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draft angles of a lens for moulding: between the pull along z and its faces, in degrees."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -71,8 +71,6 @@ def polar_cells(graph: BSplineSurface) -> Iterator[Cells]:
     """Yield the derivatives of a scalar graph in x, y and round the axis as polynomials on its cells.
 
     The axis is x = y = 0.  The rows are those of `PolarJet`.
-
-    Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
     reach = [max(abs(kv.start), abs(kv.stop)) for kv in (graph.kv_u, graph.kv_v)]
     for cells in bernstein(graph, DERIVATIVES):
@@ -124,8 +122,7 @@ def _times(axis: int, block: Floats, ends: Floats) -> Floats:
     result = np.zeros((degree + 1, *block.shape[1:]))
     result[:-1] += weight[::-1] * ends[0] * block
     result[1:] += weight * ends[1] * block
-    moved: Floats = np.moveaxis(result, 0, axis)
-    return moved
+    return np.moveaxis(result, 0, axis)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,6 @@ On every cell this is put together from the ranges of the derivatives; branch an
 where it matters.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -35,9 +33,7 @@ STRAIGHT, LEVEL, STILL = 1e-6, 1e-3, 0.1
 SECOND_ORDER = 2  # times the first-order bound of an error of 1e-9 covers what is of higher order
 
 
-def greatest_section_curvature(
-    graph: BSplineSurface, tolerance: float = TOLERANCE, outline: Outline | None = None
-) -> Enclosure:
+def greatest_section_curvature(graph: BSplineSurface, outline: Outline | None = None) -> Enclosure:
     """Return certified bounds of the greatest curvature of sections through the axis, z_rho_rho / w^3, 1/mm.
 
     A nose of radius r cuts a spiral without cutting into the graph exactly where r z_rho_rho / w^3 <= 1
@@ -50,19 +46,17 @@ def greatest_section_curvature(
     degrees = graph.kv_u.degree, graph.kv_v.degree
     if min(degrees) < 2:
         raise ValueError(f"curvature needs degree 2 or more in x and y, got degrees {degrees}")
-    return _not_below_zero(greatest(within(polar_cells(graph), outline), _section_curvature, tolerance))
+    return _not_below_zero(greatest(within(polar_cells(graph), outline), _section_curvature, TOLERANCE))
 
 
-def greatest_slope_along_cut(
-    graph: BSplineSurface, tolerance: float = TOLERANCE, outline: Outline | None = None
-) -> Enclosure:
+def greatest_slope_along_cut(graph: BSplineSurface, outline: Outline | None = None) -> Enclosure:
     """Return certified bounds of the greatest slope along circles round the axis, |z_theta| / rho.
 
     outline : Outline or None, only points inside count
 
     Raises ValueError : a graph that is not scalar, derivatives above 1e40.
     """
-    return _not_below_zero(greatest(within(polar_cells(graph), outline), _slope_along_cut, tolerance))
+    return _not_below_zero(greatest(within(polar_cells(graph), outline), _slope_along_cut, TOLERANCE))
 
 
 def greatest_acceleration(

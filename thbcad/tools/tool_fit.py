@@ -12,8 +12,6 @@ holds for positions whose disc lies over the graph; what stands beyond its rim i
 Source: W. Blaschke, Kreis und Kugel, section 24; M. Struwe, Variational Methods, chapter II.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

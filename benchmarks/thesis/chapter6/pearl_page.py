@@ -19,7 +19,6 @@ from benchmarks.thesis.pages import Choice, Picture, Section, Table
 from benchmarks.thesis.records import Results
 
 NUMBER, TITLE = 7, "Girl with a Pearl Earring, a collimated beam, by refinement"
-UNIFORM = (100, 289, 961, 3481, 13225, 51529)  # degrees of freedom of Table 6.2
 METHOD = {
     "thb": "THB refinement",
     "uniform": "uniform refinement",
@@ -105,10 +104,7 @@ def _tables(results: Results) -> list[Table]:
         ("loss", "loss", four),
         *(figure for figure in FIGURES if figure[1] in ("rel_l2", "stray", "roughness")),
     )
-    tables = []
-    for name, row in (("thb", DOF), ("uniform", UNIFORM)):
-        caption = f"{METHOD[name][0].upper()}{METHOD[name][1:]}, at the end of every batch."
-        tables.append(batches(caption, results[name].numbers, row, per_batch))
+    tables = [batches("THB refinement, at the end of every batch.", results["thb"].numbers, DOF, per_batch)]
     at_end = (
         ("DOF", "dof", dof),
         ("loss", "loss", four),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .llvm import load_llvm
     from .lost_interrupts import lost_interrupts_again
     from .order_free_sums import OrderFreeSums
+    from .plain_numbers import plain_number
     from .progress import Phase, Progress, ProgressEvent
     from .systems import POSIX, address_limit, flocked, limit_memory, machine_memory, peak_mb, usable_cores
     from .user_files import read_at_most, reading, require_file_name, require_regular_file

@@ -115,7 +115,7 @@ def expected(
         mass=mass(volume, density) if density else None,
         sag=fit.asked,
         freedom=system.freeforms[-1].freedom,
-        note=start.note(fit),
+        note="" if system.problem.optimizer.start == "flat" else start.note(fit),
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,

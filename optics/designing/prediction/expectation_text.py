@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from optics.base.runtime import plain_number
 from optics.designing.prediction.expectation import Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.light.outgoing import concentration_sentence
@@ -128,8 +129,8 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
 
 
 def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:
-    return f"{_length(system, size)} ({size / expected.pixel:.2g} pixels)"
+    return f"{_length(system, size)} ({plain_number(size / expected.pixel, 2)} pixels)"
 
 
 def _length(system: OpticalSystem, size: float) -> str:
-    return f"{size:.2g} {'degrees' if system.target.far_field else 'mm'}"
+    return f"{plain_number(size, 2)} {'degrees' if system.target.far_field else 'mm'}"

@@ -4,7 +4,7 @@ before it."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import atan2, degrees, hypot, inf
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from optics.scene.system import OpticalSystem
 
 WILL = "this design will miss its limit"
 MAY = "this design may miss its limit"
+ASIDE = 20  # degrees, from which on aiming the lens itself is worth a word: it bends light by about as much
 
 
 def foreseen_misses(
@@ -34,17 +35,30 @@ def foreseen_misses(
         found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=wide, grid=limits.grid)
         if found.reason:  # the blur is as wide as the region
             sentences.append(
-                f"the uniformity may stay undecided: of the base lens {found.reason}; make the region "
-                "larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
+                f"the uniformity may stay undecided: of the base lens {found.reason}; or make the "
+                "region larger, or --set verify.min_over_mean=0 --set verify.min_over_max=0 "
+                "--set verify.rsd=inf"
             )
     if expected.efficiency < limits.lit_efficiency:
         sentences.append(
             f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
             f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
+            f"{_aside(system)}"
         )
     if expected.refused:
         sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")
     return sentences
+
+
+def _aside(system: OpticalSystem) -> str:
+    """Return how far the middle of the target lies off the axis of the one lens, with a remedy, or ""."""
+    target = system.problem.target
+    if target.position is None or system.problem.element:
+        return ""
+    x, y, z = target.position
+    angle = degrees(atan2(hypot(x, y), z - system.lens.thickness))
+    remedy = "aim the axis at the wall: target.distance in place of position, and another target.tilt"
+    return f"; the target's middle lies {angle:.0f} degrees off the axis: {remedy}" if angle > ASIDE else ""
 
 
 def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:

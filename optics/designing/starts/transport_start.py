@@ -196,9 +196,10 @@ class TransportStart:
                 f"{asked}, which would bring rear and front together; raise {optic.key('thickness')} for "
                 "better light"
             )
+        flat = ", or --set optimizer.start=flat, which does without the map" * self._system.source.emitter
         return (
             f"{asked}, more than z_freedom allows: for better light "
-            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
+            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}{flat}"
         )
 
 

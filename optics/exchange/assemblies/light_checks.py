@@ -1,7 +1,5 @@
 """What is proven of the glass and the light of a part, what is traced, and what is left out, in words."""
 
-from __future__ import annotations
-
 from optics.base.runtime import Check
 from optics.exchange.assemblies.light_proof import GLASS, PartLight
 from thbcad.checks import Floats

@@ -7,8 +7,6 @@ makes the refracted direction a positive sum of both.  What leaves the rear is f
 target.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import asin, atan, inf, radians, sin, tan
 

@@ -1,7 +1,5 @@
 """Light traced through front and rear of a lens, and how much of it the faces of a part stop."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isqrt

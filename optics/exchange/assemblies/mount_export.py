@@ -1,7 +1,5 @@
 """A lens with its mount in files for other programs, read back and compared."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

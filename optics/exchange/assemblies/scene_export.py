@@ -1,7 +1,5 @@
 """A scene as one STEP file: its elements where they lie, and source and screen as thin parts on request."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType

@@ -3,8 +3,6 @@
 They take nothing but the file: its faces, and the refractive index in its text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -123,10 +121,7 @@ def _lowest(face: OpticalForm, surface: FreeformSurface) -> float:
 
 
 def index_of(file: StepFile) -> float:
-    """Return the refractive index that the text of a STEP file names.
-
-    Raises OSError : the file cannot be read.  ValueError : it is not whole, or names no index.
-    """
+    """Return the refractive index that the text of a STEP file names."""
     found = {float(m[1]) for words in file.text.labels["material"] if (m := INDEX.match(words))}
     if len(found) != 1:
         raise ValueError(

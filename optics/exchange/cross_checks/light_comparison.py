@@ -10,8 +10,6 @@ whose mean is 0 and whose variance is 1 where both lights are the same.  v is th
 the rays on the pixel; for a count, v = n, the variance of (n - mu)^2 - n is 2 mu^2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import floor, isqrt, sqrt

@@ -1,7 +1,5 @@
 """Checks of the light that an independent program makes through a STEP file."""
 
-from __future__ import annotations
-
 from optics.base.runtime import Check
 from optics.exchange.cross_checks.light_comparison import LightComparison
 from optics.scene.problem import Verify

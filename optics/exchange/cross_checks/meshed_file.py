@@ -52,8 +52,6 @@ def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float,
     """Return the OpticalNodes of a STEP file, at least `least` in each direction of faces that are not plane.
 
     half_widths : of front and rear, mm, for conics that the file bounds by no rectangle.
-
-    Raises OSError : the file cannot be read.  ValueError : it is no lens.
     """
     faces = []
     for number, half_width in zip(optical_faces(file.text), half_widths):

@@ -4,8 +4,6 @@ They share no code with the ray sets that the optimiser and the measure use.  Al
 so that the light on a pixel is a count: its variance is what it has of squared flux.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import cos, radians, sin
 

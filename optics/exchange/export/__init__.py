@@ -18,8 +18,7 @@ if TYPE_CHECKING:
         require_free,
         require_free_files,
     )
-    from .indications import indications_of
-    from .making_sheet import notes_of, sheet_checks, sheet_of
+    from .indications import indications_of, notes_of, sheet_checks, sheet_of
     from .read_back import READERS, read_mesh, require_readers, triangle_checks
     from .sheet_facts import SheetFacts
 

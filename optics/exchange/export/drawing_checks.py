@@ -1,7 +1,5 @@
 """Drawings read back: the curves of their views against the exact surfaces of the lens."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

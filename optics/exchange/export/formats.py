@@ -1,7 +1,5 @@
 """Files of a whole lens for other programs: written, read back by independent code, compared with it."""
 
-from __future__ import annotations
-
 import io
 import tempfile
 from collections.abc import Callable, Sequence

@@ -3,8 +3,6 @@
 Source: ISO 25178-72:2017.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from zipfile import ZipFile

@@ -1,20 +1,31 @@
-"""The indications of a sheet: what is computed, what is customary, what is left open, and what is given."""
+"""The indications of a sheet: what is computed, what is customary, what is left open, and what is given;
+and the sheet with them, read back."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from pathlib import Path
 from typing import Literal
 
-from optics.base.runtime import UserError
-from optics.exchange.export.sheet_facts import FACES, SheetFacts
+from optics.base.runtime import Check, UserError
+from optics.exchange.export.drawing_checks import drawing_checks
+from optics.exchange.export.sheet_facts import FACES, TOLERANCES, SheetFacts
+from thbcad.drawings import Grid, Panel, Sheet, lens_sheet
+from thbcad.lens import Lens
 
 Origin = Literal["computed", "customary", "open", "given"]
 AGREED = "to be agreed"
 LONGEST = 120  # characters of a value
 RIM = 1e-9  # of the gauge: a point on the rim lies outside
 GRADES = ((10.0, "3x0.16"), (30.0, "5x0.25"), (100.0, "5x0.4"), (inf, "5x0.63"))  # up to a width, mm
+PARTS = {"moulded": "moulded plastic part", "cut": "part that is cut, in the manner of ISO 10110"}
+ORIGINS = (
+    "computed: by this program. customary: a proposal. open: to be agreed. given: by the user. "
+    "Nothing here is said to conform to a standard: standards are named for what entries mean."
+)
+NO_TOLERANCES = "thbcad tolerance has not run on this result: what it would compute is left open."
+WITHOUT_BODY = "Views show the lens without lens.body, whose walls lens.step holds."
+ESCAPED = {ord(letter): f"\\{letter}" for letter in "\\()"}  # in texts of PDF
 
 
 @dataclass(frozen=True)
@@ -179,3 +190,44 @@ def _require_settable(name: str, value: str, entries: Mapping[str, _Entry], fact
                 raise ValueError(
                     f"the point {point.strip()} lies in the clear aperture of the {face}; move it out"
                 )
+
+
+def sheet_of(facts: SheetFacts, indications: Sequence[Indication], manner: str, chord: float) -> Sheet:
+    """Return the sheet of a result; chord : mm, the error that curves of its views may have.
+
+    Raises ValueError : as `lens_sheet`.
+    """
+    rows = [(one.name, f"{one.value}  [{one.sentence}]", one.origin) for one in indications]
+    front, rear = (Grid(f"sag of the {face}, mm", *facts.test_points(face)) for face in FACES)
+    panel = Panel(
+        heading=f"Indications: {PARTS[manner]}",
+        rows=tuple(rows),
+        grids=(front, rear),
+        foot=tuple(notes_of(facts)),
+        clear=(facts.clear("front"), facts.clear("rear")),
+    )
+    return lens_sheet(facts.lens, facts.system.product, chord, panel=panel)
+
+
+def notes_of(facts: SheetFacts) -> list[str]:
+    """Return what is to be said of all indications."""
+    form = (facts.tolerance or {}).get("form_error", {})
+    if facts.tolerance is None:
+        said = NO_TOLERANCES
+    elif "sides" in form:
+        said = (
+            f"Form errors are those of {TOLERANCES}: each band by itself raises rel_l2 from "
+            f"{form['rel_l2']:.2%} by {form['rise']:.2%}."
+        )
+    else:
+        said = f"{TOLERANCES} holds no form errors: {' '.join(form.get('sentences', ()))}"
+    return [said, *([WITHOUT_BODY] if facts.system.body else []), ORIGINS]
+
+
+def sheet_checks(lens: Lens, sheet: Sheet, path: Path, name: str) -> list[Check]:
+    """Return the Checks of a sheet that was written: as `drawing_checks`; of a PDF its texts alone."""
+    if name != "pdf":
+        return drawing_checks(lens, sheet, path, name)
+    data = path.read_bytes()
+    texts = (label.text.translate(ESCAPED).encode("cp1252", "replace") for label in sheet.labels)
+    return [Check.none_of("texts missing in the PDF file", sum(b"(%b)" % text not in data for text in texts))]

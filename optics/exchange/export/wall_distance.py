@@ -1,8 +1,6 @@
 """How far points of a mesh lie from the walls of a lens: its ruled edges, or those of an outline and a
 flange."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

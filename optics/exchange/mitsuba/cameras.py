@@ -3,8 +3,6 @@
 Screens may lie anywhere.  They face the light: it goes along the +z of their own frame.
 """
 
-from __future__ import annotations
-
 from math import atan2, degrees, inf, radians, tan
 from types import ModuleType
 from typing import Any
@@ -31,10 +29,7 @@ def placed(mi: ModuleType, pose: Pose) -> Any:
 
 
 def square_pixels(screen: Screen) -> None:
-    """Check that pixels are square, as a camera's are.
-
-    Raises UserError : they are not.
-    """
+    """Check that pixels are square, as a camera's are."""
     (hx, hy), (columns, rows) = screen.half_width, screen.pixels
     if abs(hx * rows / (hy * columns) - 1) > FLAT:
         raise UserError(

@@ -51,10 +51,7 @@ class MeshEngine:
     backend: Backend
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
-        """Return the light model of a system with the meshes of a lens, see `Engine`.
-
-        Raises UserError : as `require_open`.
-        """
+        """Return the light model of a system with the meshes of a lens, see `Engine`."""
         require_open(system)
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(
@@ -113,11 +110,8 @@ class RenderedModel:
         self.traced, self._names = traced, names
         self._mitsuba = current_mitsuba()
         self._backend = mitsuba_backend(self._mitsuba)
-        sensor = {
-            "type": "perspective",
-            "film": {"type": "hdrfilm", "pixel_format": "luminance"},
-        }  # the light model needs none
-        self._sensor = self._mitsuba.load_dict(sensor)
+        film = {"type": "hdrfilm", "pixel_format": "luminance"}  # the light model needs no sensor
+        self._sensor = self._mitsuba.load_dict({"type": "perspective", "film": film})
 
     @property
     def screen(self) -> Screen:

@@ -26,8 +26,6 @@ Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the spline
 which serves every integrator, and this one is no longer needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -129,8 +127,6 @@ def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
     """Return the integrator of a light model, with the channels irradiance, lost, rounding, mi.Integrator.
 
     coefficients : (dim,) of the sags of "front" and "rear", those that are free, front first.
-
-    Raises UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
     parameters = _Parameters(mitsuba_backend(mi), coefficients, lambda sensor, spp: model)

@@ -1,7 +1,5 @@
 """The one place that loads Mitsuba: its version, its LLVM library and its variant."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from importlib.util import find_spec

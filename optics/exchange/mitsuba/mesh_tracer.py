@@ -6,8 +6,6 @@ its own, so that no ray starts on a mesh that it can meet again, and Embree's ro
 through between two triangles: without them those on the grid lines do, and cost 5e-3 of the irradiance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any

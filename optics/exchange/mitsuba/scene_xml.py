@@ -4,8 +4,6 @@ The source is brighter than the problem's, so that the picture of the screen goe
 `irradiance_of_one`.  A second camera looks past the lens at the screen.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Mapping
 from math import pi

@@ -11,8 +11,6 @@ the sag's it is that by the heights of another net over the surface.  Over an ou
 vertices lie on no lines: every one has a row of its own in the matrices of values and slopes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -109,10 +107,7 @@ class SurfaceVertices:
 
     @property
     def space(self) -> THBSpace:
-        """The space of the sag.
-
-        Raises ValueError : a surface without a sag.
-        """
+        """The space of the sag."""
         if self.surface.sag is None:
             raise ValueError("a surface without a sag has no coefficients")
         return self.surface.sag.space

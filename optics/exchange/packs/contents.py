@@ -1,7 +1,5 @@
 """What a pack holds, as one zip whose bytes depend on the result alone."""
 
-from __future__ import annotations
-
 import io
 import json
 import tempfile
@@ -15,9 +13,9 @@ import numpy as np
 
 from optics.base.runtime import Check, UserError, checks_of
 from optics.exchange.export import Body, Labels, export
-from optics.exchange.packs.dense_points import dense_points
 from optics.exchange.packs.expected import (
     Quantity,
+    dense_points,
     light_quantities,
     part_quantities,
     ray_files,
@@ -81,10 +79,7 @@ def packed(result: str, wanted: str) -> Pack:
 
 
 def _verified(folder: ResultFolder) -> dict[str, Any]:
-    """Return the metrics of a result.
-
-    Raises UserError : its STEP file is not verified, or its light not measured.
-    """
+    """Return the metrics of a result."""
     folder.require_recorded(CLAIMS)
     verified, metrics = (json.loads((folder.path / name).read_text("utf-8")) for name in CLAIMS[1:3])
     failed = [check.name for check in checks_of(verified) if check.subject == "file" and not check.ok]

@@ -1,7 +1,5 @@
 """What another program shall find: rays with their landing points, numbers of the part and its light."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from optics.base.runtime import Check
 from optics.light.analysis import rel_l2
 from optics.light.outgoing import outgoing_rays
 from optics.light.tracing import LandingPoints, Tracer
@@ -18,7 +17,8 @@ from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
-from thbcad.lens import Lens
+from thbcad.io import points_text
+from thbcad.lens import ALLOWANCE, DenseGrid, Lens, dense_grid
 
 LISTED, MANY = (100, 100), (1000, 1000)  # rays of the table, and of the files
 PLACES = 0.0, 0.5  # of the half-widths, at which heights are compared
@@ -26,6 +26,8 @@ HEIGHT_NEAR, VOLUME_NEAR = 1e-4, 1e-6  # mm; relative
 ASIDE = 0.1  # of a pixel, by which landing points of another program may be off
 SINGLE = 1e-6  # relative: sums in single precision
 U0_NEAR = 0.05  # of the boxes of a grid, with as many rays as their noise needs
+LINEAR, CUBIC = 1e-3, 1e-6  # mm
+POINTS, SLOPES = 1e-10, 1e-9  # mm, and of slopes: conics are splines within 1e-11 mm
 
 
 @dataclass(frozen=True)
@@ -79,8 +81,6 @@ def ray_files(system: OpticalSystem, lens: Lens, suffix: str) -> tuple[dict[str,
     """Return about 1e6 rays before the lens and as many behind it as files, and those before it.
 
     suffix : of a ray file.
-
-    Raises UserError : rays that the format cannot hold.
     """
     rays = _source_rays(system, lens, MANY)
     unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
@@ -141,3 +141,24 @@ def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Fl
     sums = screen.binned(points, flux)
     light = sums / (screen.pixel_area * screen.projection())
     return np.array([sums.sum(), rel_l2(light, target), light.max()])
+
+
+def dense_points(lens: Lens) -> tuple[dict[str, bytes], list[Check], dict[str, DenseGrid]]:
+    """Return the files of front and rear, what the bounds and the files read back say, and the grids."""
+    files, checks, grids = {}, [], {}
+    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
+    for (word, surface, vertex), graph in zip(faces, lens.own_graphs()):
+        grid = dense_grid(graph, LINEAR - ALLOWANCE, CUBIC - ALLOWANCE)
+        text = points_text(graph, vertex, word == "rear", grid.x, grid.y)
+        files[f"points_{word}.xyz"], grids[word] = text, grid
+        x, y, z, *normal = np.loadtxt(io.BytesIO(text)).T.reshape(6, len(grid.x), len(grid.y))
+        off = z - vertex - surface.grid(x[:, 0], y[0])
+        turned = (n / normal[2] + surface.grid(grid.x, grid.y, o) for n, o in zip(normal, ((1, 0), (0, 1))))
+        by = "XYZ read back by numpy"
+        checks += [
+            Check(f"{word} points, {by}", float(np.abs(off).max()), POINTS, "mm"),
+            Check(f"{word} slopes, {by}", max(float(np.abs(t).max()) for t in turned), SLOPES, ""),
+            Check(f"{word} points, linear between them, bound", grid.linear + ALLOWANCE, LINEAR, "mm"),
+            Check(f"{word} points, cubic between them, bound", grid.cubic + ALLOWANCE, CUBIC, "mm"),
+        ]
+    return files, checks, grids

@@ -1,7 +1,5 @@
 """The README of a pack: its files, which way is up, how to bring it in, and what should come out."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -8,16 +8,18 @@ if TYPE_CHECKING:
     from .checkpoint import read_checkpoint, write_checkpoint
     from .folder_lock import run_lock
     from .identity import data_of, fingerprint, run_id
-    from .live_page_file import LIVE, require_room_for_live_page, write_live_page
     from .owned_files import (
         HASHES,
+        LIVE,
         hashes,
         recorded,
         remove_files,
         require_own,
+        require_room_for_live_page,
         require_writable,
         sha256_of,
         writable_folder,
+        write_live_page,
     )
     from .result_folder import FIGURES, FILES, SCENE, ResultFolder, lens_of, level_files, shape_file
     from .result_writer import ResultWriter

@@ -1,7 +1,5 @@
 """The checkpoint of an unfinished run: JSON that keeps every bit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

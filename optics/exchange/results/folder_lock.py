@@ -5,8 +5,6 @@ readers share it, and the file says who holds it.  Elsewhere it is the exclusive
 ask for it is to hold it for a moment.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext

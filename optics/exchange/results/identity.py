@@ -1,7 +1,5 @@
 """Which problem, and which run: texts and hashes that tell them apart."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,9 +1,8 @@
 """Files that this program wrote: a record beside them holds the SHA-256 of each.
 
-What no record holds, or was changed since, belongs to somebody else and is not replaced unasked.
+What no record holds, or was changed since, belongs to somebody else and is not replaced unasked.  The page
+that shows a run belongs to the last run, and no record speaks of it.
 """
-
-from __future__ import annotations
 
 import hashlib
 import json
@@ -12,9 +11,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from optics.base.runtime import UserError, is_text
+from thbcad.io import write_text
 
 HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
 NAMED = 3  # files in a sentence
+LIVE = "live.html"
+MARK = "<!-- a live page of thbcad: the next run in this folder replaces it -->\n"
 
 
 def sha256_of(path: Path) -> str:
@@ -116,3 +118,24 @@ def _never(folder: Path) -> str:
         if way.exists() and not way.is_dir():
             return f"{way} is no folder"
     return ""
+
+
+def write_live_page(folder: Path, page: str) -> None:
+    """Write the page, with the mark that tells it from files of others."""
+    write_text(folder / LIVE, page + MARK)
+
+
+def remove_live_page(folder: Path) -> None:
+    """Remove the page of an earlier run; a file of somebody else stays."""
+    path = folder / LIVE
+    if path.is_file() and path.read_bytes().endswith(MARK.encode()):
+        path.unlink()
+
+
+def require_room_for_live_page(folder: Path, force: bool) -> None:
+    """Raise UserError where a folder, or without `force` a file of somebody else, would be replaced."""
+    path = folder / LIVE
+    if path.is_dir() or (path.exists() and not force):
+        raise UserError(
+            f"{path} would be replaced, but is no page of this program; move it, or leave out --live"
+        )

@@ -4,8 +4,6 @@ A result is one thing.  Its record `result.json` is written last and holds the h
 folder without it, or with files that it does not speak of, is not a result.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -19,8 +17,15 @@ from optics.designing.optimisation import Row
 from optics.exchange.results.checkpoint import checkpoint_owner
 from optics.exchange.results.folder_lock import require_no_run, run_lock
 from optics.exchange.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
-from optics.exchange.results.live_page_file import LIVE, remove_live_page
-from optics.exchange.results.owned_files import HASHES, recorded, require_own, sha256_of, writable_folder
+from optics.exchange.results.owned_files import (
+    HASHES,
+    LIVE,
+    recorded,
+    remove_live_page,
+    require_own,
+    sha256_of,
+    writable_folder,
+)
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from thbcad.io import read_lens

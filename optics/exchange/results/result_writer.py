@@ -4,8 +4,6 @@ Claims of an earlier result go first, then come problem, lens and solid, then th
 last.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import os

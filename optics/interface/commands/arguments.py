@@ -9,10 +9,12 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    bench_options,
     chord_option,
-    force_option,
+    pack_options,
     problem_options,
     ray_options,
+    relight_options,
     road_options,
     sheet_options,
     sweep_options,
@@ -88,8 +90,7 @@ def _common_options(command: CommandParser) -> None:
 
 def _design_options(command: CommandParser) -> None:
     problem_options(command)
-    command.option("--out", "DIR", "result folder (default: exports/NAME of the problem file)")
-    force_option(command)
+    command.out("DIR", "result folder (default: exports/NAME of the problem file)")
     command.option(
         "--engine",
         "NAME",
@@ -152,8 +153,7 @@ def _verify_options(command: CommandParser) -> None:
     command.option(
         "--rays", "N", "with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)"
     )
-    command.option("--out", "DIR", "with --light: folder to write (default: RESULT/verify_light)")
-    force_option(command)
+    command.out("DIR", "with --light: folder to write (default: RESULT/verify_light)")
 
 
 def _export_options(command: CommandParser) -> None:
@@ -218,20 +218,7 @@ def _export_options(command: CommandParser) -> None:
     )
     ray_options(command)
     chord_option(command)
-    force_option(command)
-
-
-def _pack_options(command: CommandParser) -> None:
-    command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.add_argument(
-        "--for",
-        dest="program",
-        choices=("zemax", "lighttools", "speos", "shop"),
-        required=True,
-        help="whom the pack is for; shop: who makes the lens, without rays and light",
-    )
-    command.option("--out", "FILE", "zip to write", required=True)
-    force_option(command)
+    command.force()
 
 
 def _trace_options(command: CommandParser) -> None:
@@ -243,8 +230,7 @@ def _trace_options(command: CommandParser) -> None:
         default="double",
         help="of the sequential trace (default: double)",
     )
-    command.option("--out", "DIR", "folder to write (default: RESULT/trace)")
-    force_option(command)
+    command.out("DIR", "folder to write (default: RESULT/trace)")
 
 
 def _etendue_options(command: CommandParser) -> None:
@@ -256,32 +242,7 @@ def _etendue_options(command: CommandParser) -> None:
         type=float,
     )
     command.option("--measure", "RESULT", "also measure the images of the source that a designed lens throws")
-    command.option("--out", "FILE.png", "picture of target, both rungs and the source's image")
-    force_option(command)
-
-
-def _relight_options(command: CommandParser) -> None:
-    command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.option(
-        "--source",
-        "LIGHT",
-        "sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
-        required=True,
-    )
-    command.option("--out", "FILE.png", "picture: asked for, as designed, in other light")
-    force_option(command)
-
-
-def _bench_options(command: CommandParser) -> None:
-    command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
-    command.switch("--store", "also keep the results in docs/data/NAME.json")
-    command.switch("--quick", "a small version (of thesis or others)")
-    command.option("--only", "N", "one study (of thesis) or lens (of gallery)", type=int)
-    command.switch("--resume", "run only what is missing (of thesis)")
-    command.switch(
-        "--markdown",
-        "run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
-    )
+    command.out("FILE.png", "picture of target, both rungs and the source's image")
 
 
 # by name: what the command does, and what adds its options
@@ -300,7 +261,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
     "sheet": ("write the drawing of the lens with its indications for the shop", sheet_options),
     "pack": (
         "put part, drawing, points, rays and expected light into one zip for another program or the shop",
-        _pack_options,
+        pack_options,
     ),
     "trace": (
         "trace the lens of a result folder again: flux by fate, reflections, phase space",
@@ -310,7 +271,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         "what light the source can make at all: what etendue forbids, what one blur would cost",
         _etendue_options,
     ),
-    "relight": ("show a finished design in other light", _relight_options),
+    "relight": ("show a finished design in other light", relight_options),
     "road": ("judge a road under lamps with this light by its lighting class, EN 13201", road_options),
     "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
     "tolerance": (
@@ -325,6 +286,6 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         "show the light of a lens as it was made, from measured points of its surface",
         asbuilt_options,
     ),
-    "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
+    "bench": ("run a benchmark of a checkout and print its results beside their limits", bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

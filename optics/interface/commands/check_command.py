@@ -25,6 +25,8 @@ from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
+from optics.scene.limits import position
+from optics.scene.problem import AUTO
 from optics.scene.system import OpticalSystem, advice, skip_lines
 
 
@@ -32,7 +34,7 @@ def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
     system = system_of(options)
     with speaking_of(options.problem):
-        backend = system.backend
+        backend, chosen = system.backend, any(free.z_freedom == AUTO for free in system.freeforms)
         system, start = resolved(system, backend)
         expectation, plan = expected(system, backend, start)
         fire = fire_warning(system, expectation.concentration)
@@ -48,8 +50,7 @@ def check(options: Namespace) -> Outcome:
             f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
             f"{data['dark_share']:.0%} of them dark",
             *_side_lines(system),
-            "before optimisation: "
-            f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
+            f"before optimisation: least thickness {least.value:.4g} mm {position(least)}",
             *expectation_lines(system, expectation),
         ]
         lines += [
@@ -61,7 +62,9 @@ def check(options: Namespace) -> Outcome:
         if limits is not None:
             data["blur"] = asdict(limits)
             lines.append(f"blur: {blur_sentence(system, limits)}")
-        lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
+        lines += [
+            f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))
+        ]
         return Outcome(data, lines)
 
 
@@ -103,10 +106,10 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
     }
 
 
-def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
-    """Return sentences about what does not suit the problem."""
+def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> list[str]:
+    """Return sentences about what does not suit the problem.  chosen : whether z_freedom was left to us."""
     notes = [expectation.note] if expectation.note else []
-    if any(can_cross(system)):
+    if any(can_cross(system)) and not chosen:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )

@@ -14,15 +14,8 @@ from optics.base.runtime import UserError, is_text
 from optics.scene.problem import cannot_do
 
 CHOICE = re.compile(r"invalid choice: '(\w+)'")  # of argparse
-PATHS = (
-    "PROBLEM.toml",
-    "RESULT",
-    "LENS",
-    "DIR",
-    "FILE",
-    "FILE.png",
-    "FILE.toml",
-)  # what arguments call a path
+# what arguments call a path
+PATHS = "PROBLEM.toml", "RESULT", "LENS", "DIR", "FILE", "FILE.png", "FILE.toml"
 
 
 def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
@@ -58,12 +51,6 @@ def require_paths(options: Namespace, command: ArgumentParser) -> None:
             raise UserError(f"{name} must be a path, got ''; {command.prog} --help says more")
 
 
-def refused_choice(message: str) -> str:
-    """Return why the choice that argparse's message refuses cannot be, "" where it is a word like others."""
-    found = CHOICE.search(message)
-    return cannot_do(found[1]) if found else ""
-
-
 def _meant(word: str, known: Iterable[str]) -> str:
     """Return " (did you mean WORD?)", or "" where no known word resembles it."""
     near = get_close_matches(word, known, 1)
@@ -81,8 +68,19 @@ class CommandParser(ArgumentParser):
         """Add an option without a value, which is False where it is not given."""
         self.add_argument(name, action="store_true", help=help)
 
+    def out(self, metavar: str, help: str, **settings: Any) -> None:
+        """Add --out, what is written, and --force beside it.  settings : as of `add_argument`."""
+        self.option("--out", metavar, help, **settings)
+        self.force()
+
+    def force(self) -> None:
+        """Add --force."""
+        self.switch("--force", "replace files that another problem or program wrote")
+
     def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message}; {refused_choice(message) or f'{self.prog} --help says more'}")
+        choice = CHOICE.search(message)
+        why = choice and cannot_do(choice[1])  # of a word like others it says nothing
+        raise UserError(f"{message}; {why or f'{self.prog} --help says more'}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help or version; argparse would pass over an OSError."""

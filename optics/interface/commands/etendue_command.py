@@ -50,7 +50,11 @@ def etendue(options: Namespace) -> Outcome:
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     out = picture_path(options)
-    system = _resolved_base(system_of(options))
+    system = system_of(options)
+    if system.problem.optic.automatic:
+        from optics.designing.prediction import resolved  # few problems ask
+
+        system, _ = resolved(system, system.backend)
     passing = throughput(system)
     data: dict[str, Any] = {
         "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
@@ -153,15 +157,6 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
         f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
         *_blur_lines(system, images, data, True),
     ]
-
-
-def _resolved_base(system: OpticalSystem) -> OpticalSystem:
-    """Return the system with numbers for a base lens that is left to the program."""
-    if not system.problem.optic.automatic:
-        return system
-    from optics.designing.prediction import resolved  # few problems ask
-
-    return resolved(system, system.backend)[0]
 
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:

@@ -1,4 +1,4 @@
-"""The options of commands on making a design, and those that several commands have."""
+"""The options of commands that take a result, and those that several commands have."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def sweep_options(command: CommandParser) -> None:
         "the folder must hold this sweep; what is done is not computed again, with or without this",
     )
     command.switch("--lenses", "also keep the lens of every variant; those stored without are designed again")
-    force_option(command)
+    command.force()
 
 
 def tolerance_options(command: CommandParser) -> None:
@@ -63,8 +63,7 @@ def tolerance_options(command: CommandParser) -> None:
         "--periods", "SHORTEST:LONGEST", "with --samples: of these form errors, mm (default: 2:20)"
     )
     worker_options(command)
-    command.option("--out", "DIR", "folder to write (default: RESULT)")
-    force_option(command)
+    command.out("DIR", "folder to write (default: RESULT)")
 
 
 def tool_options(command: CommandParser) -> None:
@@ -97,8 +96,7 @@ def tool_options(command: CommandParser) -> None:
     command.add_argument(
         "--surface", choices=("front", "rear"), help="to be cut (default: every one that is no plane)"
     )
-    command.option("--out", "DIR", "folder to write (default: RESULT/tool)")
-    force_option(command)
+    command.out("DIR", "folder to write (default: RESULT/tool)")
 
 
 def asbuilt_options(command: CommandParser) -> None:
@@ -124,8 +122,7 @@ def asbuilt_options(command: CommandParser) -> None:
         help="which frame the made lens gets; both are reported (default: datums)",
     )
     command.switch("--step", "also write lens.step of the made lens")
-    command.option("--out", "DIR", "folder to write (default: RESULT/asbuilt)")
-    force_option(command)
+    command.out("DIR", "folder to write (default: RESULT/asbuilt)")
 
 
 def road_options(command: CommandParser) -> None:
@@ -179,7 +176,45 @@ def sheet_options(command: CommandParser) -> None:
         default=[],
     )
     chord_option(command)
-    force_option(command)
+    command.force()
+
+
+def pack_options(command: CommandParser) -> None:
+    """Add the options of `thbcad pack`."""
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--for",
+        dest="program",
+        choices=("zemax", "lighttools", "speos", "shop"),
+        required=True,
+        help="whom the pack is for; shop: who makes the lens, without rays and light",
+    )
+    command.out("FILE", "zip to write", required=True)
+
+
+def relight_options(command: CommandParser) -> None:
+    """Add the options of `thbcad relight`."""
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.option(
+        "--source",
+        "LIGHT",
+        "sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
+        required=True,
+    )
+    command.out("FILE.png", "picture: asked for, as designed, in other light")
+
+
+def bench_options(command: CommandParser) -> None:
+    """Add the options of `thbcad bench`."""
+    command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
+    command.switch("--store", "also keep the results in docs/data/NAME.json")
+    command.switch("--quick", "a small version (of thesis or others)")
+    command.option("--only", "N", "one study (of thesis) or lens (of gallery)", type=int)
+    command.switch("--resume", "run only what is missing (of thesis)")
+    command.switch(
+        "--markdown",
+        "run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
+    )
 
 
 def chord_option(command: CommandParser) -> None:
@@ -216,11 +251,6 @@ def problem_options(command: CommandParser) -> None:
         action="append",
         default=[],
     )
-
-
-def force_option(command: CommandParser) -> None:
-    """Add --force."""
-    command.switch("--force", "replace files that another problem or program wrote")
 
 
 def worker_options(command: CommandParser) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import fields
 from pathlib import Path
 
 from optics.base.runtime import check_lines, verification
@@ -18,17 +19,7 @@ PICTURES = ("tool_front.png", "tool_rear.png")
 
 def tool(options: Namespace) -> Outcome:
     """Try a tool on the lens of a result folder."""
-    order = ToolOrder(
-        ball=options.ball,
-        nose=options.nose,
-        step=options.step,
-        feed=options.feed,
-        rows=options.rows,
-        rpm=options.rpm,
-        acceleration=options.acceleration,
-        surface=options.surface,
-        speed=options.speed,
-    )
+    order = ToolOrder(**{field.name: getattr(options, field.name) for field in fields(ToolOrder)})
     system, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "tool")
     writable_folder(folder)

@@ -11,7 +11,7 @@ from optics.base.runtime import UserError
 from optics.scene.problem import Freeform, Problem
 from optics.scene.system import OpticalSystem
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import Lens
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
@@ -29,7 +29,8 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
     if problem.lens is None:
         raise UserError("a lens that is there already lies on the axis: take a problem with [lens]")
     if lens.front.sag is None and lens.rear.sag is None:
-        lens = replace(lens, rear=_with_zeros(lens.rear))
+        space = THBSpace(*(KnotVector.uniform(Freeform.degree, 1, -h, h) for h in lens.rear.half_width))
+        lens = replace(lens, rear=lens.rear.with_sag(THBSurface(space, np.zeros(space.dim))))
     keys: dict[str, Any] = {"lens.thickness": lens.thickness, **_outline_keys(lens)}
     if OpticalSystem(problem).problem.optic.known_index != lens.index:
         keys["lens.index"] = lens.index
@@ -41,12 +42,6 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
             f"lens.{name}.freeform": False if surface.sag is None else vars(_freeform(surface.sag)),
         }
     return problem.with_(**keys), lens
-
-
-def _with_zeros(surface: FreeformSurface) -> FreeformSurface:
-    kv = [KnotVector.uniform(Freeform.degree, 1, -h, h) for h in surface.half_width]
-    space = THBSpace(*kv)
-    return replace(surface, sag=THBSurface(space, np.zeros(space.dim)))
 
 
 def _freeform(sag: THBSurface) -> Freeform:

@@ -74,7 +74,8 @@ def metric_plots(sweep: Sweep) -> dict[str, bytes]:
                 others = [f"{key} {cell(at)}" for key, at in zip(sweep.keys, row.values)]
                 name = ", ".join(others[:along] + others[along + 1 :])
                 lines[name].append((row.values[along], cast("float", value)))
-        if _varies([value for line in lines.values() for _, value in line]):
+        numbers = [value for line in lines.values() for _, value in line]
+        if numbers and max(numbers) - min(numbers) > max(ROUNDING * max(map(abs, numbers)), TINY):
             plots[metric] = _plot(sweep.keys[along], metric, lines)
     return plots
 
@@ -112,11 +113,6 @@ def _plot(key: str, metric: str, lines: dict[str, Line]) -> bytes:
     if len(shown) > 1:
         axes.legend(fontsize=6, title="" if len(lines) == len(shown) else f"{len(shown)} of {len(lines)}")
     return png_bytes(figure)
-
-
-def _varies(numbers: list[float]) -> bool:
-    """Return whether numbers differ by more than rounding."""
-    return bool(numbers) and max(numbers) - min(numbers) > max(ROUNDING * max(map(abs, numbers)), TINY)
 
 
 def _is_number(value: Any) -> bool:

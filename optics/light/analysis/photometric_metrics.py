@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
+from optics.base.runtime import plain_number
 from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
 from optics.scene.receivers import FarField, Plane, Screen
 from optics.scene.system import OpticalSystem
@@ -126,14 +127,14 @@ def _uniformity_line(found: dict[str, Any], density: Density) -> str:
     across, down = found[f"box_{unit}"]
     edge = found[f"edge_width_{unit}"]
     mean = f"mean {found[f'lit_mean_{density.suffix}']:.4g} {density.shown}"
-    border = "" if edge is None else f"; edge from 90 to 10 % {edge:.3g} {unit} wide"
+    border = "" if edge is None else f"; edge from 90 to 10 % {plain_number(edge, 3)} {unit} wide"
     if found["min_over_mean"] is None:
         return f"uniformity not known, since {found['reason']}; {mean}{border}"
     return (
         f"uniformity U0 = {symbol}_min/{symbol}_mean {found['min_over_mean']:.3f}, "
         f"{symbol}_min/{symbol}_max {found['min_over_max']:.3f}, rsd {found['rsd']:.3f} "
-        f"on {found['boxes']} boxes of {across:.3g} x {down:.3g} {unit}, with a noise of "
-        f"{found['noise']:.1%} at most; {mean}{border}"
+        f"on {found['boxes']} boxes of {plain_number(across, 3)} x {plain_number(down, 3)} {unit}, "
+        f"with a noise of {found['noise']:.1%} at most; {mean}{border}"
     )
 
 

@@ -1,7 +1,5 @@
 """Figures as PNG, and pictures whose pixels are whole numbers of pixels of the figure (matplotlib)."""
 
-from __future__ import annotations
-
 import io
 from math import log
 from typing import cast
@@ -98,8 +96,7 @@ def plane_figure(
     )
     axes.spines[:].set_visible(False)  # the frame is drawn by `_place`
     axes.spines[:].set_position(("outward", BESIDE))
-    axes.set_xlabel(f"x / {unit}")
-    axes.set_ylabel(f"y / {unit}")
+    axes.set(xlabel=f"x / {unit}", ylabel=f"y / {unit}")
     slack = ROUNDING * (limits[1] - limits[0])
     beyond = bool(data.min() < limits[0] - slack), bool(data.max() > limits[1] + slack)
     scale = figure.add_axes((0.9, 0.1, 0.05, 0.8))

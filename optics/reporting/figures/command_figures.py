@@ -2,8 +2,6 @@
 (thesis 2.3; matplotlib).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -130,9 +128,7 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
             cmap="viridis",
             rasterized=True,
         )
-        panel.set_xlim(-widest, widest)
-        panel.set_xlabel("y / mm")
-        panel.set_ylabel("q = n sin(angle to the axis)")
+        panel.set(xlim=(-widest, widest), xlabel="y / mm", ylabel="q = n sin(angle to the axis)")
         panel.set_title(name, fontsize=10)
     figure.colorbar(shown, label="y on the source / mm")
     return png_bytes(figure)
@@ -180,10 +176,9 @@ def fresnel_figure(backend: Backend, index: float) -> bytes:
             panel.axvline(np.degrees(critical), color="0.6", lw=0.8, ls=":")
             title += f"; total reflection from {np.degrees(critical):.2f} degrees on"
         panel.set_title(title, fontsize=9)
-        panel.set_xlabel("angle of incidence / degrees")
-        panel.set_xlim(0, 90)
-        panel.set_xticks(range(0, 91, 15))
-        panel.set_ylim(0, 1.02)
+        panel.set(
+            xlabel="angle of incidence / degrees", xlim=(0, 90), xticks=range(0, 91, 15), ylim=(0, 1.02)
+        )
         panel.grid(alpha=0.3)
     axes[0].set_ylabel("transmittance")
     axes[0].legend(frameon=False)

@@ -1,7 +1,5 @@
 """The two pictures of intensity that lighting engineers read: polar curves and lines of equal intensity."""
 
-from __future__ import annotations
-
 from math import ceil
 from typing import cast
 
@@ -20,15 +18,9 @@ SIZE = (5.2, 4.8)  # inches
 LOOKS = {"C0-C180": ("tab:blue", 2.4), "C90-C270": ("tab:orange", 1.1)}  # the first is seen behind the second
 STEPS = (1, 2, 5, 10, 15, 30)  # degrees between the rays of a polar diagram
 MOST_STEPS = 6  # of them on either side
-SHARES = (
-    0.1,
-    0.25,
-    0.5,
-    0.75,
-)  # of the peak, at which lines of equal intensity are drawn; higher ones show ripple
-LINES = plt.get_cmap("viridis")(
-    np.linspace(0, 0.85, len(SHARES))
-)  # their colours; lighter ones are hard to see
+# of the peak, at which lines of equal intensity are drawn; higher ones show ripple
+SHARES = (0.1, 0.25, 0.5, 0.75)
+LINES = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(SHARES)))  # lighter ones are hard to see
 FINEST = 128  # pixels of these lines in each direction: finer ones show ripples, not the beam
 
 
@@ -96,9 +88,9 @@ def _isocandela(light: Floats, wanted: Floats, screen: Screen, unit: str) -> byt
     words = [f"{level:.4g} {unit} ({share:.0%} of the peak)" for level, share in zip(levels, SHARES)]
     named = [Line2D([], [], color=colour, label=text) for colour, text in zip(LINES, words)]
     figure.legend(handles=named, fontsize=8, loc="outside lower center", ncols=2)
-    axes.set_aspect("equal")
-    axes.set_xlabel("angle towards +x (C0) / degrees")
-    axes.set_ylabel("angle towards +y (C270) / degrees")
+    axes.set(
+        aspect="equal", xlabel="angle towards +x (C0) / degrees", ylabel="angle towards +y (C270) / degrees"
+    )
     axes.grid(alpha=0.3)
     return png_bytes(figure)
 

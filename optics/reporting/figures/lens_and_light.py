@@ -1,7 +1,5 @@
 """The pictures of a report (matplotlib)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 
@@ -12,14 +10,14 @@ from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from optics.designing.optimisation import Row, Stage
-from optics.light.analysis import Measurement, counted_ways
+from optics.light.analysis import Measurement, counted_ways, fringe
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
-from optics.reporting.figures.colours_of_light import colour_figures
 from optics.reporting.figures.intensity_diagrams import intensity_figures
-from optics.reporting.figures.overview import relative_light
+from optics.reporting.figures.overview import cell_corners, relative_light
 from optics.reporting.figures.scene_figure import LENS
-from optics.reporting.view import within_foot
+from optics.reporting.view import block_means, within_foot
+from optics.scene.photometry import srgb
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
@@ -32,6 +30,8 @@ Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order o
 LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
 DARK = 0.75  # of the colours, from which on they are too light for thin lines
 SAMPLES = 400  # of a sag, along the longer side
+MOST = 0.995  # quantile of the fringe at which its scale ends
+LEAST_SCALE = 1e-3  # in (u', v'): a tenth of what an eye sees between two fields
 
 
 def light_figures(
@@ -144,11 +144,7 @@ def _sag(surface: FreeformSurface) -> bytes:
 
 def _mesh(space: THBSpace, outline: Outline) -> bytes:
     (hx, hy), cells = outline.half_width, space.cells
-    (x0, x1), (y0, y1) = (
-        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
-        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
-    )
-    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
+    corners = cell_corners(space, outline.half_width)
     figure, axes = new_figure()
     # one path per level, which is much faster than one per cell
     levels = np.unique(cells[:, 0])
@@ -162,11 +158,7 @@ def _mesh(space: THBSpace, outline: Outline) -> bytes:
         one = np.ones(SAMPLES)
         rim = np.hstack([(along, -one), (one, along), (-along, one), (-one, -along)])
         axes.plot(*outline.filled(hx * rim[0], hy * rim[1]), color="tab:red", lw=0.8)
-    axes.set_xlim(-hx, hx)
-    axes.set_ylim(-hy, hy)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x / mm")
-    axes.set_ylabel("y / mm")
+    axes.set(xlim=(-hx, hx), ylim=(-hy, hy), aspect="equal", xlabel="x / mm", ylabel="y / mm")
     axes.set_title(
         f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9
     )
@@ -177,8 +169,7 @@ def _rays(solid: Solid, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
     figure, axes = new_figure()
     draw_fan(axes, solid, fan)
-    axes.set_xlabel("z / mm")
-    axes.set_ylabel("y / mm")
+    axes.set(xlabel="z / mm", ylabel="y / mm")
     return png_bytes(figure)
 
 
@@ -206,9 +197,9 @@ def draw_fan(axes: Axes, solid: Solid, fan: Sequence[RayPath]) -> None:
             lw=0.8,
             color="tab:green" if path.fate.endswith("on_target") else "tab:red",
         )
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    axes.set_aspect("equal")
+    axes.set(
+        xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal"
+    )
 
 
 def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
@@ -226,7 +217,50 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.legend(fontsize=8)
-    axes.set_xlabel("evaluations of loss and gradient")
-    axes.set_ylabel("||E - T|| / ||T||")
+    axes.set(xlabel="evaluations of loss and gradient", ylabel="||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")
+    return png_bytes(figure)
+
+
+def colour_figures(
+    system: OpticalSystem, measurement: Measurement, unit: str
+) -> dict[str, tuple[str, bytes]]:
+    """Return (caption, PNG) of the picture in colour and of the colour fringe, by name.
+
+    Without a spectrum, or where no light is visible, there are none.  unit : of lengths on the target.
+    """
+    if measurement.colour is None:
+        return {}
+    source, numbers = system.problem.source, measurement.metrics["colour"]
+    half_width = system.target.settings.half_width
+    named = source.spectrum if isinstance(source.spectrum, str) else f"{len(system.wavelengths)} wavelengths"
+    of_unit_flux = [wavelength.weight * np.array(wavelength.xyz) for wavelength in system.wavelengths]
+    white = np.sum(of_unit_flux, axis=0) * measurement.target.max()
+    if not white[1]:
+        return {}
+    distance = fringe(system, measurement.colour)
+    seen = distance[np.isfinite(distance)]
+    top = max(float(np.quantile(seen, MOST)), LEAST_SCALE) if seen.size else LEAST_SCALE
+    return {
+        "colour": (
+            f"The light of {named} in colour, seen by an eye adapted to it; white is the brightest light "
+            "asked for. Colours that sRGB cannot show are mixed with grey.",
+            _colour_picture(srgb(measurement.colour, white), half_width, unit),
+        ),
+        "fringe": (
+            "Colour fringe: distance of the chromaticity (u', v') from that of the source. The same ray "
+            f"lands {numbers['shift']:.3g} {unit} ({numbers['shift_pixels']:.2g} pixels) apart at "
+            f"{numbers['from_nm']:.0f} and {numbers['to_nm']:.0f} nm on average.",
+            plane_figure(distance, half_width, unit, "distance in (u', v')", "magma", (0, top)),
+        ),
+    }
+
+
+def _colour_picture(picture: Floats, half_width: tuple[float, float], unit: str) -> bytes:
+    """Draw an sRGB picture, (3, rows, columns)."""
+    (hx, hy), side = half_width, block(picture.shape[1:])
+    figure, axes = new_figure()
+    shown = block_means(np.moveaxis(picture, 0, -1), side)
+    axes.imshow(shown, extent=(-hx, hx, -hy, hy), interpolation="nearest")
+    axes.set(xlabel=f"x / {unit}", ylabel=f"y / {unit}")
     return png_bytes(figure)

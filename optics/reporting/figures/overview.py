@@ -4,8 +4,6 @@ and notebooks (matplotlib).
 pyplot and its choice of a backend are left alone: they belong to the script.
 """
 
-from __future__ import annotations
-
 import io
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,6 +22,7 @@ from optics.light.analysis import Measurement, counted_ways
 from optics.reporting.figures.canvas import plt, png_bytes
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
+from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 
 # title, light, colours, and the ends of their scale
@@ -140,22 +139,25 @@ def level_figure(
     return caption, png_bytes(figure)
 
 
+def cell_corners(space: THBSpace, half_width: tuple[float, float]) -> Floats:
+    """Return the corners of the leaf cells of a space over a rectangle, counter-clockwise, (cells, 4, 2)."""
+    (x0, x1), (y0, y1) = (
+        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
+        for d, (h, kv) in enumerate(zip(half_width, (space.kv_u, space.kv_v)))
+    )
+    return np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
+
+
 def _mesh(axes: Axes, surface: FreeformSurface, gradient: Floats) -> None:
     """Draw the leaf cells coloured by gradient per area, relative to the greatest."""
     assert surface.sag is not None
     space, (hx, hy) = surface.sag.space, surface.half_width
-    (x0, x1), (y0, y1) = (
-        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
-        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
-    )
-    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
-    density = gradient / ((x1 - x0) * (y1 - y0))
+    corners = cell_corners(space, surface.half_width)
+    density = gradient / (corners[:, 2] - corners[:, 0]).prod(axis=1)
     greatest = float(density.max()) or 1.0
     cells = PolyCollection(
         list(corners), cmap="viridis", norm=LogNorm(10.0**-DECADES, 1.0), edgecolors="0.5", linewidths=0.15
     )
     cells.set_array(np.maximum(density / greatest, 10.0**-DECADES))
     axes.add_collection(cells)
-    axes.set_xlim(-hx, hx)
-    axes.set_ylim(-hy, hy)
-    axes.set_aspect("equal")
+    axes.set(xlim=(-hx, hx), ylim=(-hy, hy), aspect="equal")

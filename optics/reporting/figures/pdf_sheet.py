@@ -1,7 +1,5 @@
 """A drawing sheet as PDF, at its scale; its texts are Helvetica, which every reader of PDF has."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

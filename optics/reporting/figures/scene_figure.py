@@ -2,8 +2,6 @@
 element and lit target with rays between them, seen obliquely.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
@@ -191,8 +189,7 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
         for rims in stops:
             _stop(axes, scene, rims)
         (left, low), (right, high) = box
-        axes.set_xlim(left, right)
-        axes.set_ylim(low, high)
+        axes.set(xlim=(left, right), ylim=(low, high))
     under = caption(system.problem, scene)
     size = min(9.0, 9.0 * LETTERS / len(under))
     figure.text(0.5, 0.1 / (height + TEXT), under, fontsize=size, ha="center")

@@ -1,7 +1,5 @@
 """Pictures of tolerances, form errors and lenses made within them: what each costs, and their light."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from optics.light.analysis import unit_mean
@@ -76,8 +74,7 @@ def allowed_figure(errors: FormErrors) -> bytes:
         ):
             shown = np.repeat(NM * np.array(heights), 2)
             axes.loglog(periods, shown, line, color=colour, label=f"{cost.side}, {label}")
-    axes.set_xlabel("period / mm")
-    axes.set_ylabel("allowed height error / nm")
+    axes.set(xlabel="period / mm", ylabel="allowed height error / nm")
     axes.grid(alpha=0.3, which="both")
     axes.legend(frameon=False)
     return png_bytes(figure)
@@ -128,8 +125,7 @@ def spread_figure(made: MonteCarlo) -> bytes:
     for colour, (name, value) in zip(("k", "C3", "C1", "C2"), lines.items()):
         if np.isfinite(value):
             axes.axvline(100 * value, color=colour, label=f"{name}: {value:.2%}")
-    axes.set_xlabel("rel_l2 / %")
-    axes.set_ylabel("lenses")
+    axes.set(xlabel="rel_l2 / %", ylabel="lenses")
     axes.legend(frameon=False, fontsize=8)
     return png_bytes(figure)
 

@@ -1,7 +1,5 @@
 """Pictures of a tool on a lens: where it is tight, how its cusps blur, how hard it moves (matplotlib)."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -92,8 +90,7 @@ def _acceleration(figure: Figure, axes: Axes, surface: SurfaceFindings, motion: 
         _, u, v = gaps.worst()
         axes.plot([u], [v], "o", mfc="none", mec="tab:orange", ms=9)
     reach = 1.03 * motion.cut.radius
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(-reach, reach)
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
     axes.set_title("|z''| / omega^2 in mm", fontsize=10)
 
 
@@ -122,5 +119,4 @@ def _map(
 def _finish(axes: Axes, worst: tuple[float, float] | None) -> None:
     if worst is not None:
         axes.plot(*([a] for a in worst), "o", mfc="none", mec="tab:red", ms=11, mew=1.5, clip_on=False)
-    axes.set_xlabel("x / mm")
-    axes.set_ylabel("y / mm")
+    axes.set(xlabel="x / mm", ylabel="y / mm")

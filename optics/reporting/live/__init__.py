@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .live_view import LiveView
+    from .live_page import LiveView
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -1,18 +1,29 @@
-"""The pages of a design that runs, has stopped, or is done, as HTML that holds everything in itself."""
+"""The pages of a design that runs, has stopped, or is done, as HTML that holds everything in itself, written
+from time to time."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import cycle
+from math import isfinite
+from threading import Lock
+from time import perf_counter, strftime
+from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import ProgressEvent
-from optics.designing.optimisation import Row
+from optics.designing.optimisation import Listener, Row, Stage, stage_objective, symmetry_axes
 from optics.designing.progress import time_words
-from optics.reporting.report import figures_html, page_head
+from optics.light.analysis import picture_limit
+from optics.light.blur import spot_rms
+from optics.light.engines import Engine
+from optics.reporting.report import figures_html, light_pictures, page_head
+from optics.scene.photometry import uniformity
+from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
+from thbcad.lens import Lens
 from thbcad.pictures import line_path, svg
 
 REPORT = "report.html"
@@ -21,6 +32,8 @@ WIDTH, HEIGHT, COLOURS = 600.0, 260.0, ("#1b6ca8", "#c05a00")  # of the loss cur
 LEAST = 1e-12  # misfit that is shown
 GRID = "display:grid;grid-template-columns:repeat(auto-fit,minmax(18rem,1fr));gap:1.5rem"
 NOT_FRESH = "These numbers are of light that the optimiser fits; the verdict at the end is of fresh light."
+SECONDS = 2.0  # between two pages, at least, but at the end of a stage
+NOTHING = ProgressEvent("setup", 0.0, "", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -79,3 +92,87 @@ def _loss_curve(rows: Sequence[Row]) -> str:
         f"evaluations {first:.0f} to {last:.0f}; a new colour where a stage begins"
     )
     return f"<figure>{svg(lines, WIDTH, HEIGHT)}<figcaption>{caption}</figcaption></figure>"
+
+
+class LiveView:
+    """A run as a page, once it has begun; what it computes itself is an image at the end of every stage.
+
+    Another thread may tell progress, too.  A page that cannot be written is left out.
+
+    write : called with the page.  clock : seconds.
+    """
+
+    def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = perf_counter) -> None:
+        self._write, self._clock = write, clock
+        self._state: LiveState | None = None
+        self._rows: list[Row] = []
+        self._event, self._written = NOTHING, -SECONDS
+        self._lock = Lock()
+
+    def begin(self, title: str, rows: Sequence[Row] = ()) -> None:
+        """Write the first page.  rows : of the run that goes on."""
+        self._rows = list(rows)
+        self._state = LiveState(title, self._event)
+        self._tell(at_once=True)
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Take how far the run is."""
+        self._event = event
+        self._tell()
+
+    def watching(self, listener: Listener, engine: Engine) -> Listener:
+        """Return the listener that this page hears too.  engine : that makes the light."""
+        if self._state is None:
+            return listener
+
+        def progress(plan: Sequence[Stage], stage: Stage, dof: int, row: Row | None) -> None:
+            self._rows += [row] if row else []
+            listener.progress(plan, stage, dof, row)
+
+        def seen(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats) -> None:
+            listener.seen(stage, system, lens, target)
+            self._tell(at_once=True, **_light(stage, system, lens, target, engine))
+
+        return replace(listener, progress=progress, seen=seen)
+
+    def stop(self, sentence: str) -> None:
+        """Write the last page of a run that has no result."""
+        self._tell(at_once=True, stopped=sentence)
+
+    def done(self) -> None:
+        """Write the page that leads to the report."""
+        self._tell(at_once=True, done=True)
+
+    def _tell(self, at_once: bool = False, **changes: Any) -> None:
+        """Change what the page shows, and write it where it is time."""
+        with self._lock:
+            if self._state is None or self._state.stopped or self._state.done:
+                return
+            self._state = replace(self._state, **changes)
+            if at_once or self._clock() - self._written >= SECONDS:
+                self._written = self._clock()
+                now = replace(self._state, event=self._event, rows=self._rows, time=strftime("%H:%M:%S"))
+                with suppress(OSError):  # the design matters more
+                    self._write(live_page(now))
+
+
+def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:
+    """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
+    objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
+    wanted = stage.screen.crop(objective.target)
+    image = objective.image([sag.coefficients for sag in system.sags(lens)])
+    name = f"{'' if stage.iterations else 'before '}{stage.name}"
+    pictures = [(f"{caption} ({name})", png) for caption, png in light_pictures(wanted, image)]
+    misfit, asked = float(np.linalg.norm(image - wanted) / np.linalg.norm(wanted)), system.problem.verify
+    region = system.target.uniform_region
+    most = picture_limit(asked, region is not None)
+    bound = f", and at most {most:g} is asked for" if isfinite(most) else ""
+    so_far = [f"{name.capitalize()}: rel_l2 {misfit:.3g} so far{bound}."]
+    if region is not None:
+        blur = spot_rms(system, lens, system.backend) if system.source.extended or system.blurred else 0.0
+        least = uniformity(image, region, stage.screen.half_width, None, blur, asked.grid).min_over_mean
+        if least is not None:
+            so_far.append(
+                f"U0 = E_min/E_mean {least:.3g} so far, and at least {asked.min_over_mean:g} is asked for."
+            )
+    return {"pictures": pictures, "so_far": so_far}

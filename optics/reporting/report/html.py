@@ -1,7 +1,5 @@
 """The report: one HTML file that holds its figures, tables and links to the files beside it."""
 
-from __future__ import annotations
-
 import base64
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The light of a lens as files that other programs compute with: float64 arrays and a 16-bit picture."""
 
-from __future__ import annotations
-
 import io
 import struct
 from typing import Any

@@ -1,18 +1,16 @@
 """The numbers of a report in words: with a unit, three or four digits, and what they mean."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from html import escape
 from math import isinf
 from typing import Any
 
+from optics.base.runtime import plain_number
 from optics.light.analysis import counted_ways, error_words, passing_words
 from optics.light.tracing import fate_sentences
 from optics.scene.photometry import BEAM, FIELD, Units
 
 PERCENT = "%"
-LONGEST = 1e9  # numbers from here on have a power of ten
 FLUXES = ("W", "lm")
 NONE = 1e-9  # of a flux of 1: less is rounding
 # unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
@@ -127,8 +125,7 @@ def number_text(value: Any, unit: str = "") -> str:
         return "0"
     if unit == PERCENT:
         return f"{100 * value:.3g}"
-    text = f"{value:.4g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(value) < LONGEST else text
+    return plain_number(value)
 
 
 def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str, str]]:

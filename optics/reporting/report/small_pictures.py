@@ -1,7 +1,5 @@
 """Light as small pictures for pages that come often: grey values and differences, without axes (PIL)."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What stands between source and target in pictures: rays, and stops as thin plates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ Rays of a camera go through the exact elements, with all refractions and reflect
 they meet behind these is an invented room; the light on the screen is the measured one.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Radiances are relative to the brightest light on the screen.  The room is invent
 measured.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A photograph's room: where camera, lens, lamp, screen and table stand, and which rays make its pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -39,10 +37,8 @@ LIT = 5.0  # times brighter is a room that mirrors show
 AWAY = 4.0  # half-diagonals of all that is seen from beside: the camera's distance
 MARGIN, BELOW = 0.06, 0.16  # of the picture: free on all sides, and for the table
 LARGEST = 2.5  # half-widths of the lens: those of the screen; larger ones are drawn smaller and nearer
-FAR, WIDEST = (
-    5.0,
-    45.0,
-)  # half-widths of the lens to a far field's screen, at most; degrees on it
+FAR = 5.0  # half-widths of the lens to a far field's screen, at most
+WIDEST = 45.0  # degrees on it
 BESIDE = 0.04  # of the lens's half-width: half the width that a point of light is given
 TALLER = 1.06  # half-heights of the screen from its middle down to the table
 STANDING = 1.3  # half-heights of the lens from its axis down to the table, at least

@@ -2,8 +2,6 @@
 above, where its parts stand apart and its picture is open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ to float32, on a grid that is denser where a surface is steep; the browser joins
 them to the pose of the element.
 """
 
-from __future__ import annotations
-
 import json
 from base64 import b64encode
 from collections.abc import Sequence

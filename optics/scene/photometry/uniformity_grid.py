@@ -112,7 +112,7 @@ def _on_boxes(
     if left < LEAST_LEFT:
         reason = (
             f"a margin of {margin:.3g}, the larger of {MARGIN:.1%} of the region's shorter side and the "
-            f"blur, leaves boxes on {left:.0%} of the region"
+            f"blur, leaves boxes on {left:.0%} of the region; smaller boxes (verify.grid) may leave more"
         )
         return replace(found, reason=reason)
     by_row = _mean_of(_shares(light.shape[0], half_width[1], (-region.y[1], -region.y[0]), grid), width)

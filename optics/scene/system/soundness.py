@@ -143,8 +143,9 @@ def advice(system: OpticalSystem) -> list[str]:
     options, sentences = problem.optimizer, [*system.source.assumed]
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
-            'an extended source blurs its light anyway: optimizer.window = "bspline" and '
-            "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
+            "an extended source blurs its light anyway: --set optimizer.window=bspline "
+            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time "
+            "(examples/extended.toml)"
         )
     if problem.target.kind == "zones" and (missed := system.target.forbidden):
         sentences.append(

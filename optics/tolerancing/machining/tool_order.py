@@ -54,11 +54,8 @@ class ToolOrder:
             number = getattr(self, name)
             if number is None:
                 continue
-            if (
-                isinstance(number, bool)
-                or not isinstance(number, int | float)
-                or not 0 < number < float("inf")
-            ):
+            real = isinstance(number, int | float) and not isinstance(number, bool)
+            if not real or not 0 < number < float("inf"):
                 raise UserError(f"{name} must be a positive number of {unit}, got {number!r}")
             if not LEAST <= number <= MOST:
                 raise UserError(f"{name} must be from {LEAST:g} to {MOST:g} {unit}, got {number!r}")

@@ -1,16 +1,27 @@
-"""Certified bounds over outlines against closed forms, dense samples and the bounds of the rectangle."""
+"""Certified bounds over outlines, of regions that hold straight paths, and of distances between splines."""
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
 from tests.cases import examples
+from tests.thbcad.cases import seeds, spaces
+from thbcad.certified import (
+    Stack,
+    distance_bounds,
+    ellipse_supports,
+    rectangle_supports,
+    region_between,
+    supports_of,
+)
 from thbcad.certified.extreme_values import minimum, minimum_on_rim, value_range
 from thbcad.certified.slope_and_curvature import greatest_slope, least_radii
+from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.outlines import Outline
 from thbcad.sags import Conic, square_coefficients
 from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.surfaces import THBSurface
 
 R = 30.0
 DISK = Outline((R, R), (R, R))
@@ -117,3 +128,102 @@ def test_no_point_inside_lies_beyond_the_bounds_and_some_point_meets_them(case):
     z = graph(*np.clip(rim, 0, h[:, None]))
     assert around.lower <= z.min() + 1e-11
     assert minimum(graph, outline=outline).lower <= around.upper
+
+
+ROUNDING = 1e-9
+
+
+@given(st.integers(0, 1 << 30))
+def test_straight_paths_stay_inside_and_clipping_keeps_them(seed):
+    rng = np.random.default_rng(seed)
+    groups = [rng.normal(size=(6, 12, 3)) + np.array([0, 0, z]) for z in (-8.0, 8.0)]
+    for group in groups:
+        group[..., 2] = group[:, :1, 2]
+    stacks = [Stack(g[:, 0, 2], np.array([supports_of(points[:, :2]) for points in g])) for g in groups]
+    region = region_between(*stacks).shrunk(-ROUNDING)
+    start, stop = (g.reshape(-1, 3) for g in groups)
+    for share in np.linspace(0, 1, 5):
+        assert region.holds(start + share * (stop - start)).all()
+    cut = stacks[0].towards(stacks[1], 1.0)
+    share = (1.0 - start[:, 2]) / (stop - start)[:, 2]
+    at = start + share[:, None] * (stop - start)
+    assert (supports_of(at[:, :2]) <= cut.supports[0] + ROUNDING).all()
+
+
+def test_a_box_and_a_cone_are_held_exactly():
+    square, circle = rectangle_supports((2.0, 1.0)), ellipse_supports((3.0, 3.0))
+    box = region_between(Stack(np.array([0.0]), square[None]), Stack(np.array([4.0]), square[None]))
+    inside = box.holds(
+        np.array([[1.99, 0.99, 3.99], [2.01, 0, 1], [0, 1.01, 1], [0, 0, 4.01], [0, 0, -0.01]])
+    )
+    assert inside.tolist() == [True, False, False, False, False]
+    cone = region_between(Stack(np.zeros(1), 0 * circle[None]), Stack(np.array([3.0]), circle[None]))
+    angles = np.linspace(0, 6, 50)
+    for z in (0.5, 2.0):
+        ring = np.column_stack([np.cos(angles), np.sin(angles), np.full_like(angles, 1.0)]) * [z, z, z]
+        assert cone.holds(0.999 * ring).all()
+        assert not cone.holds(ring * [1.002, 1.002, 1]).any()  # 64 sides: 1 / cos(pi / 64) = 1.0012
+
+
+def test_lines_and_planes_are_cut_to_what_is_inside():
+    square = rectangle_supports((2.0, 1.0))
+    box = region_between(Stack(np.array([0.0]), square[None]), Stack(np.array([4.0]), square[None]))
+    part = box.part_of_line(np.array([-5.0, 0.5, 1.0]), np.array([5.0, 0.5, 1.0]))
+    assert np.allclose(part, [[-2, 0.5, 1], [2, 0.5, 1]])
+    beside = box.part_of_line(np.array([-5.0, 1.0, 1.0]), np.array([5.0, 1.0, 1.0]))
+    assert not len(beside)  # it runs in a side
+    corners = box.section(np.array([0.0, 0.0, 1.0]), np.eye(3)[0], np.eye(3)[1], 50.0)
+    assert np.allclose(np.abs(corners), [2, 1, 1])
+    assert not len(box.section(np.array([0.0, 0.0, 4.0]), np.eye(3)[0], np.eye(3)[1], 50.0))
+
+
+SHARES = np.linspace(0, 1, 101)
+
+
+def spline(rng, p, q, shape=(), start=0.0, stop=1.0):
+    kv_u, kv_v = KnotVector.uniform(p, 5, start, stop), KnotVector.uniform(q, 3, start, stop)
+    return BSplineSurface(kv_u, kv_v, rng.uniform(-1, 1, (kv_u.dim, kv_v.dim, *shape)))
+
+
+@given(spaces(max_degree=4, max_spans=4), seeds())
+@examples(20)
+def test_no_point_is_farther_than_the_bound_of_its_cell(space, rng):
+    surface = THBSurface(space, rng.uniform(-1, 1, (space.dim, 2)))
+    (a, b), (c, d) = ((kv.start, kv.stop) for kv in (space.kv_u, space.kv_v))
+    kv_u, kv_v = KnotVector.uniform(2, 3, a - 1, b + 1), KnotVector.uniform(5, 2, c, d)
+    other = BSplineSurface(kv_u, kv_v, rng.uniform(-1, 1, (kv_u.dim, kv_v.dim, 2)))
+    points, bounds = distance_bounds(surface, other, 0.0)
+    here = np.linalg.norm(surface(*points) - other(*points), axis=1)
+    assert (here <= bounds).all()
+    u, v = a + (b - a) * SHARES, c + (d - c) * SHARES
+    most = np.linalg.norm(surface.grid(u, v) - other.grid(u, v), axis=2).max()
+    assert most <= bounds.max()
+    # three quarterings leave 1/64 of what coefficients exceed values by; the grid misses little
+    assert bounds.max() <= 1.25 * most
+
+
+@pytest.mark.parametrize("shape", [(), (3,)])
+def test_one_spline_in_two_forms_has_no_distance_but_rounding(shape):
+    rng = np.random.default_rng(0)
+    surface = spline(rng, 3, 2, shape)
+    finer = surface.insert([0.1, 0.5, 0.5], [0.7]).elevate(4, 4)
+    _, bounds = distance_bounds(surface, finer, 1e-3)
+    assert 0 < bounds.max() < 1e-12  # eight steps of 80 roundings of numbers below 1
+
+
+def test_a_bound_above_what_is_enough_is_improved_until_a_value_is_above_it_too():
+    space = THBSpace(KnotVector.uniform(3, 1), KnotVector.uniform(3, 1))
+    wave = np.zeros((4, 4))
+    wave[1], wave[2] = 1, -1  # values to 0.29, coefficients to 1
+    surface, flat = THBSurface(space, wave.ravel()), THBSurface(space, np.zeros(16))
+    assert distance_bounds(surface, flat, 1.5)[1].tolist() == pytest.approx([1.0])
+    assert distance_bounds(surface, flat, 0.3)[1].max() <= 0.3
+    assert distance_bounds(surface, flat, 0.28)[1].max() >= 0.2886  # 1 / (2 sqrt 3)
+
+
+def test_splines_that_cannot_be_compared_are_refused():
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match="splines of one dimension"):
+        distance_bounds(spline(rng, 3, 3), spline(rng, 3, 3, (2,)), 1.0)
+    with pytest.raises(ValueError, match="a segment needs"):
+        distance_bounds(spline(rng, 3, 3), spline(rng, 3, 3, start=0.1), 1.0)

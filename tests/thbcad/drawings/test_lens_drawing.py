@@ -1,4 +1,4 @@
-"""Sheets: SVG and DXF in mm with the bound and the dimensions of the lens, the same bytes every time."""
+"""Sheets: SVG and DXF in mm with bound, dimensions, panels, and views in third-angle projection."""
 
 import os
 import subprocess
@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from tests.cases import ROOT
-from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER
+from tests.thbcad.drawings.cases import BALL, LENSES, PLAIN, WAVY, WIDER
 from thbcad import Product, write_drawing
-from thbcad.drawings import Style, drawing_bytes, lens_sheet, section_view
+from thbcad.drawings import Grid, Panel, Style, drawing_bytes, lens_sheet, section_view
 from thbcad.drawings.annotations import hatching, rounded_up
+from thbcad.outlines import Outline
 
 
 def texts(sheet):
@@ -124,3 +125,132 @@ def test_hatching_lies_inside_a_polygon_that_is_not_convex():
 def test_refusals(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+X = np.linspace(-1, 1, 5)
+
+
+def panel(rows, clear):
+    grid = Grid("sag, mm", X, 2 * X, np.outer(X, X) - 4e-5)
+    return Panel("Indications", rows, (grid, grid), ("nothing is claimed",), clear)
+
+
+@pytest.mark.parametrize("count", [3, 40])
+def test_a_panel_stands_right_of_the_drawing_and_leaves_it_as_it_is(count):
+    round_ = Outline.ellipse((2.0, 1.5))
+    rows = tuple((f"name.{k}", "a text that is longer than one line " * 4, "open") for k in range(count))
+    plain, wide = lens_sheet(PLAIN), lens_sheet(PLAIN, panel=panel(rows, (round_, round_)))
+    assert wide.size == (594.0, 297.0)
+    assert wide.scale == plain.scale
+    own = {label for label in wide.labels if label.position[0] > 410}
+    assert {label.text for label in wide.labels if label not in own} == {
+        label.text.replace("A3", "A3.2") for label in plain.labels
+    }
+    assert all(10 < label.position[1] < 287 for label in own)
+    for label in own:
+        ends = label.position[0] + label.length * np.array([0, 1] if label.anchor == "start" else [-1, 0])
+        assert (ends > 410).all()
+        assert (ends < 584).all()
+    names = sorted(label.position[1] for label in own if label.text.startswith("name."))
+    assert len(names) == count
+    assert np.diff(names).min() > 1.5 * next(iter(own)).height or count == 3
+    assert {label.text for label in own} >= {"open", "1.0000", "0.2500", "0.0000", "nothing is claimed"}
+
+
+def test_heights_have_no_negative_zero():
+    outline = Outline((1.0, 1.0))
+    texts = [label.text for label in lens_sheet(PLAIN, panel=panel((), (outline, outline))).labels]
+    assert "-0.0000" not in texts
+    assert texts.count("0.0000") == 18
+
+
+def test_clear_apertures_stand_in_the_plans():
+    front, rear = Outline((2.0, 1.0), (0.5, 0.5)), Outline.ellipse((3.0, 3.0))
+    sheet, plain = lens_sheet(BALL, panel=panel((), (front, rear))), lens_sheet(BALL)
+    old = {stroke.points.tobytes() for stroke in plain.strokes}
+    rings = [s.points for s in sheet.strokes if s.style is Style.CENTRE and s.points.tobytes() not in old]
+    for ring, one, outline in zip(rings, (sheet.views[0], sheet.views[3]), (front, rear), strict=True):
+        points = (ring - one.origin) / sheet.scale
+        np.testing.assert_allclose(outline.gauge(*points.T), 1, atol=1e-9)
+        np.testing.assert_allclose(np.ptp(points, axis=0), 2 * np.array(outline.half_width), atol=2e-3)
+
+
+POLYGON = [(-4, -3), (4, -2.5), (3, 3), (-3.5, 2)]  # no corner is the image of another one
+# where each view is looked from, the one that it is projected from, and on which side of that it stands
+SIGHTS = {
+    "SEEN FROM THE FRONT": ((0, 0, 1), None, None),
+    "SEEN FROM -x": ((1, 0, 0), "SEEN FROM THE FRONT", (1, 0)),
+    "SEEN FROM -y": ((0, 1, 0), "SEEN FROM THE FRONT", (0, -1)),
+    "SEEN FROM THE REAR": ((0, 0, -1), None, None),
+    "SECTION x": ((1, 0, 0), "SEEN FROM THE REAR", (-1, 0)),
+    "SECTION y": ((0, 1, 0), "SEEN FROM THE REAR", (0, -1)),
+}
+AXIS = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+
+
+def placed_views(sheet):
+    return {one.view.title.partition(" =")[0]: one for one in sheet.views}
+
+
+def directions(one):
+    """Return which way a view has to its right and upwards, (2, 3)."""
+    return np.array([np.multiply(AXIS[a[-1]], -1 if a[0] == "-" else 1) for a in one.view.axes])
+
+
+@pytest.mark.parametrize(
+    "body", [{}, {"polygon": POLYGON}, {"aperture": (3, 2)}], ids=["whole", "cut", "round"]
+)
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_views_are_those_of_an_unfolded_glass_box(lens, body):
+    """Right x up is towards the viewer; the paper's way from a view to its neighbour is, in the view, away
+    from where the neighbour's viewer stands, and the directions along the fold agree."""
+    views = placed_views(lens_sheet(lens, **body))
+    assert views.keys() == SIGHTS.keys()
+    for title, (sight, other, way) in SIGHTS.items():
+        right, up = directions(views[title])
+        np.testing.assert_array_equal(np.cross(right, up), np.negative(sight))
+        if other is None:
+            continue
+        fold = views[other]
+        # the neighbour shows the viewer's side nearest to this view
+        np.testing.assert_array_equal(np.array(way) @ directions(fold), np.negative(sight))
+        # and this view shows the neighbour's viewer's side nearest to the neighbour
+        np.testing.assert_array_equal(
+            np.negative(way) @ directions(views[title]), np.negative(SIGHTS[other][0])
+        )
+        along = 0 if way[0] == 0 else 1
+        np.testing.assert_array_equal(directions(fold)[along], directions(views[title])[along])
+        assert fold.origin[along] == views[title].origin[along]
+        step = views[title].origin[1 - along] - fold.origin[1 - along]
+        assert np.sign(step) == way[1 - along]
+
+
+@pytest.mark.parametrize("lens", [PLAIN, WIDER, BALL])
+def test_every_corner_lies_in_each_view_where_its_projection_is(lens):
+    """A corner (x, y) of the front view lies at the page offset -x in it and below it, at y in it and beside
+    it; the edge there runs from front to rear: below downwards, beside to the right."""
+    sheet = lens_sheet(lens, polygon=POLYGON)
+    views = placed_views(sheet)
+    front, beside, below = (views[k] for k in ("SEEN FROM THE FRONT", "SEEN FROM -x", "SEEN FROM -y"))
+    (outline,) = (c.points for c in front.view.curves)
+    corners = np.array(POLYGON, dtype=float)
+    on_page = front.origin + sheet.scale * corners * [-1, 1]
+    drawn = front.origin + sheet.scale * outline[:-1]
+    assert sorted(map(tuple, drawn.tolist())) == sorted(map(tuple, on_page.tolist()))
+    for one, axis, ends in ((below, 0, (1, -1)), (beside, 1, (0, 1))):
+        level, sign = ends
+        edges = [one.origin + sheet.scale * c.points for c in one.view.curves if c.name == "edge"]
+        assert len(edges) == len(corners)
+        for (x, y), place in zip(POLYGON, on_page):
+            (edge,) = (e for e in edges if abs(e[0, axis] - place[axis]) < 1e-9)
+            z = [float(lens.front(x, y)), lens.thickness + float(lens.rear(x, y))]
+            wanted = one.origin[level] + sign * sheet.scale * np.array(z)
+            np.testing.assert_allclose(np.sort(edge[:, level]), np.sort(wanted), atol=1e-9)
+
+
+def test_the_sheet_states_one_thickness_on_the_axis():
+    """The distance of the vertices of the base surfaces is none of the part, where a sag moves them."""
+    thickness = WIDER.thickness + WIDER.rear(0, 0) - WIDER.front(0, 0)
+    said = [label.text for label in lens_sheet(WIDER).labels]
+    assert said.count(f"{thickness:.4f}".rstrip("0")) == 1
+    assert not any("apart" in text for text in said)

@@ -1,7 +1,5 @@
 """A smooth function, spaces of one and of two levels, and scattered points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.hierarchy import THBSpace

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from thbcad.fitting.height_fields import height_field_samples
-from thbcad.fitting.least_squares_fit import Samples, least_squares
+from thbcad.fitting.least_squares_fit import Samples, height_field_samples, least_squares
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 

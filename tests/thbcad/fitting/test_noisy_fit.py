@@ -1,7 +1,5 @@
 """Fits to noisy samples: the noise is estimated, waves above it are kept, and what lies below it is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -283,8 +283,3 @@ def test_points_are_refused(u, v, message):
     for method in (uniform_space().collocation, uniform_space().locate):
         with pytest.raises(ValueError, match=message):
             method(u, v)
-
-
-def test_derivative_orders_are_refused():
-    with pytest.raises(ValueError, match="derivative must be a non-negative integer, got -1"):
-        uniform_space().collocation([0.5], [0.5], (0, -1))

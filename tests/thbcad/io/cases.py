@@ -1,7 +1,5 @@
 """Shapes with round faces, and shapes written as STEP by OpenCASCADE itself."""
 
-from __future__ import annotations
-
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
 from OCP.BRepPrimAPI import (

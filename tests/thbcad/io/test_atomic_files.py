@@ -1,7 +1,5 @@
 """Files appear whole or not at all; what is no file is never replaced by one."""
 
-from __future__ import annotations
-
 import os
 import stat
 

@@ -123,14 +123,6 @@ def assert_refused(path, message="", kind=ValueError):
     assert not INTERNAL.search(text)
 
 
-@pytest.mark.parametrize("share", [0, 0.001, 0.2, 0.5, 0.9, 0.9999])
-def test_truncated_files_are_refused(path, share):
-    write_lens(example(), path)
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    assert_refused(path, "is not a lens file")
-
-
 @pytest.mark.parametrize(
     "data",
     [
@@ -155,9 +147,9 @@ def test_other_schemas_are_refused(path, text):
     assert_refused(path, "not a lens file: its schema is not 'thbcad-lens'")
 
 
-@pytest.mark.parametrize("version", [0, 2, "1", None, 1.5, [1], True])
+@pytest.mark.parametrize("version", [0, 2, "1", None, 1.5, [1], True, KeyError])
 def test_other_versions_are_refused(path, version):
-    path.write_text(json.dumps(lens_to_dict(example()) | {"version": version}))
+    path.write_text(json.dumps(changed(("version",), version)))
     assert_refused(path, r"lens file version .* is unknown, this program reads version 1")
 
 
@@ -192,11 +184,6 @@ def changed(keys, value):
 def test_missing_keys_are_named(path, keys):
     path.write_text(json.dumps(changed(keys, KeyError)))
     assert_refused(path, f"lacks the key '{keys[-1]}'")
-
-
-def test_a_missing_version_is_refused(path):
-    path.write_text(json.dumps(changed(("version",), KeyError)))
-    assert_refused(path, "version None is unknown")
 
 
 WRONG = [
@@ -297,29 +284,21 @@ def test_missing_files_are_os_errors(path, tmp_path):
 # ---- atomic writing ----
 
 
-@pytest.mark.parametrize("failing", ["replace", "fsync", "chmod"])
-def test_a_failed_write_leaves_the_old_file(path, monkeypatch, failing):
+FULL = OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("failing", "error"),
+    [("replace", FULL), ("fsync", FULL), ("chmod", FULL), ("replace", KeyboardInterrupt())],
+)
+def test_a_write_that_fails_or_is_interrupted_leaves_the_old_file(path, monkeypatch, failing, error):
     path.write_text("old")
 
     def fail(*arguments):
-        raise OSError(28, "No space left on device")
+        raise error
 
     monkeypatch.setattr(files.os, failing, fail)
-    with pytest.raises(OSError, match="No space left"):
-        write_lens(example(), path)
-    monkeypatch.undo()
-    assert path.read_text() == "old"
-    assert os.listdir(path.parent) == ["lens.json"]
-
-
-def test_an_interrupted_write_leaves_the_old_file(path, monkeypatch):
-    path.write_text("old")
-
-    def interrupt(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(files.os, "replace", interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(type(error)):
         write_lens(example(), path)
     monkeypatch.undo()
     assert path.read_text() == "old"

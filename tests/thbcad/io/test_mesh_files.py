@@ -1,7 +1,5 @@
 """Meshes of any numbers read back by trimesh, which shares no code with their writers."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

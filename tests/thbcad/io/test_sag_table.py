@@ -1,7 +1,5 @@
 """Sag tables and point clouds: order, units, numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

@@ -1,7 +1,5 @@
 """Grids whose interpolation errors are proven: bounds against dense sampling, and where they are sharp."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

@@ -8,8 +8,7 @@ import pytest
 
 from tests.thbcad.lens.cases import flat_sag, plano
 from thbcad.lens.freeform_surface import FreeformSurface
-from thbcad.lens.lens import Lens
-from thbcad.lens.lens_picture import POINTS
+from thbcad.lens.lens import POINTS, Lens
 from thbcad.sags import Conic
 
 BOWL = FreeformSurface((10.0, 6.0), Conic(40.0, -1.0), flat_sag(0.25))

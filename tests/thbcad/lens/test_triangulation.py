@@ -1,7 +1,5 @@
 """Meshes of lenses: closed, oriented, and as close to the surfaces as they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
@@ -174,20 +172,18 @@ def test_float32_is_part_of_the_chord():
         tessellated(BOWL, 1e-7, single=True)
 
 
-@pytest.mark.parametrize("chord", [0.0, 1e-9, -1.0, np.nan, np.inf, "1", True])
-def test_chords_that_are_refused(chord):
-    with pytest.raises(ValueError, match="chord must be a finite number of at least 1e-08"):
-        tessellated(BOWL, chord)
-
-
-def test_too_many_triangles_are_refused():
-    with pytest.raises(ValueError, match=f"more than {MOST_TRIANGLES:,}; allow a greater one"):
-        tessellated(BOWL, 1e-8)
-
-
-def test_other_things_than_lenses_are_refused():
-    with pytest.raises(ValueError, match="lens must be a Lens"):
-        tessellated("lens", 1e-3)
+@pytest.mark.parametrize(
+    ("lens", "chord", "words"),
+    [
+        *((BOWL, x, "chord must be a finite number of at least 1e-08") for x in (0.0, 1e-9, -1.0, "1", True)),
+        *((BOWL, x, "chord must be a finite number of at least 1e-08") for x in (np.nan, np.inf)),
+        (BOWL, 1e-8, f"more than {MOST_TRIANGLES:,}; allow a greater one"),
+        ("lens", 1e-3, "lens must be a Lens"),
+    ],
+)
+def test_chords_and_other_things_than_lenses_are_refused(lens, chord, words):
+    with pytest.raises(ValueError, match=words):
+        tessellated(lens, chord)
 
 
 @pytest.mark.parametrize("write", [stl_bytes, threemf_bytes, obj_bytes, ply_bytes])

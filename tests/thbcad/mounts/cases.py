@@ -1,7 +1,5 @@
 """Mounts as tables, and lenses that have room for them."""
 
-from __future__ import annotations
-
 import copy
 
 from tests.thbcad.cad.shapes.cases import CASES, rough

@@ -1,7 +1,5 @@
 """Random conics, and the greatest errors of a spline of a sag, cell by cell."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 

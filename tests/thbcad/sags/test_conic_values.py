@@ -53,12 +53,6 @@ def test_conic_slopes_by_the_complex_step(conic):
         assert np.allclose(conic(X, Y, order), conic.formula(*step).imag / h, rtol=20 * EPS, atol=20 * EPS)
 
 
-@pytest.mark.parametrize("derivative", [(-1, 0), (0, 1.5), (True, 2)])
-def test_orders_that_are_no_counts_are_refused(derivative):
-    with pytest.raises(ValueError, match="derivative must be a non-negative integer, got"):
-        Conic(50.0)(X, Y, derivative)
-
-
 @pytest.mark.parametrize("radius", [0, 0.0, -0.0, np.nan, None, "a"])
 def test_radius_is_refused(radius):
     with pytest.raises(ValueError, match=r"radius must be a number( other than 0)?, got"):

@@ -1,7 +1,5 @@
 """Conics as CAD files hold them: patches, sections and parameters lie on the conic, and are recognised."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, strategies as st

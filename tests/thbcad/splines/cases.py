@@ -1,7 +1,5 @@
 """Random NURBS curves, and a curve as OpenCASCADE holds it."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from OCP.Geom import Geom_BSplineCurve

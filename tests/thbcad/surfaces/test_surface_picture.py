@@ -7,8 +7,7 @@ import pytest
 
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
-from thbcad.surfaces.surface_picture import PIXELS, value_map
-from thbcad.surfaces.thb_surface import THBSurface
+from thbcad.surfaces.thb_surface import PIXELS, THBSurface, value_map
 
 MOST = 40_000  # bytes
 

@@ -2,8 +2,6 @@
 and where rays first meet them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

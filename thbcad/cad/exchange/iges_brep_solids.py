@@ -4,8 +4,6 @@ IGES holds it as a manifold solid (entity 186) with names, BREP as OCCT's own to
 and the time stamp is fixed: poles and knots read back bit for bit, the same lens gives the same bytes.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from OCP.IGESControl import IGESControl_Controller

@@ -53,6 +53,7 @@ from thbcad.cad.shapes import TOLERANCE, rational_geom, rational_geom_curve, spl
 from thbcad.checks import Floats, require_suffix, require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Product
+from thbcad.sags import graph_poles
 from thbcad.splines import BSplineCurve, BSplineSurface, NURBSCurve, NURBSSurface
 
 if TYPE_CHECKING:
@@ -100,6 +101,8 @@ FORMATS = {".step": STEP, ".stp": STEP, ".iges": IGES, ".igs": IGES, ".brep": BR
 
 def write_faces(surfaces: Surface | Sequence[Surface], path: str | Path) -> None:
     """Write surfaces with points (x, y, z) in mm as loose faces, one each; the suffix names the format.
+
+    A scalar surface is its graph z(u, v): its parameters count as x and y in mm.
 
     STEP is .step or .stp, IGES is .igs or .iges, BREP is .brep.  The same surfaces give the same bytes.
 
@@ -153,6 +156,8 @@ def read_curves(path: str | Path) -> list[BSplineCurve | NURBSCurve]:
 def face_of(surface: Surface, name: str = "surface", file: Format = BREP) -> TopoDS_Face:
     """Return a surface as a face; raise as `write_faces` in a format, where its name tells which it is."""
     spline = _tensor_product(surface, name)
+    if isinstance(spline, BSplineSurface) and spline.coefficients.ndim == 2:
+        spline = graph_poles(spline, 0.0, spline)
     _require_points(name, spline.coefficients, 2)
     size = np.linalg.norm(np.ptp(spline.coefficients, axis=(0, 1)))
     if size < file.least_size:

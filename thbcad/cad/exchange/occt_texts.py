@@ -4,8 +4,6 @@ text, or with every digit, that reads back to the same bits.
 Text beyond ASCII is encoded in STEP as ISO 10303-21 wants it.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator, Sequence
@@ -66,10 +64,8 @@ def silence() -> None:
 
 
 def step_text(shape: TopoDS_Shape, product: str) -> bytes:
-    """Return the STEP file of a shape in mm, under the name `product`; the same shape gives the same bytes.
-
-    Raises RuntimeError : OCCT refuses the shape.
-    """
+    """Return the STEP file of a shape in mm, under the name `product`; the same shape gives the same
+    bytes."""
     silence()
     STEPControl_Writer()  # the settings exist only once a writer has been made
     with occt_settings(SETTINGS):
@@ -85,10 +81,7 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
 
 
 def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
-    """Return the file of an OCCT STEP model under the names of a Product, with a fixed time stamp.
-
-    Raises RuntimeError : OCCT cannot print the model.
-    """
+    """Return the file of an OCCT STEP model under the names of a Product, with a fixed time stamp."""
     header = APIHeaderSection_MakeHeader(model)
     header.SetName(TCollection_HAsciiString(product.name))
     header.SetTimeStamp(TCollection_HAsciiString(STAMP))
@@ -104,10 +97,7 @@ def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
 
 
 def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interface_Protocol) -> bytes:
-    """Return what OCCT prints of a model, with every digit.
-
-    Raises RuntimeError : OCCT cannot print it.
-    """
+    """Return what OCCT prints of a model, with every digit."""
     writer.FloatWriter().SetFormat(REALS)
     writer.SendModel(protocol)
     buffer = io.BytesIO()
@@ -168,8 +158,6 @@ def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequ
     mode : FACES or SOLID.  product : its name, author and organization stand in the file, in ASCII, "?" for
         other characters.
     face_names : of the faces of a SOLID in their order.
-
-    Raises RuntimeError : OCCT refuses the shape.
     """
     IGESControl_Controller.Init_s()
     silence()

@@ -6,8 +6,6 @@ of the surface at the same barycentric coordinates of the parameters, which is a
 The mesher is slow on spline faces: the room of meshes has proven ones of lenses with apertures and flanges.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +16,7 @@ from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
 from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS_Face
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.shapes import Part, spline_surface
 from thbcad.checks import MAX_DEGREE, Floats, Integers, require_number
@@ -47,19 +45,9 @@ def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     Raises RuntimeError : OCCT leaves a face without triangles.
     """
     require_number("chord", chord, least=LEAST, finite=True)
-    solid, faces = part.solid, part.faces
-    deflection = chord / 2
-    for _ in range(ROUNDS):
-        BRepTools.Clean_s(solid)
-        BRepMesh_IncrementalMesh(solid, deflection, False, ANGLE, False)
-        pieces = [_piece(face, single) for face in faces]
-        error = max(_error(face, piece) for face, piece in zip(faces, pieces))
-        count = sum(len(piece.triangles) for piece in pieces)
-        if error <= chord or count > SLOWEST:
-            break
-        deflection *= min(0.5, 0.7 * chord / error)
-    BRepTools.Clean_s(solid)  # the shape is as it was
+    pieces, error = _meshed(part.solid, part.faces, chord / 2, chord, single, True)
     if error > chord:
+        count = sum(len(piece.triangles) for piece in pieces)
         raise ValueError(
             f"OCCT's mesh of {count:,} triangles is {error:.2g} mm off; allow a chord error of more than that"
         )
@@ -75,17 +63,8 @@ def face_triangles(faces: Sequence[TopoDS_Face], chord: float) -> Floats:
     """
     found = [np.empty((0, 3, 3))]
     for face in faces:
-        deflection = chord
-        for _ in range(ROUNDS):
-            BRepTools.Clean_s(face)
-            BRepMesh_IncrementalMesh(face, deflection, False, ANGLE, False)
-            piece = _piece(face, False)
-            spline = isinstance(BRep_Tool.Surface_s(face), Geom_BSplineSurface)
-            error = _error(face, piece) if spline else 0.0
-            if error <= chord or len(piece.triangles) > SLOWEST:
-                break
-            deflection *= min(0.5, 0.7 * chord / error)
-        BRepTools.Clean_s(face)
+        curved = isinstance(BRep_Tool.Surface_s(face), Geom_BSplineSurface)
+        (piece,), _ = _meshed(face, [face], chord, chord, False, curved)
         found.append(piece.points[piece.triangles])
     return np.concatenate(found)
 
@@ -101,6 +80,23 @@ class _Piece:
     parameters: Floats
     triangles: Integers
     rounding: float
+
+
+def _meshed(
+    shape: TopoDS_Shape, faces: Sequence[TopoDS_Face], asked: float, chord: float, single: bool, measure: bool
+) -> tuple[list[_Piece], float]:
+    """Return the triangles of the faces of a shape, and their error where it is measured: OCCT is asked for
+    less and less until they keep a chord, or are too many to go on."""
+    for _ in range(ROUNDS):
+        BRepTools.Clean_s(shape)
+        BRepMesh_IncrementalMesh(shape, asked, False, ANGLE, False)
+        pieces = [_piece(face, single) for face in faces]
+        error = max(map(_error, faces, pieces)) if measure else 0.0
+        if error <= chord or sum(len(piece.triangles) for piece in pieces) > SLOWEST:
+            break
+        asked *= min(0.5, 0.7 * chord / error)
+    BRepTools.Clean_s(shape)  # the shape is as it was
+    return pieces, error
 
 
 def _piece(face: TopoDS_Face, single: bool) -> _Piece:
@@ -138,10 +134,7 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
 
 
 def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tessellation:
-    """Return the mesh of all faces, with one vertex where the points of neighbours agree.
-
-    Raises RuntimeError : neighbours that do not share the points of their common edges.
-    """
+    """Return the mesh of all faces, with one vertex where the points of neighbours agree."""
     points = np.concatenate([piece.points for piece in pieces])
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, first)])

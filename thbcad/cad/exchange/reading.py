@@ -5,8 +5,6 @@ weights or without; OCCT reads one only with weights.  They are given to it in t
 knows.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from io import BytesIO
@@ -142,10 +140,7 @@ def step_shape(path: Path) -> TopoDS_Shape:
 
 
 def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
-    """Return a STEP file as read, in mm, with the document that holds its names and materials.
-
-    Raises OSError, ValueError : as `step_shape`.
-    """
+    """Return a STEP file as read, in mm, with the document that holds its names and materials."""
     reader = STEPCAFControl_Reader()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     _transfer(path, reader.ChangeReader(), (*GEOMETRY, *STYLES), lambda: reader.Transfer(document))

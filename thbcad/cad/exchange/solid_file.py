@@ -2,8 +2,6 @@
 found by their names, else by their heights at the axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -45,8 +43,6 @@ def front_and_rear(
     across the middle.
 
     names : of all faces in their order
-
-    Raises ValueError : there are not two, or a face of these names is another surface.
     """
     faces = faces_of(shape)
     places = optical_places(names)
@@ -126,8 +122,7 @@ def _covers(face: TopoDS_Face, conic: PlacedConic, x: float, y: float) -> bool:
 def _centre(spline: BSplineSurface) -> Floats:
     """Return the point at the middle of the parameters, (3,), mm."""
     u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
-    point: Floats = spline([u], [v])[0]
-    return point
+    return spline([u], [v])[0]
 
 
 def _corners(shape: TopoDS_Shape) -> Floats:
@@ -228,8 +223,6 @@ def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ())
     """Return the SolidFile of a shape that was read from `path`.
 
     names : of its faces in their order; none where the file has none
-
-    Raises ValueError : as `front_and_rear`.
     """
     front, rear = front_and_rear(shape, path, names)
     return SolidFile(shape, front, rear, names or ("",) * len(faces_of(shape)))

@@ -10,8 +10,6 @@ has F = 0, and F_z = 2 (1 + K) z - 2 R, hence |dz| <= max |P| / (min w^2 min |F_
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 13 (products and the convex hull property).
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -59,8 +57,7 @@ def _bernstein(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> Floats:
     rows = (kv_u.bezier() @ poles.reshape(len(poles), -1)).reshape(-1, *poles.shape[1:])
     both = kv_v.bezier() @ rows.transpose(1, 0, 2).reshape(poles.shape[1], -1)
     net = both.reshape(kv_v.spans, q, kv_u.spans, p, 4)
-    coefficients: Floats = net.transpose(2, 0, 3, 1, 4).reshape(-1, p, q, 4)
-    return coefficients
+    return net.transpose(2, 0, 3, 1, 4).reshape(-1, p, q, 4)
 
 
 def _product(a: Floats, b: Floats) -> Floats:

@@ -6,8 +6,6 @@ curved in one direction and end in sharp edges.  A line from its middle along th
 through the other one.  Faces that continue each other smoothly are one surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

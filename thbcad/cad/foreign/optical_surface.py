@@ -6,8 +6,6 @@ the Greville abscissae are then multiples of n: the first right singular vector 
 and the other singular values show how far the surface is from graph form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,8 +30,7 @@ ROUND_RIM = 1e-4  # the same of an ellipse: a chamfer ends in splines that are 1
 
 def in_frame(frame: Pose, points: Floats) -> Floats:
     """Return points of the file, (..., 3), in the frame of a lens."""
-    local: Floats = frame.inverse().points(points.T).T
-    return local
+    return frame.inverse().points(points.T).T
 
 
 def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
@@ -122,8 +119,7 @@ def _ellipse_axes(points: Floats) -> Floats:
 
 
 def _unit(vector: Floats) -> Floats:
-    result: Floats = vector / (np.linalg.norm(vector) or 1.0)
-    return result
+    return vector / (np.linalg.norm(vector) or 1.0)
 
 
 def _snapped(direction: Floats) -> Floats:

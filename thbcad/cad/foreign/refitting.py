@@ -11,8 +11,6 @@ Everything else is interpolated on a grid, with twice as many spans until it is 
 with the faces at other points: that is measured.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

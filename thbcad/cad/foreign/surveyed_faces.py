@@ -2,8 +2,6 @@
 continue each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -188,9 +186,8 @@ class SurveyedFace:
         for curve, t, points in self._edges:
             along = points @ direction
             best = int(np.argmax(along))
-            for near in (
-                {best} if 0 < best < RIM - 1 else {0, RIM - 1}
-            ):  # a closed edge goes on at its other end
+            # a closed edge goes on at its other end
+            for near in {best} if 0 < best < RIM - 1 else {0, RIM - 1}:
                 ends = t[[max(near - 1, 0), min(near + 1, RIM - 1)]]
                 between = minimize_scalar(
                     lambda at, curve=curve: -float(direction @ curve.Value(float(at)).Coord()),

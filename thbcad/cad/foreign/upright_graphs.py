@@ -1,7 +1,5 @@
 """Splines in graph form: with x and y along their parameters, and cut to a rectangle round the axis."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.checks import Floats

@@ -5,8 +5,6 @@ parameters, splines are Bezier patches between their knots, and circles and spli
 of the control points holds the piece, and shrinks with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

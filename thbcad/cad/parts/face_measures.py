@@ -2,8 +2,6 @@
 are from what they should be, as OCCT evaluates them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ A face is shut out piece by piece by half-spaces.  Where a piece may come in it 
 the face is found inside, or the pieces are too many to go on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from itertools import pairwise
 

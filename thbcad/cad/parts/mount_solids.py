@@ -1,7 +1,5 @@
 """The solids of a mount: flange, holes, pins, bosses and gate, and the lens with them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

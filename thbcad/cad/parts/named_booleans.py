@@ -4,8 +4,6 @@ Faces that lie in one plane stay apart, so that a flange flush with a flat front
 follow OCCT's history of the operation.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 
@@ -36,20 +34,12 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 
 def fused(part: Part, tool: Part | TopoDS_Shape, name: str = "") -> Part:
-    """Return the union of a part and a tool, whose faces keep their names or get one.
-
-    Raises ValueError : nothing is left of the front or the rear, or it falls into pieces; the tool does not
-        touch the part; OCCT finds no union.
-    """
+    """Return the union of a part and a tool, whose faces keep their names or get one."""
     return _operated(BRepAlgoAPI_Fuse(), part, tool, name)
 
 
 def without(part: Part, tool: Part | TopoDS_Shape, name: str = "") -> Part:
-    """Return a part less a tool, whose faces keep their names or get one.
-
-    Raises ValueError : nothing is left of the front or the rear, or it falls into pieces; the part itself
-        does; OCCT finds no difference.
-    """
+    """Return a part less a tool, whose faces keep their names or get one."""
     return _operated(BRepAlgoAPI_Cut(), part, tool, name)
 
 

@@ -1,7 +1,5 @@
 """Parts joined to a lens and cut from it, with the names of its faces kept."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

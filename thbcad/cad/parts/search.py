@@ -94,10 +94,7 @@ def is_shape(part: object) -> bool:
 
 
 def occt_shape(part: object) -> TopoDS_Shape:
-    """Return the OCCT shape of what `is_shape`.
-
-    Raises ValueError : it is none, or an empty one.
-    """
+    """Return the OCCT shape of what `is_shape`."""
     shape = _wrapped(part)
     if not isinstance(shape, TopoDS_Shape) or shape.IsNull():
         raise ValueError(

@@ -3,8 +3,6 @@
 A part is given back the lens's own surfaces: numbers that other programs have moved are exact again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

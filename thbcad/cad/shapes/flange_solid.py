@@ -3,9 +3,6 @@
 The flange is a frame round the lens: its two planes cut the edges of the lens, never the front or the rear.
 """
 
-from __future__ import annotations
-
-from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.forms import form_of, optical_face
@@ -40,45 +37,40 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     Raises ValueError : as `trimmed_part` and `require_sound`; a rim less than 1e-6 mm away from the flange.
     """
     require_clear(require_sound(lens), flange, semi_axes)
-    builder = BRep_Builder()
     shape = walls_of(lens, semi_axes)
     wall, (front, bottom), (rear, top) = walled_lens(
-        builder, lens, shape, semi_axes is not None or lens.taper == UPRIGHT
+        lens, shape, semi_axes is not None or lens.taper == UPRIGHT
     )
     outline = UprightWall(flange.around(shape).pieces)
     edges = HALVES if semi_axes is not None else edge_names(lens)
-    inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
+    inner, outer = ([w.level(z) for z in (flange.low, flange.high)] for w in (wall, outline))
     faces = [
         front,
         rear,
-        *wall_faces(builder, wall, bottom, inner[0]),
-        *wall_faces(builder, wall, inner[1], top),
+        *wall_faces(wall, bottom, inner[0]),
+        *wall_faces(wall, inner[1], top),
     ]
-    faces += [
-        plane_face(builder, z, [inner[k]], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))
-    ]
-    faces += wall_faces(builder, outline, *outer)
+    faces += [plane_face(z, [inner[k]], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))]
+    faces += wall_faces(outline, *outer)
     names = [f"{edge} {side}" for side in ("front", "rear") for edge in edges]
     sides = [edge.replace("edge", "flange side") for edge in edges]
     return closed_part(("front", "rear", *names, "flange front", "flange rear", *sides), faces)
 
 
-def walled_lens(
-    builder: BRep_Builder, lens: Lens, shape: Outline, planar: bool
-) -> tuple[Wall, Bounded, Bounded]:
+def walled_lens(lens: Lens, shape: Outline, planar: bool) -> tuple[Wall, Bounded, Bounded]:
     """Return the wall of the edges within an outline, and front and rear with the rings of their rims."""
     if not shape.is_rectangle:
         if planar:
             upright = UprightWall(shape.pieces)
-            return upright, *upright_faces(builder, lens, upright)
+            return upright, *upright_faces(lens, upright)
         ruled = RuledWall.round(ruled_edges(lens))
-        return ruled, *ruled_faces(builder, lens, ruled)
+        return ruled, *ruled_faces(lens, ruled)
     ruled = RuledWall.rectangular([] if planar else ruled_edges(lens))
     optical = []
     for k, surface in enumerate(optical_forms(lens)):
         form = form_of(surface)
-        ring = form_ring(builder, form) if planar else ruled.sides(builder, form, float(k))
+        ring = form_ring(form) if planar else ruled.sides(form, float(k))
         edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
-        optical.append((optical_face(builder, form, edges, outward=k == 1), ring))
+        optical.append((optical_face(form, edges, outward=k == 1), ring))
     front, rear = optical
     return UprightWall(shape.pieces) if planar else ruled, front, rear

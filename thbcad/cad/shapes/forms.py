@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.Geom import (
     Geom_Circle,
     Geom_Curve,
@@ -23,7 +22,7 @@ from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
-from thbcad.cad.shapes.topology import face_on, side_line, turned, turned_face
+from thbcad.cad.shapes.topology import BUILDER, face_on, side_line, turned, turned_face
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Corner, OpticalForm, Side, rim
 from thbcad.outlines import fitted_curve
@@ -90,8 +89,7 @@ class SplineForm:
         return geom_surface(self.spline)
 
     def corner(self, corner: Corner) -> Floats:
-        point: Floats = self.spline.coefficients[corner]
-        return point
+        return self.spline.coefficients[corner]
 
     def rim(self, side: Side) -> RimCurve:
         kv, poles = rim(self.spline, side)
@@ -168,19 +166,17 @@ class ConicForm:
         return _fitted(lambda t: self.conic.parameters(points(t)), ends, unit)
 
 
-def optical_face(
-    builder: BRep_Builder, form: Form, edges: Mapping[Side, TopoDS_Edge], outward: bool
-) -> TopoDS_Face:
+def optical_face(form: Form, edges: Mapping[Side, TopoDS_Edge], outward: bool) -> TopoDS_Face:
     """Return the face of front or rear within the edges along its sides, x or y rising.
 
     outward : whether its normal points to +z, as that of the rear
     """
     loop = [turned(edges[side], side.clockwise) for side in SIDES]
-    face = face_on(builder, form.surface(), loop, form.upward)
+    face = face_on(form.surface(), loop, form.upward)
     for side in SIDES:
         image = form.side_trace(side)
         if image is not None:
-            builder.UpdateEdge(edges[side], image, face, TOLERANCE)
+            BUILDER.UpdateEdge(edges[side], image, face, TOLERANCE)
     return turned_face(face, form.upward != outward)
 
 

@@ -5,12 +5,9 @@ Front and rear keep their whole surface, trimmed by the outline.  Nothing is sew
 Boolean operations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.Geom2d import Geom2d_Curve
 from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
@@ -80,45 +77,43 @@ def upright_part(lens: Lens, shape: Shape) -> Part:
     Rims on planes are lines and exact ellipses, round rims on conics exact circles; others are as
     `outline_rims`.
     """
-    builder = BRep_Builder()
     wall = UprightWall(shape.pieces)
-    return _closed(builder, wall, *upright_faces(builder, lens, wall))
+    return _closed(wall, *upright_faces(lens, wall))
 
 
 def ruled_part(lens: Lens) -> Part:
     """Return a sound lens with an outline, whose front and rear differ in size, as a closed Part: front,
     rear, and a ruled edge between the rims on every piece of the outline."""
-    builder = BRep_Builder()
     wall = RuledWall.round(ruled_edges(lens))
-    return _closed(builder, wall, *ruled_faces(builder, lens, wall))
+    return _closed(wall, *ruled_faces(lens, wall))
 
 
-def _closed(builder: BRep_Builder, wall: UprightWall | RuledWall, front: Bounded, rear: Bounded) -> Part:
-    edges = wall_faces(builder, wall, front[1], rear[1])
+def _closed(wall: UprightWall | RuledWall, front: Bounded, rear: Bounded) -> Part:
+    edges = wall_faces(wall, front[1], rear[1])
     names = [f"edge {k + 1}" for k in range(len(edges))]
     return closed_part(("front", "rear", *names), (front[0], rear[0], *edges))
 
 
-def upright_faces(builder: BRep_Builder, lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
+def upright_faces(lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
     """Return front and rear, trimmed by an upright wall, normals outward."""
-    return upright_face(builder, lens, 0, wall), upright_face(builder, lens, 1, wall)
+    return upright_face(lens, 0, wall), upright_face(lens, 1, wall)
 
 
-def upright_face(builder: BRep_Builder, lens: Lens, k: int, wall: UprightWall) -> Bounded:
+def upright_face(lens: Lens, k: int, wall: UprightWall) -> Bounded:
     """Return the front (k = 0) or the rear (k = 1), trimmed by an upright wall, its normal outward."""
     height = _level(optical_forms(lens)[k], wall.pieces)
     rims = outline_rims(lens, k, wall.pieces) if height is None else []
-    ring = wall.rim(builder, rims) if height is None else wall.level(builder, height)
-    return trimmed_face(builder, lens, k, wall.pieces, rims, ring), ring
+    ring = wall.rim(rims) if height is None else wall.level(height)
+    return trimmed_face(lens, k, wall.pieces, rims, ring), ring
 
 
-def ruled_faces(builder: BRep_Builder, lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
+def ruled_faces(lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
     """Return front and rear, trimmed by their outlines, between which a wall is ruled, normals outward."""
     optical = []
     for k, pieces in enumerate(rim_pieces(lens)):
         rims = [(panel.kv_u, panel.coefficients[:, k]) for panel in wall.panels]
-        ring = wall.along(builder, rims, float(k))
-        optical.append((trimmed_face(builder, lens, k, pieces, rims, ring), ring))
+        ring = wall.along(rims, float(k))
+        optical.append((trimmed_face(lens, k, pieces, rims, ring), ring))
     front, rear = optical
     return front, rear
 
@@ -133,9 +128,7 @@ def _level(surface: OpticalForm, pieces: Sequence[RimPiece]) -> float | None:
     return float(surface(arcs[0].semi_axes[0], 0.0)) if len(arcs) == len(pieces) else None
 
 
-def trimmed_face(
-    builder: BRep_Builder, lens: Lens, k: int, pieces: Sequence[Path], rims: Sequence[Rim], ring: Ring
-) -> TopoDS_Face:
+def trimmed_face(lens: Lens, k: int, pieces: Sequence[Path], rims: Sequence[Rim], ring: Ring) -> TopoDS_Face:
     """Return the front (k = 0) or the rear (k = 1) within the ring above the pieces of an outline, its normal
     outward.
 
@@ -146,7 +139,7 @@ def trimmed_face(
     if isinstance(surface, PlacedConic):
         form = conic_form(surface)
         images = [form.trace(above(surface, piece), piece.ends) for piece in pieces]
-        face = face_on(builder, form.surface(), ring.edges, form.upward, images)
+        face = face_on(form.surface(), ring.edges, form.upward, images)
         return turned_face(face, form.upward != (k == 1))
     # from x and y to parameters, which are those over the rear's rectangle
     scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
@@ -156,7 +149,7 @@ def trimmed_face(
             images.append(trace(UNIT, np.array([piece.start, piece.stop]) * scale))
         else:
             images.append(trace(kv, poles[:, :2] * scale))
-    return turned_face(face_on(builder, geom_surface(surface), ring.edges, True, images), k == 0)
+    return turned_face(face_on(geom_surface(surface), ring.edges, True, images), k == 0)
 
 
 def lens_solid(lens: Lens) -> TopoDS_Solid:
@@ -183,29 +176,27 @@ def part_between(surfaces: Sequence[OpticalForm], ruled: Sequence[BSplineSurface
     surfaces : as `optical_forms`
     ruled : the edges as `ruled_edges`; None where both surfaces have the same size, so that they are planes
     """
-    builder = BRep_Builder()
     forms = [form_of(surface) for surface in surfaces]
     corners = [{c: form.corner(c) for c in CORNERS} for form in forms]
-    vertices = [{c: new_vertex(builder, point) for c, point in own.items()} for own in corners]
+    vertices = [{c: new_vertex(point) for c, point in own.items()} for own in corners]
     rims = [{side: form.rim(side) for side in SIDES} for form in forms]
     edges = [
         {
-            side: new_edge(builder, along.curve, *along.ends, own[side.start], own[side.stop])
+            side: new_edge(along.curve, *along.ends, own[side.start], own[side.stop])
             for side, along in curves.items()
         }
         for curves, own in zip(rims, vertices)
     ]
     struts = {
-        c: strut(builder, [own[c] for own in corners], [own[c] for own in vertices], ruled is None)
-        for c in CORNERS
+        c: strut([own[c] for own in corners], [own[c] for own in vertices], ruled is None) for c in CORNERS
     }
-    faces = [optical_face(builder, forms[k], edges[k], outward=k == 1) for k in (0, 1)]
+    faces = [optical_face(forms[k], edges[k], outward=k == 1) for k in (0, 1)]
     for k, side in enumerate(SIDES):
         front, rear = (own[side] for own in edges)
         chains = [[front], [struts[side.stop]], [rear.Reversed()], [struts[side.start].Reversed()]]
         if ruled is None:
-            faces.append(plane_edge_face(builder, corners[0][side.start], side, chains))
+            faces.append(plane_edge_face(corners[0][side.start], side, chains))
         else:
             images = [ruled_trace(own[side], side, ruled[k], float(v)) for v, own in enumerate(rims)]
-            faces.append(ruled_edge_face(builder, ruled[k], side, chains, images))
+            faces.append(ruled_edge_face(ruled[k], side, chains, images))
     return closed_part(NAMES, faces)

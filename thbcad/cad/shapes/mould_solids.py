@@ -1,10 +1,7 @@
 """Bodies that leave a mould, and inserts of moulds, as OCCT solids with shared topology."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
-from OCP.BRep import BRep_Builder
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
@@ -32,13 +29,12 @@ LEVEL, NEARLY_LEVEL = 1e-9, 0.0125  # mm, of a rim's heights
 def insert_part(insert: Insert) -> Part:
     """Return an insert as a closed Part: front or rear with the poles of the lens, the back, and an edge on
     every piece of the outline."""
-    builder = BRep_Builder()
     wall = UprightWall(insert.shape.pieces)
-    face, rim = upright_face(builder, insert.lens, insert.number, wall)
-    ring = wall.level(builder, insert.back)
+    face, rim = upright_face(insert.lens, insert.number, wall)
+    ring = wall.level(insert.back)
     above = insert.number == 1
-    back = turned_face(face_on(builder, form_of(insert.forms[1]).surface(), ring.edges), not above)
-    edges = wall_faces(builder, wall, *((rim, ring) if above else (ring, rim)))
+    back = turned_face(face_on(form_of(insert.forms[1]).surface(), ring.edges), not above)
+    edges = wall_faces(wall, *((rim, ring) if above else (ring, rim)))
     names = (FACES[insert.number], "back", *(f"edge {k + 1}" for k in range(len(edges))))
     return closed_part(names, (TopoDS.Face_s(face.Reversed()), back, *edges))
 
@@ -46,39 +42,35 @@ def insert_part(insert: Insert) -> Part:
 def moulded_part(body: MouldedBody) -> Part:
     """Return a moulded body as a closed Part: front, rear, the edges below and above the parting line, and
     the land with the step to the smaller surface."""
-    builder = BRep_Builder()
     optical: list[TopoDS_Face] = []
     rings: list[Ring] = []
     for k in (0, 1):
         foot, wall = body.feet[k], _wall(body.wall(k))
-        rings.append(_rim(builder, wall, foot))
-        optical.append(trimmed_face(builder, body.lens, k, foot.pieces, foot.rims, rings[k]))
+        rings.append(_rim(wall, foot))
+        optical.append(trimmed_face(body.lens, k, foot.pieces, foot.rims, rings[k]))
     names, faces = list(FACES), optical
     if body.inner is not None and body.small is not None:
         inner, land = _wall(body.inner), body.inner.level
         side = 1 - body.small if land == body.parting else body.small
-        outer = _wall(body.walls[side]).level(builder, land)
-        hole = inner.level(builder, land) if body.stepped else rings[body.small]
-        added = [plane_face(builder, land, [hole], outer, body.small == 1)]
+        outer = _wall(body.walls[side]).level(land)
+        hole = inner.level(land) if body.stepped else rings[body.small]
+        added = [plane_face(land, [hole], outer, body.small == 1)]
         if body.stepped:
             pair = (hole, rings[body.small]) if body.inner.side > 0 else (rings[body.small], hole)
-            walls = drafted_faces(builder, inner, *pair)
+            walls = drafted_faces(inner, *pair)
             # the glass lies outside where the step runs into it
             outward = body.inner.side == (-1 if body.small == 0 else 1)
             added += walls if outward else [TopoDS.Face_s(face.Reversed()) for face in walls]
         rings[body.small] = outer
         faces += added
         names += ["land", *(f"step {k + 1}" for k in range(len(added) - 1))]
-    edges = _edges(builder, body, rings)
+    edges = _edges(body, rings)
     sharp = closed_part((*names, *(f"edge {k + 1}" for k in range(len(edges)))), (*faces, *edges))
     return _rounded(sharp, body, [edge for k in body.rounded for edge in rings[k].edges])
 
 
 def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
-    """Return a part with rounded edges; front and rear keep their surfaces.
-
-    Raises ValueError : OCCT makes no sound solid within 1e-6 mm.
-    """
+    """Return a part with rounded edges; front and rear keep their surfaces."""
     if not edges:
         return sharp
     fillets = BRepFilletAPI_MakeFillet(sharp.solid)
@@ -120,19 +112,19 @@ def _remedy(body: MouldedBody) -> str:
     return f"a rim is level within {min(uneven):.2g} mm and not quite, where it fails: take edge_radius 0"
 
 
-def _edges(builder: BRep_Builder, body: MouldedBody, rings: list[Ring]) -> list[TopoDS_Face]:
+def _edges(body: MouldedBody, rings: list[Ring]) -> list[TopoDS_Face]:
     """Return the wall from the lower to the upper ring, in two where it tapers to both sides."""
     lower, upper = map(_wall, body.walls)
     if not body.walls[0].draft:
-        return drafted_faces(builder, lower, *rings)
+        return drafted_faces(lower, *rings)
     if body.inner is not None and body.inner.level == body.parting:
-        return drafted_faces(builder, (upper, lower)[body.small or 0], *rings)
-    middle = lower.level(builder, body.parting)
-    turned = upper.level(builder, body.parting)
+        return drafted_faces((upper, lower)[body.small or 0], *rings)
+    middle = lower.level(body.parting)
+    turned = upper.level(body.parting)
     shared = Ring(middle.vertices, middle.edges, turned.traces, turned.heights)
     return [
-        *drafted_faces(builder, lower, rings[0], middle),
-        *drafted_faces(builder, upper, shared, rings[1]),
+        *drafted_faces(lower, rings[0], middle),
+        *drafted_faces(upper, shared, rings[1]),
     ]
 
 
@@ -140,7 +132,7 @@ def _wall(drafted: DraftedWall) -> TaperedWall | UprightWall:
     return TaperedWall(drafted) if drafted.draft else UprightWall(drafted.outline.pieces)
 
 
-def _rim(builder: BRep_Builder, wall: TaperedWall | UprightWall, foot: Foot) -> Ring:
+def _rim(wall: TaperedWall | UprightWall, foot: Foot) -> Ring:
     if isinstance(wall, TaperedWall):
-        return wall.rim(builder, foot)
-    return wall.rim(builder, foot.rims) if foot.level is None else wall.level(builder, foot.level)
+        return wall.rim(foot)
+    return wall.rim(foot.rims) if foot.level is None else wall.level(foot.level)

@@ -1,7 +1,5 @@
 """Splines as OCCT geometry and back, bit for bit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import chain
 

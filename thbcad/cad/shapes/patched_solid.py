@@ -5,18 +5,16 @@ Patches meet at T-junctions.  The corners of all patches are vertices; an edge i
 boundary between two consecutive vertices, so that it belongs to exactly two faces.  Nothing is sewn.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.topology import (
+    BUILDER,
     NAMES,
     Part,
     closed_part,
@@ -55,15 +53,11 @@ def patched_part(lens: Lens) -> Part:
     Raises ValueError : as `require_sound`; a patch with an edge of 2e-7 mm or less, which CAD takes for a
         point.
     """
-    builder = BRep_Builder()
     whole = placed_surfaces(require_sound(lens))
-    sheets = [_Sheet(builder, patches) for patches in lens_patches(lens)]
+    sheets = [_Sheet(patches) for patches in lens_patches(lens)]
     vertices = [{c: sheet.vertices[_corner(whole[1], c)] for c in CORNERS} for sheet in sheets]
     planar = lens.front.half_width == lens.rear.half_width
-    struts = {
-        c: strut(builder, [s.coefficients[c] for s in whole], [v[c] for v in vertices], planar)
-        for c in CORNERS
-    }
+    struts = {c: strut([s.coefficients[c] for s in whole], [v[c] for v in vertices], planar) for c in CORNERS}
 
     # the normal of the parametrisation points to +z: outward at the rear, inward at the front
     faces = [TopoDS.Face_s(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
@@ -75,7 +69,7 @@ def patched_part(lens: Lens) -> Part:
             [edge.Reversed() for edge in reversed(rear)],
             [struts[side.start].Reversed()],
         ]
-        faces.append(edge_face(builder, whole, side, chains, planar))
+        faces.append(edge_face(whole, side, chains, planar))
     names = [f"{name} {k + 1}" for name, sheet in zip(NAMES, sheets) for k in range(len(sheet.faces))]
     return closed_part([*names, *NAMES[2:]], faces)
 
@@ -147,15 +141,14 @@ class _Sheet:
     vertices : TopoDS_Vertex by (u, v).  faces : in the order of the patches, normals to +z.
     """
 
-    def __init__(self, builder: BRep_Builder, patches: Sequence[BSplineSurface]) -> None:
-        self._builder = builder
+    def __init__(self, patches: Sequence[BSplineSurface]) -> None:
         self.vertices: dict[tuple[float, float], TopoDS_Vertex] = {}
         self._edges: dict[tuple[int, float, float], TopoDS_Edge] = {}
         for patch in patches:
             for corner in CORNERS:
                 position = _corner(patch, corner)
                 if position not in self.vertices:
-                    self.vertices[position] = new_vertex(builder, patch.coefficients[corner])
+                    self.vertices[position] = new_vertex(patch.coefficients[corner])
         # by axis and line: the positions of the vertices on the line v (axis 0) or u (axis 1)
         self._positions: tuple[dict[float, list[float]], dict[float, list[float]]] = ({}, {})
         for u, v in sorted(self.vertices):
@@ -183,7 +176,7 @@ class _Sheet:
                         "levels"
                     )
                 ends = [self.vertices[(t, line) if axis == 0 else (line, t)] for t in (start, stop)]
-                self._edges[key] = new_edge(self._builder, geom_curve(segment, points), start, stop, *ends)
+                self._edges[key] = new_edge(geom_curve(segment, points), start, stop, *ends)
             edges.append(self._edges[key])
         return edges
 
@@ -194,11 +187,11 @@ class _Sheet:
             for side, chain in chains.items()
             for edge in (chain[::-1] if side.clockwise else chain)
         ]
-        face = face_on(self._builder, geom_surface(patch), loop)
+        face = face_on(geom_surface(patch), loop)
         for side, chain in chains.items():
             line = side_line(patch, side)
             for edge in chain:
-                self._builder.UpdateEdge(edge, line, face, TOLERANCE)
+                BUILDER.UpdateEdge(edge, line, face, TOLERANCE)
         return face
 
 

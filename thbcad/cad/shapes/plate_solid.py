@@ -1,18 +1,15 @@
 """A plate of like lenses as an OCCT solid with shared topology: its land is a frame round all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, islice
 
-from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.gp import gp_Trsf, gp_Vec
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
 
 from thbcad.cad.shapes.flange_solid import walled_lens
-from thbcad.cad.shapes.topology import Part, closed_part
+from thbcad.cad.shapes.topology import BUILDER, Part, closed_part
 from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
 from thbcad.lens import SIDES, edge_names, walls_of
 from thbcad.moulds import FACES, Plate, named_on_plate
@@ -25,12 +22,12 @@ def plate_part(plate: Plate) -> Part:
 
     The poles of lens k are those of the first, plus its place: x + s, rounded once.
     """
-    builder, lens = BRep_Builder(), plate.lens
+    lens = plate.lens
     planar = lens.taper == UPRIGHT
-    wall, (front, bottom), (rear, top) = walled_lens(builder, lens, walls_of(lens, None), planar)
+    wall, (front, bottom), (rear, top) = walled_lens(lens, walls_of(lens, None), planar)
     land = plate.low, plate.high
-    below, above = (wall.level(builder, z) for z in land)
-    own = [front, rear, *wall_faces(builder, wall, bottom, below), *wall_faces(builder, wall, above, top)]
+    below, above = (wall.level(z) for z in land)
+    own = [front, rear, *wall_faces(wall, bottom, below), *wall_faces(wall, above, top)]
     edges = [f"{edge} {side}" for side in FACES for edge in edge_names(lens)]
     names: list[str] = []
     faces: list[TopoDS_Face] = []
@@ -42,11 +39,11 @@ def plate_part(plate: Plate) -> Part:
         for ring, rim, hole in zip((below, above), rims, holes):
             hole.append(replace(ring, edges=rim))
     outline = UprightWall(plate.outline.pieces)
-    rings = [outline.level(builder, z) for z in land]
-    sides_of_land = wall_faces(builder, outline, *rings)
+    rings = [outline.level(z) for z in land]
+    sides_of_land = wall_faces(outline, *rings)
     walls, *rims = _moved((sides_of_land, *(ring.edges for ring in rings)), plate.middle)
     outer = [replace(ring, edges=rim) for ring, rim in zip(rings, rims)]
-    faces += [plane_face(builder, z, holes[k], outer[k], k == 1) for k, z in enumerate(land)]
+    faces += [plane_face(z, holes[k], outer[k], k == 1) for k, z in enumerate(land)]
     faces += map(TopoDS.Face_s, walls)
     sides = [side.name.replace("edge", "land side") for side in SIDES]
     return closed_part([*names, "land front", "land rear", *sides], faces)
@@ -59,9 +56,9 @@ def _moved(
     if not any(place):
         return [*rows]
     whole, shift = TopoDS_Compound(), gp_Trsf()
-    BRep_Builder().MakeCompound(whole)
+    BUILDER.MakeCompound(whole)
     for shape in chain.from_iterable(rows):
-        BRep_Builder().Add(whole, shape)
+        BUILDER.Add(whole, shape)
     shift.SetTranslation(gp_Vec(*place, 0.0))
     copy = BRepBuilderAPI_Transform(whole, shift, True).Shape()  # which an iterator does not keep
     copies, moved = TopoDS_Iterator(copy), []

@@ -1,12 +1,9 @@
 """The wall that tapers from a level outline by a draft angle: tilted planes and cones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.Geom import Geom_ConicalSurface, Geom_Curve, Geom_Line, Geom_Plane, Geom_Surface
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
@@ -62,19 +59,19 @@ class TaperedWall:
         low, high = (start_of(drafted.at(a).pieces[corner], a) for a in (drafted.level, z))
         return -drafted.side * float(np.sign(z - drafted.level)) * float(np.linalg.norm(high - low))
 
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
+    def level(self, z: float) -> Ring:
         pieces = self.drafted.at(z).pieces
-        ring = ring_along(builder, [level_curve(p, z) for p in pieces], [start_of(p, z) for p in pieces])
+        ring = ring_along([level_curve(p, z) for p in pieces], [start_of(p, z) for p in pieces])
         turn = -self.drafted.side
         image = Geom2d_Line(gp_Pnt2d(0.0, self._v(z)), gp_Dir2d(turn, 0))
         return self._traced(ring, [image] * len(pieces))
 
-    def rim(self, builder: BRep_Builder, foot: Foot) -> Ring:
+    def rim(self, foot: Foot) -> Ring:
         """Return the ring along the rim of a surface."""
         if foot.level is not None:
-            return self.level(builder, foot.level)
+            return self.level(foot.level)
         starts = [poles[0] for _, poles in foot.rims]
-        ring = ring_along(builder, [(geom_curve(*own), *own[0].domain) for own in foot.rims], starts)
+        ring = ring_along([(geom_curve(*own), *own[0].domain) for own in foot.rims], starts)
         turn, scale = -self.drafted.side, self._v(self.drafted.level + 1)
         images = [
             trace(kv, np.column_stack([turn * kv.greville(), scale * (poles[:, 2] - self.drafted.level)]))
@@ -91,10 +88,8 @@ class TaperedWall:
         )
 
 
-def drafted_faces(
-    builder: BRep_Builder, wall: TaperedWall | UprightWall, low: Ring, high: Ring
-) -> list[TopoDS_Face]:
+def drafted_faces(wall: TaperedWall | UprightWall, low: Ring, high: Ring) -> list[TopoDS_Face]:
     """Return the faces of a wall between two of its rings, the first at the lower height, normals outward."""
     if isinstance(wall, UprightWall) or wall.drafted.side < 0:
-        return wall_faces(builder, wall, low, high)
-    return [TopoDS.Face_s(face.Reversed()) for face in wall_faces(builder, wall, high, low)]
+        return wall_faces(wall, low, high)
+    return [TopoDS.Face_s(face.Reversed()) for face in wall_faces(wall, high, low)]

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
@@ -33,10 +32,7 @@ from thbcad.lens import SIDES, Side, Surfaces, rim_parameter, ruled_edge
 from thbcad.outlines import fitted_curve
 from thbcad.splines import UNIT, BSplineSurface
 
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
-
-
+BUILDER = BRep_Builder()  # it has no state
 NAMES = ("front", "rear", *(side.name for side in SIDES))
 
 
@@ -56,27 +52,25 @@ class Part:
 
 def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
     """Return the solid between faces that share their edges and whose normals point outward."""
-    builder = BRep_Builder()
     shell = TopoDS_Shell()
     solid = TopoDS_Solid()
-    builder.MakeShell(shell)
+    BUILDER.MakeShell(shell)
     for face in faces:
-        builder.Add(shell, face)
+        BUILDER.Add(shell, face)
     shell.Closed(True)
-    builder.MakeSolid(solid)
-    builder.Add(solid, shell)
+    BUILDER.MakeSolid(solid)
+    BUILDER.Add(solid, shell)
     return Part(solid, tuple(names), tuple(faces))
 
 
-def new_vertex(builder: BRep_Builder, point: Floats) -> TopoDS_Vertex:
+def new_vertex(point: Floats) -> TopoDS_Vertex:
     """Return a vertex at a point, (3,) float, mm."""
     vertex = TopoDS_Vertex()
-    builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
+    BUILDER.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
     return vertex
 
 
 def new_edge(
-    builder: BRep_Builder,
     curve: Geom_Curve,
     first: float,
     last: float,
@@ -85,17 +79,15 @@ def new_edge(
 ) -> TopoDS_Edge:
     """Return the piece [first, last] of a curve between two vertices as an edge."""
     edge = TopoDS_Edge()
-    builder.MakeEdge(edge, curve, TOLERANCE)
-    builder.Add(edge, start)
+    BUILDER.MakeEdge(edge, curve, TOLERANCE)
+    BUILDER.Add(edge, start)
     stop = stop.Oriented(TopAbs_REVERSED)
-    builder.Add(edge, stop)
-    builder.Range(edge, first, last)
+    BUILDER.Add(edge, stop)
+    BUILDER.Range(edge, first, last)
     return edge
 
 
-def strut(
-    builder: BRep_Builder, ends: Sequence[Floats], vertices: Sequence[TopoDS_Vertex], straight: bool
-) -> TopoDS_Edge:
+def strut(ends: Sequence[Floats], vertices: Sequence[TopoDS_Vertex], straight: bool) -> TopoDS_Edge:
     """Return the edge from a front corner to the rear corner.
 
     ends : their points, (3,) float, mm.  straight : as a line, else as a spline of degree 1 over [0, 1]
@@ -107,7 +99,7 @@ def strut(
     else:
         length = 1.0
         curve = geom_curve(UNIT, np.stack(ends))
-    return new_edge(builder, curve, 0.0, length, *vertices)
+    return new_edge(curve, 0.0, length, *vertices)
 
 
 def side_line(surface: BSplineSurface, side: Side) -> Geom2d_Line:
@@ -128,18 +120,17 @@ def turned_face(face: TopoDS_Face, reverse: bool) -> TopoDS_Face:
     return TopoDS.Face_s(face.Reversed()) if reverse else face
 
 
-def new_wire(builder: BRep_Builder, edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
+def new_wire(edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
     """Return the closed wire of edges that follow each other head to tail."""
     wire = TopoDS_Wire()
-    builder.MakeWire(wire)
+    BUILDER.MakeWire(wire)
     for edge in edges:
-        builder.Add(wire, edge)
+        BUILDER.Add(wire, edge)
     wire.Closed(True)
     return wire
 
 
 def face_on(
-    builder: BRep_Builder,
     surface: Geom_Surface,
     loop: Sequence[TopoDS_Shape],
     upward: bool = True,
@@ -151,17 +142,17 @@ def face_on(
     images : of the edges in the parameters of the surface, None where OCCT needs none
     """
     face = TopoDS_Face()
-    wire = new_wire(builder, loop)
-    builder.MakeFace(face, surface, TOLERANCE)
-    builder.Add(face, wire if upward else wire.Reversed())
-    draw_on_plane(builder, face, loop)
+    wire = new_wire(loop)
+    BUILDER.MakeFace(face, surface, TOLERANCE)
+    BUILDER.Add(face, wire if upward else wire.Reversed())
+    draw_on_plane(face, loop)
     for edge, image in zip(loop, images):
         if image is not None:
-            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+            BUILDER.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
     return face
 
 
-def draw_on_plane(builder: BRep_Builder, face: TopoDS_Face, edges: Sequence[TopoDS_Shape]) -> None:
+def draw_on_plane(face: TopoDS_Face, edges: Sequence[TopoDS_Shape]) -> None:
     """Give circles, ellipses and hyperbolas among the edges of a plane face their images in its parameters.
 
     OCCT needs none, but writes its own into STEP files: closed rational splines of another parameter.  These
@@ -182,11 +173,10 @@ def draw_on_plane(builder: BRep_Builder, face: TopoDS_Face, edges: Sequence[Topo
                 return (np.array([value(a).Coord() for a in t.tolist()]) - origin) @ axes.T
 
             drawn = trace(*fitted_curve(image, ends, np.ones(2, dtype=np.int64)))
-            builder.UpdateEdge(edge, drawn, face, TOLERANCE)
+            BUILDER.UpdateEdge(edge, drawn, face, TOLERANCE)
 
 
 def edge_face(
-    builder: BRep_Builder,
     surfaces: Surfaces,
     side: Side,
     chains: Sequence[Sequence[TopoDS_Shape]],
@@ -198,24 +188,21 @@ def edge_face(
         start (reversed).
     """
     if planar:
-        return plane_edge_face(builder, surfaces[0].coefficients[side.start], side, chains)
-    return ruled_edge_face(builder, ruled_edge(surfaces, side), side, chains)
+        return plane_edge_face(surfaces[0].coefficients[side.start], side, chains)
+    return ruled_edge_face(ruled_edge(surfaces, side), side, chains)
 
 
-def plane_edge_face(
-    builder: BRep_Builder, corner: Floats, side: Side, chains: Sequence[Sequence[TopoDS_Shape]]
-) -> TopoDS_Face:
+def plane_edge_face(corner: Floats, side: Side, chains: Sequence[Sequence[TopoDS_Shape]]) -> TopoDS_Face:
     """Return the plane between the rims of a lens whose front and rear have the same size, as `edge_face`.
 
     corner : of the front, at the start of the side, (3,) float, mm
     """
     normal = gp_Dir(0, -1, 0) if side.axis == 0 else gp_Dir(1, 0, 0)
     plane = Geom_Plane(gp_Pln(gp_Pnt(*corner.tolist()), normal))
-    return turned_face(face_on(builder, plane, list(chain.from_iterable(chains))), side.clockwise)
+    return turned_face(face_on(plane, list(chain.from_iterable(chains))), side.clockwise)
 
 
 def ruled_edge_face(
-    builder: BRep_Builder,
     ruled: BSplineSurface,
     side: Side,
     chains: Sequence[Sequence[TopoDS_Shape]],
@@ -226,7 +213,7 @@ def ruled_edge_face(
     ruled : as `ruled_edge`
     rims : the images of front and rear rim in its parameters; None where they have the parameter of `ruled`
     """
-    face = face_on(builder, geom_surface(ruled), list(chain.from_iterable(chains)))
+    face = face_on(geom_surface(ruled), list(chain.from_iterable(chains)))
     across, along = gp_Dir2d(0, 1), gp_Dir2d(1, 0)
     images = [
         rims[0] or Geom2d_Line(gp_Pnt2d(0, 0), along),
@@ -236,5 +223,5 @@ def ruled_edge_face(
     ]
     for edges, image in zip(chains, images):
         for edge in edges:
-            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+            BUILDER.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
     return turned_face(face, side.clockwise)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.Geom import (
     Geom_Circle,
     Geom_Curve,
@@ -28,7 +27,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from thbcad.cad.shapes.forms import Form, ruled_trace
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
-from thbcad.cad.shapes.topology import draw_on_plane, new_edge, new_vertex, new_wire, turned
+from thbcad.cad.shapes.topology import BUILDER, draw_on_plane, new_edge, new_vertex, new_wire, turned
 from thbcad.checks import Floats
 from thbcad.lens import CORNERS, SIDES, Rim
 from thbcad.outlines import Arc, Line, RimPiece, fitted_curve, kinks
@@ -67,22 +66,21 @@ class Wall(Protocol):
     def strut(self, corner: int) -> Geom_Curve:
         """Return the curve s = const through vertex `corner`, whose parameter is v."""
 
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
+    def level(self, z: float) -> Ring:
         """Return the ring at a height."""
 
 
-def wall_faces(builder: BRep_Builder, wall: Wall, low: Ring, high: Ring) -> list[TopoDS_Face]:
+def wall_faces(wall: Wall, low: Ring, high: Ring) -> list[TopoDS_Face]:
     """Return the faces of a wall between two of its rings, normals outward."""
     count = len(wall.ends)
     struts = [
-        new_edge(builder, wall.strut(k), low.heights[k], high.heights[k], low.vertices[k], high.vertices[k])
+        new_edge(wall.strut(k), low.heights[k], high.heights[k], low.vertices[k], high.vertices[k])
         for k in range(count)
     ]
-    return [_panel(builder, wall, k, (low, high), (struts[k], struts[(k + 1) % count])) for k in range(count)]
+    return [_panel(wall, k, (low, high), (struts[k], struts[(k + 1) % count])) for k in range(count)]
 
 
 def _panel(
-    builder: BRep_Builder,
     wall: Wall,
     k: int,
     rings: tuple[Ring, Ring],
@@ -90,31 +88,29 @@ def _panel(
 ) -> TopoDS_Face:
     low, high = rings
     face = TopoDS_Face()
-    builder.MakeFace(face, wall.surface(k), TOLERANCE)
-    wire = new_wire(builder, [low.edges[k], struts[1], high.edges[k].Reversed(), struts[0].Reversed()])
+    BUILDER.MakeFace(face, wall.surface(k), TOLERANCE)
+    wire = new_wire([low.edges[k], struts[1], high.edges[k].Reversed(), struts[0].Reversed()])
     inward = wall.ends[k][0] > wall.ends[k][1]  # s runs clockwise
-    builder.Add(face, wire.Reversed() if inward else wire)
-    draw_on_plane(builder, face, [low.edges[k], high.edges[k]])
+    BUILDER.Add(face, wire.Reversed() if inward else wire)
+    draw_on_plane(face, [low.edges[k], high.edges[k]])
     images = [(TopoDS.Edge_s(ring.edges[k]), ring.traces[k]) for ring in rings]
     if low.traces[k] is not None:
         for edge, image in images:
-            builder.UpdateEdge(edge, image, face, TOLERANCE)
+            BUILDER.UpdateEdge(edge, image, face, TOLERANCE)
         for s, strut in zip(wall.ends[k], struts):
-            builder.UpdateEdge(strut, Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)), face, TOLERANCE)
+            BUILDER.UpdateEdge(strut, Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)), face, TOLERANCE)
     return TopoDS.Face_s(face.Reversed()) if inward else face
 
 
-def plane_face(
-    builder: BRep_Builder, z: float, holes: Sequence[Ring], outer: Ring, upward: bool
-) -> TopoDS_Face:
+def plane_face(z: float, holes: Sequence[Ring], outer: Ring, upward: bool) -> TopoDS_Face:
     """Return the plane face between an outer ring and the rings of holes at a height, its normal along +z or
     -z."""
     face = TopoDS_Face()
-    builder.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1))), TOLERANCE)
-    builder.Add(face, new_wire(builder, outer.edges))
+    BUILDER.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1))), TOLERANCE)
+    BUILDER.Add(face, new_wire(outer.edges))
     for hole in holes:
-        builder.Add(face, new_wire(builder, [edge.Reversed() for edge in reversed(hole.edges)]))
-    draw_on_plane(builder, face, [*outer.edges, *(edge for hole in holes for edge in hole.edges)])
+        BUILDER.Add(face, new_wire([edge.Reversed() for edge in reversed(hole.edges)]))
+    draw_on_plane(face, [*outer.edges, *(edge for hole in holes for edge in hole.edges)])
     return face if upward else TopoDS.Face_s(face.Reversed())
 
 
@@ -141,27 +137,26 @@ class UprightWall:
     def strut(self, corner: int) -> Geom_Curve:
         return Geom_Line(gp_Pnt(*start_of(self.pieces[corner], 0.0).tolist()), UP)
 
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
+    def level(self, z: float) -> Ring:
         starts = [start_of(piece, z) for piece in self.pieces]
         curves = [level_curve(piece, z) for piece in self.pieces]
         image = Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0))
-        return self._ring(builder, starts, curves, [image] * len(curves))
+        return self._ring(starts, curves, [image] * len(curves))
 
-    def rim(self, builder: BRep_Builder, rims: Sequence[Rim]) -> Ring:
+    def rim(self, rims: Sequence[Rim]) -> Ring:
         """Return the ring along splines (x, y, z) over the pieces; vertices have their z as height."""
         starts = [start_of(piece, float(poles[0, 2])) for piece, (_, poles) in zip(self.pieces, rims)]
         curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
         images = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in rims]
-        return self._ring(builder, starts, curves, images)
+        return self._ring(starts, curves, images)
 
     def _ring(
         self,
-        builder: BRep_Builder,
         starts: Sequence[Floats],
         curves: Sequence[Bounded],
         images: Sequence[Geom2d_Curve],
     ) -> Ring:
-        ring = ring_along(builder, curves, starts)
+        ring = ring_along(curves, starts)
         traces = [None if isinstance(p, Line) else image for p, image in zip(self.pieces, images)]
         return replace(ring, traces=traces)
 
@@ -220,23 +215,23 @@ class RuledWall:
     def strut(self, corner: int) -> Geom_Curve:
         return geom_curve(UNIT, self.panels[corner].coefficients[-1 if self.clockwise[corner] else 0])
 
-    def sides(self, builder: BRep_Builder, form: Form, v: float) -> Ring:
+    def sides(self, form: Form, v: float) -> Ring:
         """Return the ring along the sides of the front (v = 0) or the rear (v = 1) of a rectangular lens."""
         line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
         images = [
             ruled_trace(form.rim(side), side, panel, v) or line for side, panel in zip(SIDES, self.panels)
         ]
-        return replace(form_ring(builder, form), traces=images, heights=(v,) * 4)
+        return replace(form_ring(form), traces=images, heights=(v,) * 4)
 
-    def along(self, builder: BRep_Builder, rims: Sequence[Rim], v: float) -> Ring:
+    def along(self, rims: Sequence[Rim], v: float) -> Ring:
         """Return the ring along the rims between which the panels are ruled, of the front (v = 0) or the rear
         (v = 1)."""
         curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
-        ring = ring_along(builder, curves, [poles[0] for _, poles in rims])
+        ring = ring_along(curves, [poles[0] for _, poles in rims])
         line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
         return replace(ring, traces=(line,) * len(rims), heights=(v,) * len(rims))
 
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
+    def level(self, z: float) -> Ring:
         """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each
         ruling."""
         curves = [self._level(panel, z) for panel in self.panels]
@@ -245,7 +240,7 @@ class RuledWall:
         starts = [-1 if turned else 0 for turned in self.clockwise]
         heights = [float(poles[k, 2]) for k, (_, poles) in zip(starts, curves)]
         lines = [(geom_curve(kv, poles), kv.start, kv.stop) for kv, poles in flat]
-        ring = ring_along(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)], self.clockwise)
+        ring = ring_along(lines, [poles[k] for k, (_, poles) in zip(starts, flat)], self.clockwise)
         return replace(ring, traces=traces, heights=heights)
 
     def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
@@ -260,23 +255,21 @@ class RuledWall:
         return fitted_curve(line, np.r_[panel.kv_u.start, breaks, panel.kv_u.stop], np.r_[1, counts, 1])
 
 
-def form_ring(builder: BRep_Builder, form: Form) -> Ring:
+def form_ring(form: Form) -> Ring:
     """Return the ring along the sides of front or rear; vertices have their z as height."""
     curves = [(along.curve, *along.ends) for along in map(form.rim, SIDES)]
     corners = [form.corner(corner) for corner in CORNERS]
-    return ring_along(builder, curves, corners, [side.clockwise for side in SIDES])
+    return ring_along(curves, corners, [side.clockwise for side in SIDES])
 
 
-def ring_along(
-    builder: BRep_Builder, curves: Sequence[Bounded], starts: Sequence[Floats], clockwise: Sequence[bool] = ()
-) -> Ring:
+def ring_along(curves: Sequence[Bounded], starts: Sequence[Floats], clockwise: Sequence[bool] = ()) -> Ring:
     """Return the ring along curves from start to start; vertices have their z as height.
 
     clockwise : of each curve, whether it runs so; none do where this is empty
     """
-    vertices = [new_vertex(builder, point) for point in starts]
+    vertices = [new_vertex(point) for point in starts]
     edges = []
     for k, (curve, reverse) in enumerate(zip(curves, clockwise or [False] * len(curves))):
         pair = vertices[k], vertices[(k + 1) % len(vertices)]
-        edges.append(turned(new_edge(builder, *curve, *(pair[::-1] if reverse else pair)), reverse))
+        edges.append(turned(new_edge(*curve, *(pair[::-1] if reverse else pair)), reverse))
     return Ring(vertices, edges, (None,) * len(edges), [float(point[2]) for point in starts])

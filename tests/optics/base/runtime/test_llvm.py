@@ -1,7 +1,5 @@
 """Which LLVM library is loaded for Dr.Jit."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Sums of scattered numbers: the same bits in any order and on any number of threads, and how exact."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import frexp
 

@@ -1,5 +1,6 @@
-"""Tasks on processes of this machine: results, failures, killed workers, bad arguments."""
+"""Tasks on processes of this machine: results, failures, killed workers, a lack of memory, bad arguments."""
 
+import errno
 import os
 import signal
 import time
@@ -9,7 +10,7 @@ import pytest
 
 from examples.thesis.chapter7.two_source_landscape import all_values
 from optics.base.runtime import NumericalError, UserError
-from optics.base.workers import run_tasks, worker_pool
+from optics.base.workers import lacks_memory, run_tasks, worker_pool
 from optics.base.workers.task_loop import MOST_IN_FLIGHT
 from tests.optics.base.workers import tasks
 
@@ -128,3 +129,68 @@ def test_a_number_of_workers_that_cannot_be_is_refused(workers):
 def test_workers_and_a_scheduler_exclude_each_other():
     with pytest.raises(UserError, match="not both"), worker_pool(2, "tcp://localhost:1"):
         pass
+
+
+def operation(dr, error):
+    """Return what Dr.Jit raises where an operation of ours raises an error."""
+
+    class Fails(dr.CustomOp):
+        def eval(self):
+            raise error
+
+    with pytest.raises(RuntimeError, match=r"drjit\.custom") as raised:
+        dr.custom(Fails)
+    return raised.value
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        RuntimeError("jit_malloc(): out of memory! Could not allocate 1048576 bytes (backend=LLVM)."),
+        RuntimeError("jit_llvm_compile(): could not allocate 4096 bytes of memory!"),
+    ],
+    ids=["Python", "arrays", "code"],
+)
+def test_a_lack_of_memory_inside_an_operation_is_known(backend, error):
+    assert lacks_memory(error)
+    assert lacks_memory(operation(backend.dr, error))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("_flapack.so: failed to map segment from shared object"),
+        ImportError("_core.so: cannot allocate memory in static TLS block"),
+    ],
+)
+def test_a_lack_of_memory_of_the_system_is_known(error):
+    assert lacks_memory(error)
+
+
+def test_other_errors_are_none(backend):
+    assert not lacks_memory(operation(backend.dr, ZeroDivisionError("by four")))
+    assert not lacks_memory(ValueError("out of memory"))
+    assert not lacks_memory(OSError(errno.ENOENT, "No such file"))
+    assert not lacks_memory(ImportError("no module named memory"))
+
+
+def after_a_lack(error, cause):
+    """Return an error that was raised while a lack of memory was dealt with."""
+    try:
+        try:
+            raise MemoryError
+        except MemoryError:
+            raise error from cause
+    except ValueError as raised:
+        return raised
+
+
+def test_a_lack_of_memory_that_another_error_hides_does_not_count():
+    assert lacks_memory(after_a_lack(ValueError(), MemoryError()))
+    assert not lacks_memory(after_a_lack(ValueError(), None))
+    assert not lacks_memory(after_a_lack(ValueError(), OSError()))
+    during = ValueError()
+    during.__context__ = MemoryError()
+    assert lacks_memory(during)

@@ -1,7 +1,5 @@
 """The universal rung: what etendue forbids every lens of a problem."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

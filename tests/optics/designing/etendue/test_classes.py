@@ -1,7 +1,5 @@
 """What the two rungs do not forbid: light of stretched images, and of images of different sizes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The silhouette of a problem's envelope, seen from the target."""
 
-from __future__ import annotations
-
 from math import atan, pi, sqrt
 
 import numpy as np

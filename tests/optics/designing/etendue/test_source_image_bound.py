@@ -1,8 +1,6 @@
 """The lower bound of rel_l2 for light made of images of the source, and the stack of kernels that it is made
 with."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

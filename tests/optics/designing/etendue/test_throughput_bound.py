@@ -1,7 +1,5 @@
 """Etendue of source, lens and target of a problem, and the size of the source's image."""
 
-from __future__ import annotations
-
 from math import atan, degrees, log, pi, radians, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The small problem loaded and designed, and objectives over lenses with rough surfaces."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The small problem designed from the base conic and from an optimal-transport map."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.optics.designing.optimisation.cases import FLAT, run

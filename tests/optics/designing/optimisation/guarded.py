@@ -4,8 +4,6 @@ Whoever reads past the end of an array - Dr.Jit's kernels read whole packets of 
 ends the process here every time, and otherwise only now and then.  Run by test_memory.py.
 """
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os

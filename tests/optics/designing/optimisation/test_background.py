@@ -1,7 +1,5 @@
 """Light that other ways than front and rear bring, beside the light of the last level and the finish."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The optimiser's variables: where they start, that they keep the bounds, and their adjoint."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Designs whose surfaces would cross: the level is taken back and the design goes on."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

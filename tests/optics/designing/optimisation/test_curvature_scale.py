@@ -1,8 +1,6 @@
 """The diagonal of the Gauss-Newton Hessian: its estimate by random signs, and the variables that it
 scales."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The design loop for sources with extent, points, free fronts and far fields."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Lenses whose front alone is free, before a rear that is a conic."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

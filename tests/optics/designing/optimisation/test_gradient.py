@@ -1,7 +1,5 @@
 """The objective's gradient against differences, and the adjoint operators one by one."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

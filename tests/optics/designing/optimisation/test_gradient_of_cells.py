@@ -1,7 +1,5 @@
 """The gradient of the objective of exact pixels: the light of mapped cells, with every charge."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

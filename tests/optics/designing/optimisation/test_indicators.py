@@ -1,8 +1,6 @@
 """Which cells ask for refinement: the promised decrease cell by cell, and every indicator where a target has
 one local feature."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from fractions import Fraction
 

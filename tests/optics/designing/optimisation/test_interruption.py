@@ -1,9 +1,8 @@
 """The design loop repeated, interrupted and taken up again."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,48 +23,42 @@ from optics.base.runtime import load_backend
 from optics.designing.optimisation import Listener, shape_lens
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-for path in sys.argv[1:]:
-    system, backend, checkpoints = OpticalSystem(load_problem(path)), load_backend("double", 1), []
-    listener = Listener(checkpoint=checkpoints.append)
-    whole, _ = shape_lens(system, backend, ExactEngine(backend), listener=listener)
-    resumed, _ = shape_lens(system, backend, ExactEngine(backend), checkpoints[0])
-    print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
+system, backend, checkpoints = OpticalSystem(load_problem(sys.argv[1])), load_backend("double", 1), []
+listener = Listener(checkpoint=checkpoints.append)
+whole, _ = shape_lens(system, backend, ExactEngine(backend), listener=listener)
+resumed, _ = shape_lens(system, backend, ExactEngine(backend), checkpoints[0])
+print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
 """
 
 
-@pytest.fixture(scope="module")
-def repeated(tmp_path_factory):
-    """Two processes that each design on one thread; per process and start the hashes of a whole and of a
-    resumed run.
+@cache
+def hashes(folder, start, number):
+    """Design on one thread in a process of its own; return the hashes of a whole and of a resumed run.
 
     Processes of their own also show that nothing depends on what ran before, or on where memory lies.
     """
-    folder = tmp_path_factory.mktemp("repeated")
-    paths = [
-        str(
-            write_problem(folder, {"optimizer.start": start, "target.pixels": [32, 32]}, name=f"{start}.toml")
-        )
-        for start in ("flat", "transport")
-    ]
-    program = [sys.executable, "-c", ON_ONE_THREAD, *paths]
-    results = [  # one after the other: the second finds the kernels of the first compiled
-        subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True).stdout for _ in range(2)
-    ]
-    return [dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out in results]
+    changes = {"optimizer.start": start, "target.pixels": [32, 32]}
+    program = [sys.executable, "-c", ON_ONE_THREAD, str(write_problem(folder, changes, name=f"{start}.toml"))]
+    return subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("repeated")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", ["flat", "transport"])
-def test_the_same_problem_on_one_thread_gives_the_same_bytes(repeated, start):
-    assert repeated[0][start] == repeated[1][start]
-    assert repeated[0]["flat"] != repeated[0]["transport"]
+def test_the_same_problem_on_one_thread_gives_the_same_bytes(folder, start):
+    assert hashes(folder, start, 0) == hashes(folder, start, 1)
+    assert hashes(folder, "flat", 0) != hashes(folder, "transport", 0)
 
 
 @pytest.mark.every(2)
 @pytest.mark.parametrize("start", ["flat", "transport"])
-def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(repeated, start):
+def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(folder, start):
     """Checkpoints hold everything: on one thread, going on from the first one gives the same bytes."""
-    whole, resumed = repeated[0][start]
+    whole, resumed = hashes(folder, start, 0)
     assert whole == resumed
 
 

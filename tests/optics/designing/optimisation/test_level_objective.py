@@ -1,7 +1,5 @@
 """What the objective of a stage measures."""
 
-from __future__ import annotations
-
 from math import erf, prod, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Designs end on the certified side of every limit that can be kept, and say what they got where none can."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields
 from math import isfinite

@@ -1,7 +1,5 @@
 """The design loop on a small problem: descent, levels, bounds."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """No kernel reads past the end of an array."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

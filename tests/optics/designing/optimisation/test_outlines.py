@@ -1,7 +1,5 @@
 """Designs of lenses with an outline: meshes, variables and gradients keep to it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

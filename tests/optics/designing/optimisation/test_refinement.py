@@ -1,7 +1,5 @@
 """Marking: the indicator per cell, the threshold, and symmetry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

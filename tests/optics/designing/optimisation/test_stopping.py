@@ -1,7 +1,5 @@
 """When the optimiser stops: where the loss is flat, or at its iterations; then it says how it still fell."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mirror symmetry: found where it is, left alone where it is not, kept bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """The shape's share of the loss: means by the kernel's derivatives, gradients of every penalty, and limits as
 the certified bounds see them."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from functools import cache
 

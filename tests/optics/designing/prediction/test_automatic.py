@@ -95,12 +95,6 @@ def test_other_levels_are_refused_with_the_key(tmp_path, value):
         load_problem(write_problem(tmp_path, {"lens.rear.freeform.max_level": value}))
 
 
-@pytest.mark.parametrize("value", ["yes", 1, 0.0])
-def test_true_and_false_are_no_other_values(tmp_path, value):
-    with pytest.raises(UserError, match=r"optimizer\.fresnel must be true or false"):
-        load_problem(write_problem(tmp_path, {"optimizer.fresnel": value}))
-
-
 @pytest.mark.parametrize("half", [20.0, 5.0])
 def test_the_base_is_the_paraboloid_that_spreads_the_beam(tmp_path, backend, half):
     """The map is linear: x goes to m x.  The slope at the middle, from Snell's law for small angles, is

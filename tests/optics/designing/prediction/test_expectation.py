@@ -1,7 +1,5 @@
 """What `check` expects of a lens, against stored designs, traces and closed forms."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -123,6 +121,8 @@ def test_a_trap_is_told_before_the_design(tmp_path, backend):
     assert found.rel_l2 is None
     assert "--set lens.rear.freeform.z_freedom=" in found.note
     assert any("not predicted" in line for line in expectation_lines(system, found))
+    flat, _ = expected(OpticalSystem(system.problem.with_(**{"optimizer.start": "flat"})), backend)
+    assert flat.note == ""  # it starts from no map
 
 
 @pytest.mark.slow

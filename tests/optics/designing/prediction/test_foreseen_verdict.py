@@ -1,7 +1,5 @@
 """Limits that a design will miss are said before it, and no prediction is made where nothing tells it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -76,7 +74,15 @@ def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
 def test_light_that_does_not_reach_the_target_is_said(backend, tmp_path):
     narrow = {"source.kind": "point", "source.distance": 5.0, "source.half_angle": 80.0}
     found = foreseen(loaded(tmp_path, narrow | {"lens.rear.freeform.z_freedom": 5.0}), backend)
-    assert any("verify.lit_efficiency asks for 50% on the lit region" in said for said in found)
+    assert any(said.endswith("verify.lit_efficiency asks for 50% on the lit region") for said in found)
+
+
+def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
+    """40 mm aside, 40 mm behind the rear vertex at 6 mm."""
+    problem = loaded(tmp_path, {"target.half_width": [10.0, 10.0]}).problem
+    aside = problem.with_(**{"target.distance": None, "target.position": (0.0, 40.0, 46.0)})
+    found = foreseen(OpticalSystem(aside), backend)
+    assert any("the target's middle lies 45 degrees off the axis: aim" in said for said in found)
 
 
 def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
@@ -108,4 +114,7 @@ def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
     (said,) = (line for line in foreseen(system, backend) if "body" in line)
     assert said.startswith("the body of this design may fail as that of its start does: ")
     assert words in said
+
+
+def test_nothing_is_foretold_of_a_body_whose_start_has_it(backend, tmp_path):
     assert not any("body" in line for line in foreseen(loaded(tmp_path, BODY), backend))

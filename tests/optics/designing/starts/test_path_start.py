@@ -1,7 +1,5 @@
 """The start of a free surface anywhere on a light path: light lands where a picture wants it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

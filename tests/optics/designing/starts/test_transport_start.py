@@ -1,7 +1,5 @@
 """The optimal-transport start: fitted slopes, and light that lands where the picture wants it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

@@ -1,7 +1,5 @@
 """Optimal transport between rectangles: exact cases, convergence, conservation, and darkness."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """c-transforms: the definition, and what follows from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st

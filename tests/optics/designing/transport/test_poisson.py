@@ -1,7 +1,5 @@
 """Potentials from sources and heights from slopes: exact cases, order, and invariants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The density to ask for where light lands beside its place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Light carried by a map: none is lost, none is made, and it goes where the map says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st

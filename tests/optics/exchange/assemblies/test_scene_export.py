@@ -1,7 +1,5 @@
 """The scene of a row of elements as an assembly: parts, places and numbers are those of the system."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

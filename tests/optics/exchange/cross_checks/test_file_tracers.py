@@ -1,7 +1,5 @@
 """What a tracer takes from a STEP file, and what is refused."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.base.runtime import UserError

@@ -1,7 +1,5 @@
 """Light by independent programs: right files agree, wrong ones do not, noise and mesh error are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

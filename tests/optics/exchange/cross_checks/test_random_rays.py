@@ -1,7 +1,5 @@
 """Random rays of every source: in its bounds, and distributed as the ray sets of the design are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

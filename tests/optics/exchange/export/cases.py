@@ -1,14 +1,4 @@
-"""The command run in this process, and the files that it left."""
-
-from types import SimpleNamespace
-
-from optics.interface.commands import main
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+"""The files that a command left."""
 
 
 def names(folder):

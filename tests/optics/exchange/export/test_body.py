@@ -1,8 +1,6 @@
 """`thbcad export` of every body of a lens: files pass and repeat, are sound by themselves, and refusals leave
 nothing behind."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -20,7 +18,8 @@ from optics.exchange.export.formats import MESHES, SOLIDS, export
 from optics.exchange.export.read_back import mesh_checks
 from tests.cases import slow_unless
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
-from tests.optics.exchange.export.cases import names, run
+from tests.optics.exchange.export.cases import names
+from tests.optics.interface.commands.cases import run
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet

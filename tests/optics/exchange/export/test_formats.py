@@ -1,13 +1,10 @@
 """`thbcad export`: every format reads back, every damage shows, refusals leave no file."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import zipfile
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +15,10 @@ from optics.exchange.export.formats import FORMATS, MESHES, export
 from optics.exchange.export.height_maps import x3p_checks
 from optics.exchange.export.read_back import array_checks, cloud_checks, mesh_checks, sag_checks
 from optics.exchange.export.wall_distance import edge_distance
-from optics.interface.commands import main
 from optics.tolerancing.metrology import read_measured
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
+from tests.optics.exchange.export.cases import names
+from tests.optics.interface.commands.cases import run
 from thbcad import THBSurface, read_lens, write_lens
 from thbcad.drawings import drawing_bytes, lens_sheet
 from thbcad.io import ply_bytes
@@ -40,16 +38,6 @@ def native(tmp_path):
     return tmp_path / "lens.json"
 
 
-def run(capsys, *arguments):
-    code = main(["export", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
-
-
-def names(folder):
-    return sorted(p.name for p in folder.iterdir())
-
-
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_passes_and_repeats(tmp_path, name, lens):
@@ -64,7 +52,7 @@ def test_every_format_passes_and_repeats(tmp_path, name, lens):
 
 
 def test_the_command_prints_and_stores_what_was_found(capsys, native, tmp_path):
-    done = run(capsys, native, "--out", tmp_path / "lens.STL", "--chord", CHORD)
+    done = run(capsys, "export", native, "--out", tmp_path / "lens.STL", "--chord", CHORD)
     assert done.code == 0
     lines = done.out.splitlines()
     assert lines[-1].startswith(f"wrote {tmp_path / 'lens.STL'}, ")
@@ -75,7 +63,7 @@ def test_the_command_prints_and_stores_what_was_found(capsys, native, tmp_path):
 
 
 def test_json_and_a_format_that_is_not_the_suffix(capsys, native, tmp_path):
-    done = run(capsys, native, "--out", tmp_path / "lens.bin", "--format", "npz", "--json")
+    done = run(capsys, "export", native, "--out", tmp_path / "lens.bin", "--format", "npz", "--json")
     assert (done.code, json.loads(done.out)["files"]) == (0, [str(tmp_path / "lens.bin")])
     with np.load(tmp_path / "lens.bin", allow_pickle=False) as arrays:
         assert np.array_equal(arrays["rear_coefficients"], EQUAL.graphs()[1].coefficients)
@@ -84,7 +72,7 @@ def test_json_and_a_format_that_is_not_the_suffix(capsys, native, tmp_path):
 
 
 def test_tables_are_one_file_per_surface(capsys, native, tmp_path):
-    assert run(capsys, native, "--out", tmp_path / "sag.dat").code == 0
+    assert run(capsys, "export", native, "--out", tmp_path / "sag.dat").code == 0
     assert names(tmp_path) == ["lens.json", "sag.dat.json", "sag_front.dat", "sag_rear.dat"]
 
 
@@ -260,7 +248,7 @@ def test_refusals_are_one_sentence_and_leave_no_file(capsys, native, tmp_path, m
     (tmp_path / "folder.stl").mkdir()
     os.mkfifo(tmp_path / "pipe.stl")
     before = names(tmp_path)
-    done = run(capsys, native, *arguments)
+    done = run(capsys, "export", native, *arguments)
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert re.search(words, done.err)
     assert names(tmp_path) == before
@@ -269,14 +257,14 @@ def test_refusals_are_one_sentence_and_leave_no_file(capsys, native, tmp_path, m
 @pytest.mark.parametrize("result", ["none", "lens.txt"])
 def test_what_is_no_lens_is_refused(capsys, tmp_path, result):
     (tmp_path / "lens.txt").write_text("nothing")
-    done = run(capsys, tmp_path / result, "--out", tmp_path / "lens.stl")
+    done = run(capsys, "export", tmp_path / result, "--out", tmp_path / "lens.stl")
     assert (done.code, len(done.err.splitlines())) == (2, 1)
     assert names(tmp_path) == ["lens.txt"]
 
 
 def test_an_old_file_survives_a_failure(capsys, native, tmp_path):
     (tmp_path / "lens.stl").write_bytes(b"old")
-    assert run(capsys, native, "--out", tmp_path / "lens.stl", "--chord", "1e-7").code == 2
+    assert run(capsys, "export", native, "--out", tmp_path / "lens.stl", "--chord", "1e-7").code == 2
     assert (tmp_path / "lens.stl").read_bytes() == b"old"
 
 
@@ -287,7 +275,7 @@ def test_a_failed_check_is_exit_code_1(capsys, native, tmp_path, monkeypatch):
         "ply",
         (lambda mesh: write(type(mesh)(mesh.vertices + 0.1, mesh.triangles, mesh.faces, 0.0)), single),
     )
-    done = run(capsys, native, "--out", tmp_path / "lens.ply", "--chord", CHORD)
+    done = run(capsys, "export", native, "--out", tmp_path / "lens.ply", "--chord", CHORD)
     assert done.code == 4
     assert "FAILED rear against the exact surface, PLY read back by trimesh" in done.out
     assert read_lens(native).thickness == EQUAL.thickness

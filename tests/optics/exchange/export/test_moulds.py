@@ -1,7 +1,5 @@
 """`thbcad export` for a mould: enlarged lenses in every format, read by programs that did not write them."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -13,7 +11,8 @@ from optics.exchange.export.read_back import mesh_checks
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import rough, small_lens, small_space, store_result, write_problem
-from tests.optics.exchange.export.cases import names, run
+from tests.optics.exchange.export.cases import names
+from tests.optics.interface.commands.cases import run
 from thbcad import write_lens
 from thbcad.cad.exchange import read_step
 from thbcad.io import ply_bytes

@@ -1,8 +1,6 @@
 """The exact tracer as a Mitsuba integrator: image, gradient, forward mode, variants, and a design inside
 Mitsuba."""
 
-from __future__ import annotations
-
 import runpy
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Loading Mitsuba: what is missing or wrong is told in one sentence."""
 
-from __future__ import annotations
-
 import os
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The lens as Mitsuba meshes: closed, on the surfaces, and differentiable down to the THB coefficients."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

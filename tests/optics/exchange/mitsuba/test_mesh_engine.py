@@ -1,7 +1,5 @@
 """The light of meshes as an engine: all that the exact engine has, but for the error of the mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

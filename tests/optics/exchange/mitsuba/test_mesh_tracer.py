@@ -1,7 +1,5 @@
 """Rays through Mitsuba's meshes against the exact tracer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

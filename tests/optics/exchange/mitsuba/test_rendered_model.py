@@ -1,7 +1,5 @@
 """The light of a model through Mitsuba's tensor: the same numbers but for float32, and a whole design."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

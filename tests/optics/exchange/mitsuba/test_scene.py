@@ -1,7 +1,5 @@
 """Problems as Mitsuba scenes: the sources' flux and density, the camera's irradiance, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

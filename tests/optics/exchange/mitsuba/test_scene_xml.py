@@ -1,7 +1,5 @@
 """Scenes as files: Mitsuba reads them by itself, and sees the light that we compute."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

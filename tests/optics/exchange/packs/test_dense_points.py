@@ -1,14 +1,12 @@
 """Points with normals in packs: read back, on the surfaces, and dense enough for what they promise."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, RegularGridInterpolator
 
-from optics.exchange.packs.dense_points import dense_points
+from optics.exchange.packs.expected import dense_points
 from tests.optics.cases import rough, small_lens, small_space
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

@@ -1,7 +1,5 @@
 """The light to expect from the rays of a pack, in a far field in watts and on a plane in lumens."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A state to keep, and a source with a picture."""
 
-from __future__ import annotations
-
 import numpy as np
 from PIL import Image
 

@@ -1,7 +1,5 @@
 """Checkpoints and records of any numbers: all bits come back, and what was cut is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checkpoints: every bit comes back, and only to the problem that they belong to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which problem it is: by its values and by the bytes of its files."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A result is one thing: read back whole or refused, and nothing of others is replaced."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

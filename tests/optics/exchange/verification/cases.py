@@ -1,7 +1,5 @@
 """Lenses whose STEP files are checked: every kind of source, front, rear and target."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Texts of a STEP file written otherwise, and damaged ones: functions of the text (and of a generator)."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

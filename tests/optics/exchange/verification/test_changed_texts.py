@@ -1,7 +1,5 @@
 """STEP files written otherwise are accepted, damaged ones are rejected: by their text, and all in all."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Faces that are planes, spheres and conics in the file: traced by every program, and every number counts."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from types import SimpleNamespace

@@ -1,8 +1,6 @@
 """Checks by strangers: good files pass, every kind of damage is caught by one of them or refused with a
 sentence."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The STEP file of a mirror names its face and its back, and all its checks find them."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.exchange.verification import StepFile, export_step, text_and_occt_checks, verify

@@ -1,7 +1,5 @@
 """The STEP file of a lens with the table [lens.body] holds the body, and its checks know it from others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """optiland as a stranger: its rays land where ours do, and every kind of damage to a face is caught."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """A problem that is not that of the lens is seen, key by key."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The first of several meetings with a wavy face: the independent trace and the optimiser's search against
 dense sampling."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two traces of the same rays: what counts as another fate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

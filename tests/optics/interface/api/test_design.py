@@ -1,4 +1,4 @@
-"""A whole design from a script: shaped, measured, saved, read back, verified, shown."""
+"""A whole design from a script: shaped, measured, saved, read back, verified, shown; the same bytes again."""
 
 import json
 import subprocess
@@ -11,7 +11,9 @@ import optics
 from optics.base.runtime import ProgressEvent
 from optics.interface.api.design_result import Design
 from optics.scene.problem import load_problem
-from tests.optics.cases import write_problem
+from tests.cases import ROOT
+from tests.optics.cases import THREADS, front_problem, on_threads, write_problem
+from thbcad import write_lens
 
 QUICK = {"target.kind": "tophat", "optimizer.iterations": [4], "lens.rear.freeform.max_level": 1}
 
@@ -140,3 +142,80 @@ def test_import_optics_loads_nothing_heavy():
     program = "import sys, optics; print([m for m in ('numpy', 'scipy', 'drjit') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.slow
+def test_a_front_alone_is_designed_stored_and_verified(tmp_path):
+    plane = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
+    made = optics.design(front_problem(tmp_path, plane))
+    assert made.lens.rear.is_plane
+    assert made.metrics["rel_l2_sequential"] < 0.1
+    assert made.metrics["rel_l2"] < 0.15  # with the light that the bent front sends into the edges
+    assert sum(made.metrics["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
+    folder = made.save(tmp_path / "result")
+    assert "freeform = false" in (folder / "problem.toml").read_text("utf-8")
+    again = optics.Design.load(folder)
+    assert again.problem.lens == made.problem.lens
+    assert again.lens.rear.sag is None
+    np.testing.assert_array_equal(again.lens.front.sag.coefficients, made.lens.front.sag.coefficients)
+    assert made.verify()["ok"]
+
+
+def test_what_is_left_to_the_program_is_found_for_a_front_alone(tmp_path):
+    """The bound of its sag and its finest level; the map asks for no more than the bound."""
+    auto = {"lens.front.freeform.z_freedom": "auto", "lens.front.freeform.max_level": "auto"}
+    problem = optics.System(front_problem(tmp_path, auto)).problem
+    front = problem.lens.front.freeform
+    assert 0.5 < front.z_freedom < 3.0
+    assert 3 <= front.max_level <= 6
+    assert problem.lens.rear.freeform is None
+
+
+GLOWING = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.half_angle": 30.0,
+}
+POINT = {"source.kind": "point", "source.half_angle": 40.0, "source.distance": 8.0}
+FEW = {"target.pixels": [64, 64], "lens.rear.freeform.max_level": 2, "optimizer.iterations": [5]}
+FEWER = {
+    "target.pixels": [32, 32],
+    "lens.rear.freeform.max_level": 1,
+    "optimizer.iterations": [3],
+    "optimizer.finish": 2,
+    "optimizer.rays_per_pixel": 6.0,
+}
+EXAMPLES = {
+    "pearl": FEW,
+    "point": FEW,
+    "extended": FEWER,
+    "extended_two": FEWER | {"lens.front.freeform.max_level": 1},
+}
+
+
+def designed(problem, threads, folder):
+    """Return the bytes of the file of the lens that a problem is solved by."""
+    design = on_threads(threads, optics.design, problem.with_(**{"run.threads": threads}))
+    write_lens(design.lens, folder / "lens.json")
+    return (folder / "lens.json").read_bytes()
+
+
+@pytest.mark.every(2)
+@pytest.mark.parametrize(
+    "changes",
+    [{}, GLOWING, pytest.param(POINT, marks=pytest.mark.slow)],
+    ids=["parallel", "extended", "point"],
+)
+def test_a_small_design_has_the_same_bytes_on_one_and_two_threads(tmp_path, changes):
+    """Of 32^2 pixels, with enough rays for several threads."""
+    few = {"target.pixels": [32, 32], "lens.rear.freeform.max_level": 1, "optimizer.iterations": [3]}
+    problem = optics.load_problem(write_problem(tmp_path, few | {"optimizer.rays_per_pixel": 8.0} | changes))
+    assert len({designed(problem, threads, tmp_path) for threads in (1, 2)}) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_have_the_same_bytes_on_any_number_of_threads_and_again(tmp_path, name):
+    """With fewer pixels and levels."""
+    problem = optics.load_problem(ROOT / "examples" / f"{name}.toml").with_(**EXAMPLES[name])
+    assert len({designed(problem, threads, tmp_path) for threads in (*THREADS, 2)}) == 1

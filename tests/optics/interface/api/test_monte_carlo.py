@@ -1,7 +1,5 @@
 """Monte Carlo of a design: records, sentences, figures, and what is refused."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from dataclasses import replace
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Bad pictures by what is wrong with them: what makes the file, and words of the refusal."""
 
-from __future__ import annotations
-
 import io
 import os
 import struct

@@ -5,14 +5,11 @@ function of the good text that gives text or bytes.  key : the words that must n
 that say what to do or what is allowed.
 """
 
-from __future__ import annotations
-
 import math
 
 NAN, INF = math.nan, math.inf
 TOP_HAT = {"target.kind": "tophat"}
 FORMULA = {"target.kind": "function"}
-GLOW = {"source.profile": "image"}
 LAMP = {"source.kind": "lambertian", "source.half_width": [1.0, 1.0], "source.distance": 4.0}
 BOWL = {"lens.front.radius": -20.0, "lens.front.conic": -1.0}
 FRONT = "lens.front.freeform."
@@ -31,41 +28,14 @@ def _replaced(old, new):
     return change
 
 
-def _sun(text):
-    return 'source = "sun"\n' + text[: text.index("[source]")] + text[text.index("[lens]") :]
-
-
 TYPES = [
-    ("a number as title", {"title": 3}, "title", "must be a string"),
-    ("a list as kind", {"source.kind": ["point"]}, "source.kind", "must be a string"),
-    ("a text as length", {"lens.thickness": "6 mm"}, "lens.thickness", "must be a number"),
-    ("true as index", {"lens.index": True}, "lens.index", "must be a number"),
-    ("a number for a pair", {"target.half_width": 20.0}, "target.half_width", "a list of 2 numbers"),
-    ("three numbers for a pair", {"target.pixels": [8, 8, 8]}, "target.pixels", "a list of 2 numbers"),
-    ("an empty pair", {"source.half_width": []}, "source.half_width", "a list of 2 numbers"),
     ("a pair of pairs", {"lens.rear.half_width": [[1.0], [2.0]]}, "lens.rear.half_width[0]", "a number"),
-    ("a pair of texts", {"source.half_width": ["9", "9"]}, "source.half_width[0]", "must be a number"),
-    ("a table as number", {"target.distance": {"mm": 60}}, "target.distance", "must be a number"),
-    ("a fraction of a degree", {REAR + "degree": 2.5}, REAR + "degree", "must be a whole number"),
-    ("float pixels", {"target.pixels": [48.0, 48.0]}, "target.pixels[0]", "must be a whole number"),
-    ("1 as true", {"optimizer.fresnel": 1}, "optimizer.fresnel", "must be true or false"),
-    (
-        "no iterations",
-        {"optimizer.iterations": []},
-        "optimizer.iterations",
-        "a list of numbers, at least one, got []",
-    ),
     (
         "text iterations",
         {"optimizer.iterations": "many"},
         "optimizer.iterations[0]",
         "must be a whole number",
     ),
-    ("a date", _replaced("thickness = 6.0", "thickness = 2026-11-01"), "lens.thickness", "must be a number"),
-    ("a time as seed", {"run.seed": "12:30"}, "run.seed", "must be a whole number"),
-    ("a text as table", _sun, "source", "must be a table"),
-    ("a list of tables", _replaced("[target]", "[[target]]"), "target", "must be a table"),
-    ("a number as table", {"lens.front.freeform": 3}, "lens.front.freeform", "must be a table"),
 ]
 RANGES = [
     ("negative thickness", {"lens.thickness": -6.0}, "lens.thickness", "must be at least 1e-06"),
@@ -77,51 +47,31 @@ RANGES = [
     ("a source of 1e-300 mm", {"source.half_width": [1e-300, 9.5]}, "source.half_width", "at least 1e-06"),
     ("index of air", {"lens.index": 1.0}, "lens.index", "must be greater than 1"),
     ("index 1e300", {"lens.index": 1e300}, "lens.index", "must be at most 10"),
-    ("NaN as index", {"lens.index": NAN}, "lens.index", "must be a finite number"),
-    ("infinite thickness", {"lens.thickness": INF}, "lens.thickness", "must be a finite number"),
     ("flux 1e200", {"source.flux": 1e200}, "source.flux", "must be at most 1e+12"),
     ("flux 1e-300", {"source.flux": 1e-300}, "source.flux", "must be at least 1e-12"),
     ("negative flux", {"source.flux": -1.0}, "source.flux", "must be at least 1e-12"),
     ("a radius of 0", {"lens.rear.radius": 0.0}, "lens.rear.radius", "must not be 0; inf is a plane"),
     ("a radius of 1e-300", {"lens.rear.radius": 1e-300}, "lens.rear.radius", "at least 0.001"),
     ("a radius of 1e300", {"lens.front.radius": -1e300}, "lens.front.radius", "at most 1e+12 in size"),
-    ("NaN as radius", {"lens.front.radius": NAN}, "lens.front.radius", "must be a number or inf"),
     ("conic -1e300", {"lens.rear.conic": -1e300}, "lens.rear.conic", "at most 1e+06 in size"),
-    ("infinite conic", {"lens.front.conic": INF}, "lens.front.conic", "must be a finite number"),
     ("target at -inf", {"target.distance": -INF}, "target.distance", "must be a number or inf"),
     ("target at 1e300 mm", {"target.distance": 1e300}, "target.distance", "must be at most 1e+09"),
-    ("source at -2 mm", {"source.distance": -2.0}, "source.distance", "must be at least 0"),
     ("z_freedom 1e-300", {REAR + "z_freedom": 1e-300}, REAR + "z_freedom", "must be at least 1e-06"),
     ("z_freedom of 0 in front", {FRONT + "z_freedom": 0.0}, FRONT + "z_freedom", "must be at least 1e-06"),
-    ("degree 1", {REAR + "degree": 1}, REAR + "degree", "must be at least 2"),
-    ("degree 11", {REAR + "degree": 11}, REAR + "degree", "must be at most 10"),
-    ("no spans", {REAR + "spans": [4, 0]}, REAR + "spans[1]", "must be at least 1"),
-    ("level 13", {REAR + "max_level": 13}, REAR + "max_level", "must be at most 12"),
-    ("one pixel", {"target.pixels": [1, 48]}, "target.pixels[0]", "must be at least 2"),
-    ("a million pixels a row", {"target.pixels": [48, 10**6]}, "target.pixels[1]", "must be at most 4096"),
     ("a whole number of 100 digits", {"run.seed": 10**100}, "run.seed", "must not be larger than"),
     ("a float of 400 digits", {"lens.thickness": 10**400}, "lens.thickness", "must not be larger than"),
     ("lit more than the target", {"target.lit": [1.5, 1.0]}, "target.lit[0]", "must be at most 1"),
-    ("half-angle 91", LAMP | {"source.half_angle": 91.0}, "source.half_angle", "must be at most 90"),
     ("half-angle 1e-300", LAMP | {"source.half_angle": 1e-300}, "source.half_angle", "at least 0.001"),
     ("weight 1e300", {"optimizer.roughness_weight": 1e300}, "optimizer.roughness_weight", "at most 1e+12"),
     ("negative weight", {"optimizer.lost_flux_weight": -1.0}, "optimizer.lost_flux_weight", "at least 0"),
     ("blur of a pixel", {"optimizer.blur": 1.0}, "optimizer.blur", "must be at most 0.5"),
-    ("no verification rays", {"verify.rays": 0}, "verify.rays", "must be at least 8"),
     ("a limit of 0", {"verify.volume": 0.0}, "verify.volume", "must be greater than 0"),
-    ("2000 threads", {"run.threads": 2000}, "run.threads", "must be at most 1024"),
     ("X-rays", {"source.wavelength": 0.1}, "source.wavelength", "must be at least 1"),
     ("slope beyond 90", {"limits.slope": 100.0}, "limits.slope", "must be at most 90"),
     ("a density of lead in kg/m^3", {"lens.density": 11340.0}, "lens.density", "must be at most 100"),
 ]
 WORDS = [
-    ("unknown kind of source", {"source.kind": "laser"}, "source.kind", "must be one of 'collimated'"),
-    ("unknown kind of target", {"target.kind": "picture"}, "target.kind", "must be one of 'image'"),
     ("capitals", {"source.kind": "Collimated"}, "source.kind", "must be one of 'collimated'"),
-    ("unknown fit", {"target.fit": "fill"}, "target.fit", "must be one of 'crop'"),
-    ("unknown window", {"optimizer.window": "box"}, "optimizer.window", "must be one of 'cells'"),
-    ("unknown schema", {"export.schema": "AP238"}, "export.schema", "must be one of 'AP214'"),
-    ("unknown precision", {"run.precision": "half"}, "run.precision", "must be one of 'double'"),
     ("unknown shape", TOP_HAT | {"target.shape": "\u2b50"}, "target.shape", "must be one of 'rectangle'"),
     ("levels chosen by magic", {REAR + "max_level": "best"}, REAR + "max_level", '"auto"'),
     ("a name on two lines", {"export.product": "a\nb"}, "export.product", "line"),
@@ -136,22 +86,10 @@ KEYS = [
     ("key of 5000 letters", lambda text: "k" * 5000 + " = 1\n" + text, "kkk", "the top level takes"),
     ("key that colours terminals", lambda text: '"\\u001b[31m" = 1\n' + text, "\\x1b[31m", "takes"),
     ("a dotted unknown key", lambda text: "lens.front.colour = 1\n" + text, "line", "mend it there"),
-    ("no kind of source", ("source.kind",), "source.kind", "add it"),
-    ("no index", ("lens.index",), "lens.index", "add it"),
-    ("no front", ("lens.front.half_width",), "lens.front", "add it"),
-    ("no target distance", ("target.distance",), "target.distance", "add it"),
     ("no source half-width", ("source.half_width",), "source.half_width", "must be at least 1e-06"),
 ]
 PARTNERS = [
-    ("an image without a file", ("target.image",), "target.image", "add it"),
     ("a function without a formula", FORMULA, "target.formula", "add it"),
-    ("a glowing picture without a file", GLOW, "source.image", "add it"),
-    (
-        "a point in the lens",
-        {"source.kind": "point", "source.distance": 0.0},
-        "source.distance",
-        "must be at least",
-    ),
     (
         "a point with a profile",
         {"source.kind": "point", "source.profile": "round"},
@@ -207,12 +145,6 @@ PARTNERS = [
         {"source.profile": "gaussian", "source.sigma": [1e-3, 1.0]},
         "source.sigma",
         "take a smaller source.half_width",
-    ),
-    (
-        "a far field beyond the horizon",
-        {"target.distance": INF, "target.half_width": [95.0, 20.0]},
-        "target.half_width",
-        "must be less than 90 degrees",
     ),
     ("merged to nothing", {"optimizer.merge": 32}, "optimizer.merge", "must leave at least"),
     ("mass without density", {"limits.mass": 1.0}, "limits.mass", "needs lens.density"),

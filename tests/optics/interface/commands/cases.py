@@ -1,13 +1,12 @@
 """A quick problem, the command line as a process, and what a refusal must look like."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands import main
@@ -64,17 +63,21 @@ def command(*arguments, **options):
     )
 
 
+def run(capsys, *arguments):
+    """Run a command here, and return its exit code and its texts."""
+    code = main([str(word) for word in arguments])
+    captured = capsys.readouterr()
+    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+
 def refused(capsys, *arguments):
     """Run a command that must end with exit code 2 and one line on stderr, and return the line."""
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    assert code == 2
-    assert captured.out == ""
-    lines = captured.err.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("thbcad: ")
-    assert "Traceback" not in captured.err
-    return lines[0]
+    done = run(capsys, *arguments)
+    assert (done.code, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    assert line.startswith("thbcad: ")
+    assert "Traceback" not in line
+    return line
 
 
 def assert_no_false_claim(folder):

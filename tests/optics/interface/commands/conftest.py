@@ -1,7 +1,5 @@
 """A whole run that several files of tests look at."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from concurrent.futures import Future
@@ -10,8 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
 from tests.cases import shared_folder
-from tests.optics.cases import write_problem
+from tests.optics.cases import store_result, write_problem
 from tests.optics.interface.commands.cases import QUICK, command
 
 
@@ -48,3 +48,10 @@ def no_helpers(monkeypatch):
 def copy(golden, tmp_path):
     """A copy of the golden result that a test may spoil."""
     return shutil.copytree(golden.path, tmp_path / "copy")
+
+
+@pytest.fixture
+def result(tmp_path):
+    """A result folder of an unshaped lens."""
+    problem = load_problem(write_problem(tmp_path))
+    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path

@@ -1,7 +1,5 @@
 """File operations of a run, counted, and stopped at any one of them."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

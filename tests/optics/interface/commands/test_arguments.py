@@ -1,7 +1,5 @@
 """The command line before any work: help, proposals, changes of keys, completion, what is loaded."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

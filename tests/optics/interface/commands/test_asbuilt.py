@@ -1,7 +1,5 @@
 """`thbcad asbuilt`: a measured file becomes a lens and its light; nothing that is not ours is replaced."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

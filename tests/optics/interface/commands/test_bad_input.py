@@ -1,61 +1,16 @@
 """What the command line refuses, in one sentence, and odd input that it takes."""
 
-from __future__ import annotations
-
-import re
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from optics.designing.optimisation import State
 from optics.interface.commands import main
-from tests.cases import ROOT
 from tests.optics.cases import picture, write_problem
 from tests.optics.interface.commands.cases import QUICK, refused, strict_json
 
 COARSE = {"lens.rear.freeform.max_level": 0, "verify.rel_l2": 2.0}
 
 # ---- bad input ----
-
-
-@pytest.mark.parametrize("name", ["design", "check"])
-def test_a_missing_problem_is_refused(tmp_path, capsys, name):
-    assert "none.toml" in refused(capsys, name, tmp_path / "none.toml")
-
-
-def test_a_missing_picture_is_refused(tmp_path, capsys):
-    problem = write_problem(tmp_path)
-    (tmp_path / "picture.png").unlink()
-    assert "picture.png" in refused(capsys, "design", problem, "--out", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_black_picture_is_refused(tmp_path, capsys):
-    problem = write_problem(tmp_path, image=np.zeros((8, 8), dtype=np.uint8))
-    assert "black everywhere" in refused(capsys, "design", problem, "--out", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("name", ["design", "check"])
-def test_crossing_surfaces_are_refused_with_place_and_amount(tmp_path, capsys, name):
-    """Front 1 mm before a rear of R = -20 mm, K = -1: at the corners the rear lies 200 / 40 - 1 = 4 mm before
-    the front."""
-    problem = write_problem(tmp_path, {"lens.thickness": 1.0, "lens.rear.radius": -20.0})
-    options = ["--out", tmp_path / "out"] if name == "design" else []
-    message = refused(capsys, name, problem, *options)
-    assert re.search(r"surfaces cross: at x = -?10, y = -?10 mm the rear lies 4 mm before the front", message)
-    assert "raise lens.thickness by more than 4 mm" in message
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_conic_that_ends_inside_the_aperture_is_refused(tmp_path, capsys):
-    problem = write_problem(tmp_path, {"lens.front.radius": 12.0})
-    assert re.search(
-        r"lens\.front: the conic .* ends at r = 12 mm, but the corner of the aperture lies at r = 14\.14",
-        refused(capsys, "check", problem),
-    )
 
 
 @pytest.mark.usefixtures("no_helpers")
@@ -108,50 +63,6 @@ def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     (tmp_path / "out" / "problem.toml").mkdir(parents=True)
     message = refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
     assert "problem.toml: it is a folder" in message
-
-
-@pytest.mark.every(2)
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"lens.rear.freeform.spans": [1000, 1000], "lens.rear.freeform.max_level": 12},
-        {"target.pixels": [4096, 4096], "optimizer.rays_per_pixel": 16.0, "lens.rear.freeform.max_level": 8},
-    ],
-    ids=str,
-)
-def test_sizes_are_checked_before_memory_is_taken(tmp_path, capsys, changes):
-    """Values that the keys allow one by one ask together for 7e13 and 4e9 rays at once: a terabyte, and
-    more."""
-    message = refused(capsys, "check", write_problem(tmp_path, changes))
-    assert re.search(r"memory|rays|too (large|many|big)", message)
-
-
-@pytest.mark.parametrize("arguments", ["paint", "design", "verify", "design a.toml --fast"])
-def test_arguments_are_checked(arguments, capsys):
-    assert " --help " in refused(capsys, *arguments.split())
-
-
-@pytest.mark.parametrize(
-    "arguments", [["--help"], ["design", "--help"], ["check", "--help"], ["verify", "--help"]], ids=" ".join
-)
-def test_help_ends_well(arguments, capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert caught.value.code == 0
-    assert "usage: thbcad" in capsys.readouterr().out
-
-
-def test_help_of_the_command_loads_nothing_heavy():
-    code = (
-        "import sys\nfrom optics.interface.commands import main\n"
-        "try:\n main(['--help'])\nexcept SystemExit: pass\n"
-        "print([m for m in ('drjit', 'OCP', 'matplotlib', 'mitsuba', 'skimage') if m in sys.modules], "
-        "file=sys.stderr)"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert result.stderr.strip() == "[]"
 
 
 # ---- odd but good input ----

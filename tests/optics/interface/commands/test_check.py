@@ -42,6 +42,15 @@ def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, caps
     assert f"{share:.1%} blocked by stop.0\n" in capsys.readouterr().out
 
 
+def test_check_warns_of_a_freedom_that_was_given_not_of_one_that_was_left_to_it(tmp_path, capsys):
+    """Both are greater than the least thickness of 0.5 mm."""
+    path = str(write_problem(tmp_path, {"lens.thickness": 0.5, "target.half_width": [40.0, 40.0]}))
+    for freedom, warned in (("1.0", True), ("auto", False)):
+        main(["check", path, "--set", f"lens.rear.freeform.z_freedom={freedom}"])
+        said = capsys.readouterr()
+        assert ("z_freedom is larger than the least thickness" in said.out) == warned, said
+
+
 def test_check_says_by_what_light_is_blocked(tmp_path, capsys):
     """A bar of 3 % of a beam of 19 mm; it and a clear aperture leave the product of what each leaves."""
     bar = 'stop=[{name="bar", shape="rectangle", half_width=[0.285, 30], position=[3, 0, -1], hole=false}]'

@@ -1,24 +1,20 @@
 """What a design's files say and keep: metadata, limits and titles arrive, damage to the solid is caught, from
 outside."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from optics.scene.system import lens_product
-from tests.optics.cases import moved_point, write_problem
+from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import refused, strict_json
 from thbcad.cad.exchange import read_step
-from thbcad.lens import placed_surfaces
 
 BRIEF = {
     "optimizer.iterations": [2],
@@ -144,13 +140,6 @@ def test_a_design_of_any_title_ends_well(tmp_path, capsys):
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("key", ["export.author", "export.organization", "export.product", "lens.material"])
-@pytest.mark.parametrize("text", ["two\nlines", " blank"], ids=ascii)
-def test_names_of_two_lines_are_refused(tmp_path, capsys, key, text):
-    message = refused(capsys, "check", write_problem(tmp_path, {key: text}))
-    assert key.rpartition(".")[2] in message
-
-
 def test_the_longest_names_arrive_in_iges_and_longer_ones_are_refused(copy, tmp_path, capsys):
     """From 2000 characters on OCCT's IGES writer ends the process."""
     path = copy / "problem.toml"
@@ -200,14 +189,6 @@ def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "design"])
-def test_a_limit_of_mass_without_density_is_refused_before_any_work(tmp_path, capsys, command):
-    options = ["--out", tmp_path / "out"] if command == "design" else []
-    message = refused(capsys, command, write_problem(tmp_path, {"limits.mass": 1.0}), *options)
-    assert "needs lens.density" in message
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_workshops_figures_are_strict_json(named):
     data = strict_json((named.path / "manufacture.json").read_text())
     lens = ResultFolder(named.path).read_lens()
@@ -226,60 +207,6 @@ def failures(capsys, folder):
     captured = capsys.readouterr()
     assert (code, captured.err) == (4, "")
     return {c["name"] for c in strict_json(captured.out)["checks"] if not c["ok"]}
-
-
-@pytest.mark.parametrize(("face", "word"), [(0, "front"), (1, "rear")])
-def test_a_point_moved_by_a_nanometre_is_caught(copy, capsys, face, word):
-    """A pole of the rear, the point of the plane that the front is."""
-    path = copy / "lens.step"
-    if face:
-        pole = placed_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
-        text = moved_point(path.read_text(), pole, np.array([0.0, 0.0, 1e-6]))
-    else:
-        plane = r"(=PLANE\('',.*\n.*\n.*POINT\('',\(0\.,0\.,)0\."
-        text, found = re.subn(plane, r"\g<1>1.E-6", path.read_text(), count=1)
-        assert found
-    path.write_text(text)
-    names = failures(capsys, copy)
-    assert f"{word} poles and knots that differ from the lens in memory" in names
-    assert f"text of the file: {word} numbers that differ from the lens in memory" in names
-
-
-def test_another_unit_is_caught(copy, capsys):
-    path = copy / "lens.step"
-    path.write_text(path.read_text().replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.CENTI.,.METRE.)"))
-    assert "text of the file: unit of length that is not mm" in failures(capsys, copy)
-
-
-@pytest.mark.every(4)
-@pytest.mark.parametrize("which", [2, 3, 4, 5])
-def test_a_missing_edge_is_caught(copy, capsys, which):
-    path = copy / "lens.step"
-    text = path.read_text()
-    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
-    path.write_text(
-        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
-    )
-    assert {"free edges", "text of the file: edges that do not border two faces"} <= failures(capsys, copy)
-
-
-@pytest.mark.parametrize("which", [0, 1])
-def test_a_missing_optical_face_is_refused(copy, capsys, which):
-    path = copy / "lens.step"
-    text = path.read_text()
-    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
-    path.write_text(
-        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
-    )
-    assert "optical faces where a lens has 2" in refused(capsys, "verify", copy)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.999])
-def test_a_truncated_file_is_refused(copy, capsys, share):
-    path = copy / "lens.step"
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    assert "lens.step" in refused(capsys, "verify", copy)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])

@@ -1,7 +1,5 @@
 """The command line with a glowing picture, two free surfaces and a far-field target."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +14,7 @@ from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import FIGURES, refused, strict_json
+from tests.optics.interface.commands.cases import FIGURES, strict_json
 from tests.optics.scene.luminaires.cases import asymmetric
 
 EXTENDED = {
@@ -117,13 +115,6 @@ def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsy
     before = strict_json((extended.path / "metrics.json").read_text())
     assert metrics["dof"] == before["dof"]
     assert metrics["rel_l2"] < 1.05 * before["rel_l2"]
-
-
-@pytest.mark.parametrize("command", ["design", "check"])
-def test_a_missing_picture_of_the_source_is_refused(command, tmp_path, capsys):
-    problem = write_extended(tmp_path)
-    (tmp_path / "glow.png").unlink()
-    assert "glow.png" in refused(capsys, command, problem)
 
 
 def test_check_adds_the_freedoms_of_both_surfaces(tmp_path, capsys):

@@ -15,7 +15,7 @@ from optics.base.runtime import Phase, Progress, note
 from optics.designing.progress import drawing
 from optics.interface.commands import main
 from optics.interface.commands.outcome import Outcome
-from tests.cases import ROOT
+from tests.cases import ROOT, python
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import COARSE
 
@@ -203,9 +203,7 @@ entry()
 )
 def test_a_signal_ends_the_command_with_one_line_and_its_code_also_among_its_imports(module, number):
     program = STOPPED.replace("MODULE", repr(module)).replace("NUMBER", str(int(number)))
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = python(program)
     word = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", f"thbcad: {word}\n")
 
@@ -225,7 +223,5 @@ else:
 from optics.__main__ import entry
 entry()
 """
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = python(program)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "thbcad: interrupted\n")

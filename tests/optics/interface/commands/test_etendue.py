@@ -1,7 +1,5 @@
 """`thbcad etendue`: figures, sentences, errors."""
 
-from __future__ import annotations
-
 from argparse import Namespace
 from dataclasses import replace
 

@@ -1,21 +1,9 @@
 """`thbcad export DIR --out scene.xml`: a scene that Mitsuba reads by itself; refusals in one sentence."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.interface.commands.cli import main
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import store_result, write_problem
 from tests.optics.interface.commands.cases import refused, strict_json
-
-
-@pytest.fixture
-def result(tmp_path):
-    """A result folder of an unshaped lens."""
-    problem = load_problem(write_problem(tmp_path))
-    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
 
 
 @pytest.mark.slow

@@ -3,8 +3,6 @@
 All that computes is replaced by what one real run computed; all that writes is real.
 """
 
-from __future__ import annotations
-
 import shutil
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Runs that start from an earlier design."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.interface.commands import main

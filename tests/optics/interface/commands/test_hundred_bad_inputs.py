@@ -4,8 +4,6 @@ Each ends with exit code 2 and one sentence that names the file, the key and a r
 and no warning.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from optics.base.runtime import LONGEST

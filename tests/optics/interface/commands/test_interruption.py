@@ -1,7 +1,5 @@
 """Ctrl-C: what is left of a run, and how it goes on."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """`thbcad design --live`: the page of a run, and that the design does not change by it."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time
@@ -27,6 +25,7 @@ def watched(golden, tmp_path_factory):
     return out, process.communicate()[1], pages
 
 
+@pytest.mark.slow  # a whole program
 def test_the_bytes_of_a_result_are_the_same_with_and_without_a_live_page(watched, golden):
     out, _, _ = watched
     assert_whole(out)
@@ -39,6 +38,7 @@ def test_the_bytes_of_a_result_are_the_same_with_and_without_a_live_page(watched
     assert LIVE not in json.loads((out / "result.json").read_text())["sha256"]
 
 
+@pytest.mark.slow
 def test_pages_are_whole_at_any_time_show_light_and_end_at_the_report(watched):
     out, said, pages = watched
     assert f"thbcad: note: watch it in a browser: {(out / LIVE).resolve().as_uri()}\n" in said

@@ -1,7 +1,5 @@
 """What the session lacks is said before any work: letters in its locale, names that are text, memory."""
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

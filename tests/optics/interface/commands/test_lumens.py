@@ -1,7 +1,5 @@
 """A source in lumens: no command speaks of watts, and files say lm, lx and cd."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,33 +1,18 @@
 """`thbcad relight` and `thbcad export --light`: other light on a finished lens, and its light as rays."""
 
-from __future__ import annotations
-
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from optics.interface.api import Design
-from optics.interface.commands.cli import main
 from optics.scene.luminaires import read_luminaire
 from optics.scene.problem import load_problem
 from optics.scene.ray_files import read_rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import store_result, target_z, write_problem
-
-
-@pytest.fixture
-def result(tmp_path):
-    problem = load_problem(write_problem(tmp_path))
-    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
-
-
-def run(capsys, *arguments):
-    code = main([*map(str, arguments)])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+from tests.optics.cases import target_z, write_problem
+from tests.optics.interface.commands.cases import run
 
 
 @pytest.mark.slow

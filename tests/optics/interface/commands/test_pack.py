@@ -1,7 +1,5 @@
 """`thbcad pack`: what the zip holds, read and traced by code that did not write it, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Whole runs as processes, stopped at sampled times: what lies there is true, and the next run ends well."""
 
-from __future__ import annotations
-
 import shutil
 import signal
 import time

@@ -1,7 +1,5 @@
 """The same problem gives the same bytes in any language, time zone and folder, and under `python -O`."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """`thbcad sheet`: the drawing of a result with its indications, in three formats, read by others."""
 
-from __future__ import annotations
-
 import json
 import re
 from math import cos, pi, radians, sqrt

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM: the same end, another exit code, and nothing stays behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

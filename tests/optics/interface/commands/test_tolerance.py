@@ -1,10 +1,7 @@
 """`thbcad tolerance`: a page and numbers beside a result, whose own files stay what they are."""
 
-from __future__ import annotations
-
 import json
 from html import unescape
-from types import SimpleNamespace
 
 import pytest
 
@@ -12,14 +9,8 @@ from optics.base.runtime import UserError
 from optics.exchange.results import sha256_of
 from optics.interface.api import Design
 from optics.interface.commands import tolerance_command
-from optics.interface.commands.cli import main
 from optics.tolerancing.perturbations import tolerances_of
-
-
-def run(capsys, *arguments):
-    code = main([*map(str, arguments)])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+from tests.optics.interface.commands.cases import run
 
 
 @pytest.mark.slow

@@ -1,20 +1,17 @@
 """`thbcad trace`: fates by flux and by number, other ways of light, files, refusals."""
 
-from __future__ import annotations
-
 import json
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from optics.exchange.results import ResultFolder
-from optics.interface.commands.cli import main
 from optics.light.analysis import sequential
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
+from tests.optics.interface.commands.cases import run
 
 EXTENDED = {
     "source.kind": "lambertian",
@@ -33,15 +30,9 @@ def result(tmp_path):
     return made
 
 
-def run(capsys, *arguments):
-    code = main(["trace", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
-
-
 def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     folder = result(EXTENDED)
-    done = run(capsys, folder, "--rays", 64, "--json")
+    done = run(capsys, "trace", folder, "--rays", 64, "--json")
     data = json.loads(done.out)
     assert done.code == 0
     assert sum(data["counts"].values()) == data["rays"] == 64 * 64
@@ -70,7 +61,7 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
         source=beam, element=[mirror | {"reflectance": 0.8}], target=target | {"pixels": (8, 8)}
     )
     folder = store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
-    done = run(capsys, folder, "--rays", 16)
+    done = run(capsys, "trace", folder, "--rays", 16)
     assert done.code == 0
     assert "0.800000 W        256 rays  meets the target" in done.out
     assert "0.200000 W                  is absorbed at M1.face, or on its way there" in done.out
@@ -91,7 +82,9 @@ def test_rays_are_counted_as_the_flux_is(backend, result):
 
 @pytest.mark.slow
 def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
-    done = run(capsys, result(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single")
+    done = run(
+        capsys, "trace", result(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single"
+    )
     assert done.code == 0
     assert "the sequential tracer suffices" in done.out
     assert "etendue is conserved" in done.out
@@ -102,6 +95,7 @@ def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
 def test_a_far_field_is_traced_in_sequence(capsys, result):
     done = run(
         capsys,
+        "trace",
         result({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}),
         "--rays",
         33,
@@ -112,11 +106,6 @@ def test_a_far_field_is_traced_in_sequence(capsys, result):
 
 @pytest.mark.parametrize("rays", ["7", "100000"])
 def test_a_number_of_rays_out_of_range_is_refused(capsys, result, rays):
-    done = run(capsys, result(), "--rays", rays)
+    done = run(capsys, "trace", result(), "--rays", rays)
     assert (done.code, done.err.count("\n")) == (2, 1)
     assert "--rays must lie between 8 and 32768" in done.err
-
-
-def test_a_folder_without_a_result_is_refused(capsys, tmp_path):
-    done = run(capsys, tmp_path)
-    assert (done.code, done.err.count("\n"), done.out) == (2, 1, "")

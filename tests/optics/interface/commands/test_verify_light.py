@@ -1,7 +1,5 @@
 """`thbcad verify --light`: checks, files and the exit code; refusals in one sentence."""
 
-from __future__ import annotations
-
 import errno
 
 import numpy as np

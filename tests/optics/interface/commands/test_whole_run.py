@@ -1,7 +1,5 @@
 """A whole run of the command line: files, exit codes, output, the report."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

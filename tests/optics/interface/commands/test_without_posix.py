@@ -4,11 +4,14 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import QUICK
 from tests.without_posix import without_posix
 
 
+@pytest.mark.slow  # a whole program
 def test_a_design_needs_no_posix_and_has_the_same_bytes(tmp_path, golden):
     (tmp_path / "hook").mkdir()
     problem, out = write_problem(tmp_path, QUICK | {"run.threads": 2}), tmp_path / "out"

@@ -1,14 +1,21 @@
-"""Combinations of values: all of them, and what is refused before anything runs."""
+"""Variants: values of a command line, their combinations, a real design of one, and the table of all."""
 
 from dataclasses import asdict
 from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
+from PIL import Image
 
+import optics
 from optics.base.runtime import UserError
 from optics.exchange.results import fingerprint
-from optics.interface.sweeps.variants import all_variants, checked_ranges
+from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
+from optics.interface.sweeps.variant_work import Shared, Work, designed
+from optics.interface.sweeps.variants import all_variants, checked_ranges, value_list
 from tests.optics.interface.sweeps.cases import problem
 
 
@@ -96,3 +103,122 @@ def test_a_missing_picture_is_named(tmp_path):
 def test_what_is_no_set_of_ranges_is_refused(ranges, sentence):
     with pytest.raises(UserError, match=sentence):
         checked_ranges(ranges)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("target.distance=200:400:5", [200, 250, 300, 350, 400]),
+        ("target.distance = 0.1:0.3:3", [0.1, 0.2, 0.3]),
+        ("target.distance=3:1:3", [3, 2, 1]),
+        ("target.distance=1e2:1e2:1", [100]),
+        ("lens.rear.freeform.max_level=1:3:3", [1, 2, 3]),
+        ("lens.rear.half_width=[[30,30],[40,40]]", [[30, 30], [40, 40]]),
+        ("target.distance=300", [300]),
+        ('optimizer.engine=["exact", "camera"]', ["exact", "camera"]),
+        ("target.image=['a.png', '/b.png']", ["/x/a.png", "/b.png"]),
+        ("title=a:b:c", ["a:b:c"]),
+        ("title='[a, b]'", ["[a, b]"]),
+    ],
+)
+def test_values_of_a_key(text, values):
+    key, found = value_list(text, Path("/x"))
+    assert key == text.partition("=")[0].strip()
+    assert found == values
+    assert list(map(type, found)) == list(map(type, values))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("target.distance", "sets no key"),
+        ("target.distence=1:2:3", r"unknown key target.distence \(did you mean target.distance"),
+        ("target.distance=1:2", "must be a number"),
+        ("target.distance=1:2:0", "count of a range must be from 1 to 100000, got 0"),
+        ("target.distance=1:2:2.5", "count of a range"),
+        ("target.distance=1:2:nan", "count of a range"),
+        ("target.distance=1:2:1e9", "count of a range"),
+        ("target.distance=1:inf:3", "both ends of a range must be finite"),
+        ("target.distance=1:2:snan", "count of a range"),
+        ("target.distance=snan:2:3", "both ends of a range must be finite"),
+        ("target.distance=1e99999:1e99999:1", "both ends of a range must be finite"),
+        ("target.distance=1:2:1", "one value must begin and end with it"),
+        ("target.distance=[1, 2", "must be a number"),
+        ("title=[a, b]", r'\[a, b\] is no list for title: put texts in quotes, such as title=\["a", "b"\]'),
+        ("target.image=[F.png, wide.png]", "put texts in quotes, such as target.image="),
+        ("optimizer.engine=[exact, camera]", "put texts in quotes"),
+        ("target.image=['a.png'", "put texts in quotes"),
+    ],
+)
+def test_what_gives_no_values_is_refused(text, sentence):
+    with pytest.raises(UserError, match=sentence):
+        value_list(text, Path("/x"))
+
+
+@given(st.integers(-999, 999), st.integers(-999, 999), st.integers(2, 50))
+def test_both_ends_belong_to_a_range_and_steps_are_even(start, stop, count):
+    _, found = value_list(f"target.distance={start}:{stop}:{count}", Path("/x"))
+    assert (found[0], found[-1], len(found)) == (start, stop, count)
+    steps = [b - a for a, b in pairwise(found)]
+    assert max(steps) - min(steps) < 1e-9
+
+
+class Counted(dict):
+    """Metrics that count how often their names are listed."""
+
+    listed = 0
+
+    def __iter__(self):
+        self.listed += 1
+        return super().__iter__()
+
+
+def test_names_of_metrics_are_collected_once_however_many_rows_there_are():
+    metrics = [Counted(rel_l2=0.1 * k) for k in range(20)]
+    found = Sweep(Path("out"), ("x",), [SweepRow((k,), "done", metrics=m) for k, m in enumerate(metrics)])
+    assert [line["rel_l2"] for line in found.table()] == [0.1 * k for k in range(20)]
+    assert {m.listed for m in metrics} == {1}
+
+
+def test_a_row_without_a_metric_has_none_in_its_column():
+    rows = [SweepRow((1,), "done", metrics={"dof": 9}), SweepRow((2,), "failed", "why")]
+    assert [line["dof"] for line in Sweep(Path("out"), ("x",), rows).table()] == [9, None]
+
+
+SMALL = {
+    "target.pixels": [24, 24],
+    "lens.rear.freeform.max_level": 0,
+    "optimizer.iterations": 1,
+    "optimizer.start": "flat",
+}
+
+
+@pytest.fixture
+def picture(tmp_path):
+    path = tmp_path / "light.png"
+    Image.fromarray(np.linspace(0, 255, 24 * 24).reshape(24, 24).astype(np.uint8)).save(path)
+    return path
+
+
+def test_a_variant_is_that_design_and_its_picture_travels_by_content(picture):
+    given = problem(**SMALL, **{"target.kind": "image", "target.image": str(picture)})
+    wanted = optics.design(given.with_(**{"target.distance": 250, "run.threads": 1}))
+    shared = Shared(given, {str(picture): picture.read_bytes()})
+    picture.unlink()
+    found = designed(shared, Work({"target.distance": 250}, keep_lens=True))
+    assert found.metrics["rel_l2"] == wanted.metrics["rel_l2"]
+    assert found.metrics["fates_w.on_target"] == wanted.metrics["fates_w"]["on_target"]
+    assert found.picture.startswith(b"\x89PNG")
+    assert '"thbcad-lens"' in found.lens
+
+
+@pytest.mark.slow
+def test_pictures_can_be_varied(picture, tmp_path):
+    other = tmp_path / "other.png"
+    Image.open(picture).transpose(Image.Transpose.FLIP_LEFT_RIGHT).save(other)
+    given = problem(**SMALL, **{"target.kind": "image", "target.image": str(picture)})
+    ranges = {"target.image": [str(picture), str(other)]}
+    found = optics.sweep(given, ranges, tmp_path / "out", workers=2)
+    assert found.counts()["done"] == 2
+    assert found.rows[0].metrics["rel_l2"] != found.rows[1].metrics["rel_l2"]
+    assert fingerprint(given) != fingerprint(given.with_(**{"target.image": str(other)}))

@@ -1,7 +1,5 @@
 """Rectangles that a border cuts: the triangles that make them up, and the flux of these."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Light by other ways than front and rear, against the trace that splits every ray at every face."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

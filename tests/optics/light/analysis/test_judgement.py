@@ -1,7 +1,5 @@
 """Whether a design does its job, in checks and sentences."""
 
-from __future__ import annotations
-
 from math import inf
 
 import numpy as np

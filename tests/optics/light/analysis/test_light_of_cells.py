@@ -1,7 +1,5 @@
 """The light of a lens from cells: its order, its budget, and rays that land in the same pixels."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import atan, cos, erf, hypot, pi, prod, sqrt
 

@@ -1,8 +1,6 @@
 """What is measured of lenses with outlines and of a body, walls included, against light on the faces of their
 STEP files by OCCT: the same rays and corners of cells, laid on pixels alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

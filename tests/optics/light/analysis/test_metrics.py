@@ -1,7 +1,5 @@
 """What a lens delivers, measured with cells; with fresh rays where the source is extended."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import combinations

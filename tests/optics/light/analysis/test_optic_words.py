@@ -1,7 +1,5 @@
 """What a lens or a mirror passes on at best, in words."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.light.analysis import passing_share, passing_words

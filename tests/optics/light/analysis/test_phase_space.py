@@ -1,7 +1,5 @@
 """Phase space: etendue and basic radiance are conserved through any lens, bins hold the flux."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

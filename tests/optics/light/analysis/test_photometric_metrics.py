@@ -1,7 +1,5 @@
 """Peaks, beams, means and uniformity of light whose closed form is known, in watts and in lumens."""
 
-from __future__ import annotations
-
 import re
 from math import cos, pi, radians
 

@@ -1,7 +1,5 @@
 """The fans of rays that are drawn."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sure search: rays come to the first meeting with a rough surface, or are counted as undecided."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

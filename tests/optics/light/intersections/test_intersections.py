@@ -1,7 +1,5 @@
 """The search for meeting points: no ray that crosses a surface is lost, none that misses it is found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, strategies as st

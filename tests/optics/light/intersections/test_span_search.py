@@ -1,7 +1,5 @@
 """Spans are found as a bisection finds them, but for points within rounding of a break."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

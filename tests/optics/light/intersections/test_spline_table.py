@@ -1,7 +1,5 @@
 """Piecewise polynomials on Dr.Jit arrays against the kernel's splines."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

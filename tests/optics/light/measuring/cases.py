@@ -1,7 +1,5 @@
 """Cells with given corners on a screen, laid by the fast code, and what rounding may do to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

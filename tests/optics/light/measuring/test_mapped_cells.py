@@ -1,7 +1,5 @@
 """The light of mapped cells on pixels, against exact rational areas."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The derivatives of the light of mapped cells, by its corners and by their flux."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

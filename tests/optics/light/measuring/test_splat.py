@@ -1,7 +1,5 @@
 """Rays into pixels: Dr.Jit's accumulation against a loop over rays and pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

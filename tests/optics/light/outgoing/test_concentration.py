@@ -1,7 +1,5 @@
 """The greatest concentration of light behind a lens, where it is known in closed form or by counting rays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi, radians, tan
 

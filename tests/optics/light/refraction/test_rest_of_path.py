@@ -1,7 +1,5 @@
 """Fixed surfaces and a receiver: where rays land, and where to aim them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

@@ -1,7 +1,5 @@
 """Slopes that send light where it is wanted, against surfaces that are known to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """The independent trace of a lens's STEP file."""
 
-from __future__ import annotations
-
 from optics.exchange.verification import trace_step
 from optics.scene.receivers import receiver_at
 from tests.optics.cases import TARGET_Z

@@ -1,7 +1,5 @@
 """Non-sequential tracing: closed forms, a convex polyhedron, a triangle mesh, and a sequential twin."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives back over many surfaces: kernels of bounded size, and nothing kept behind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Landing points of the sequential tracer against closed forms and independent numerics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

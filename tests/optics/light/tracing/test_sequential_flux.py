@@ -1,7 +1,5 @@
 """Refraction, and fluxes of the sequential tracer, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

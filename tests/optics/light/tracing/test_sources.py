@@ -1,8 +1,6 @@
 """Glowing areas, points and beams through lenses with one or two free surfaces, to a plane or to the far
 field."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

@@ -1,7 +1,5 @@
 """Tracing where it is hardest: against exact rays, in other units, at the ends of the ranges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal, localcontext
 

@@ -1,7 +1,5 @@
 """The wall of lenses with rounded corners: sections by polynomials, rods in closed form, a triangle mesh."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from optics.light.analysis import measure
-from optics.reporting.figures.colours_of_light import colour_figures
+from optics.reporting.figures.lens_and_light import colour_figures
 from optics.scene.photometry import spectral_lines, white_of
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem

@@ -1,11 +1,23 @@
-"""Pictures of form errors: of the allowed height by period, and of both sides of the lens."""
+"""Pictures of form errors, of made lenses and of tools: their panels, and the scales that they show."""
+
+from io import BytesIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from optics.reporting.figures import form_figures_of
+from optics.light.analysis import Measurement
+from optics.reporting.figures import figures_of_tool, form_figures_of, height_error_figure, made_light_figure
+from optics.scene.problem import load_problem
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.form_errors import BandCost, FormErrors, SideCost
+from optics.tolerancing.machining import ToolOrder, tool_findings
+from optics.tolerancing.metrology import by_datums, made_surface
+from tests.optics.cases import write_problem
+from tests.optics.tolerancing.machining.cases import bowl_lens
+from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
 
 
 def cost(side, allowed):
@@ -46,3 +58,41 @@ def test_the_pictures_are_drawn(figures, tmp_path):
         with Image.open(tmp_path / name) as image:
             assert image.format == "PNG"
             assert len(np.unique(np.asarray(image))) > 20
+
+
+@pytest.fixture(scope="module")
+def built() -> SimpleNamespace:
+    surface = freeform()
+    x, y = scattered(2000)
+    light = [np.random.default_rng(k).random((24, 32)) + 0.5 for k in range(3)]
+    designed, made = (Measurement(image, light[2], {"rel_l2": 0.1}) for image in light[:2])
+    return SimpleNamespace(
+        made=made_surface(surface, by_datums(surface, np.stack([x, y, surface(x, y) + ripple(x, y)]))),
+        nominal=designed,
+        measurement=made,
+        change=light[1] - light[0],
+    )
+
+
+def test_the_light_is_drawn_in_four_panels(built: SimpleNamespace) -> None:
+    with Image.open(BytesIO(made_light_figure(built, Screen((20.0, 15.0), (32, 24))))) as picture:
+        assert picture.width > 3 * picture.height
+
+
+def test_the_error_is_drawn_in_two_colours(built: SimpleNamespace) -> None:
+    with Image.open(BytesIO(height_error_figure(built))) as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    red, blue = pixels[..., 0] - pixels[..., 2] > 100, pixels[..., 2] - pixels[..., 0] > 80
+    assert red.mean() > 0.05
+    assert blue.mean() > 0.05
+
+
+def test_every_surface_that_is_cut_has_one_picture_with_a_panel_for_each_question(tmp_path, backend):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    order = ToolOrder(nose=1.0, feed=0.01)
+    ((name, caption, png),) = figures_of_tool(tool_findings(system, bowl_lens(), order, backend, rays=17))
+    assert name == "tool_rear.png"
+    assert "acceleration" in caption
+    assert png.startswith(b"\x89PNG")
+    ((_, fewer, _),) = figures_of_tool(tool_findings(system, bowl_lens(), ToolOrder(ball=50.0), backend, 17))
+    assert "acceleration" not in fewer

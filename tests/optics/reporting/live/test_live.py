@@ -7,8 +7,7 @@ import pytest
 
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row
-from optics.reporting.live.live_page import NOT_FRESH, LiveState, live_page
-from optics.reporting.live.live_view import SECONDS, LiveView
+from optics.reporting.live.live_page import NOT_FRESH, SECONDS, LiveState, LiveView, live_page
 
 EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
 ROWS = [Row(0, 100, k, 0.0, fit, 0.0, stage=k // 3) for k, fit in enumerate((0.8, 0.4, 0.2, 0.3, 0.1))]

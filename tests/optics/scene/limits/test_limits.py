@@ -1,12 +1,8 @@
 """Limits of manufacture: every key is checked from the certified side, with its place, and advice comes
 before a design."""
 
-from __future__ import annotations
-
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from dataclasses import fields, replace
 from math import inf
@@ -18,7 +14,7 @@ from hypothesis import HealthCheck, given, strategies as st
 from optics.base.runtime import UserError
 from optics.scene.limits import limit_advice, limit_checks, limit_sentences, require_limits
 from optics.scene.problem import Limits, load_problem
-from tests.cases import ROOT, examples
+from tests.cases import examples, python
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
@@ -361,11 +357,5 @@ def test_advice_does_not_load_the_cad_kernel(tmp_path):
         "from optics.scene.system import OpticalSystem; p = load_problem(sys.argv[1]); "
         "print(len(limit_advice(p, OpticalSystem(p).lens)), 'OCP' in sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path / "problem.toml")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python(program, tmp_path / "problem.toml", check=True)
     assert done.stdout.split() == ["1", "False"]

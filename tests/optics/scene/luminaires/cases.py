@@ -1,7 +1,5 @@
 """Luminaires for the tests, and the texts of small files."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from optics.scene.luminaires import Luminaire, Opening

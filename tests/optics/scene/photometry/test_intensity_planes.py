@@ -1,4 +1,4 @@
-"""Curves of intensity in two planes, and widths of beams against closed forms."""
+"""Intensities in two planes, widths of beams, units of light, and the tables of standards."""
 
 from math import acos, degrees, log, sqrt
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.scene.photometry import BEAM, FIELD, plane_curves
+from optics.scene.photometry import BEAM, FIELD, REGULATIONS, plane_curves, regulation, units_of
 from optics.scene.photometry.intensity_planes import PlaneCurve
+from optics.scene.problem import Target
 
 FORMULAS = {BEAM: degrees(2 * acos(0.5)), FIELD: degrees(2 * acos(0.1))}
 
@@ -81,3 +82,53 @@ def test_light_that_goes_on_beyond_the_angles_has_no_width():
 @pytest.mark.parametrize("value", [0.0, -1e-20])
 def test_darkness_has_no_width(value):
     assert PlaneCurve(np.linspace(-10, 10, 21), np.full(21, value)).width(BEAM) is None
+
+
+@pytest.mark.parametrize(
+    ("flux", "plane", "far", "name"),
+    [("W", "W/m^2", "W/sr", "fates_w"), ("lm", "lx", "cd", "fates_lm")],
+)
+def test_watts_and_lumens_have_their_own_words(flux, plane, far, name):
+    units = units_of(flux)
+    assert (units.flux, units.key("fates"), units.luminous) == (flux, name, flux == "lm")
+    assert (units.density(False).shown, units.density(True).shown) == (plane, far)
+    assert (units.density(False).stored, units.density(True).stored) == (f"{flux}/mm^2", f"{flux}/degree^2")
+
+
+def test_a_flux_on_a_square_metre_and_in_a_small_square_of_directions():
+    """12 W on 1 m^2; and 3 lm in 0.01 x 0.02 rad around the axis, where angles and solid angles agree."""
+    assert units_of("W").in_plane.text(12 / 1000**2) == "12 W/m^2"
+    stored = 3 / np.prod(np.degrees([0.01, 0.02]))
+    assert units_of("lm").in_far_field.factor * stored == pytest.approx(3 / (0.01 * 0.02), rel=1e-14)
+
+
+@pytest.mark.parametrize("name", REGULATIONS)
+def test_a_table_names_its_text_its_edition_and_who_compared_it(name):
+    table = regulation(name)
+    assert all(len(words) > 20 for words in (table.text, table.edition, table.compared))
+    assert table.unit == "cd"
+
+
+@pytest.mark.parametrize("name", REGULATIONS)
+def test_a_table_is_its_own_mirror_image_so_that_no_side_of_the_road_is_meant(name):
+    """One that is not would need `target.seen_from`: H counts to the right of a driver."""
+    points = {
+        (h, v, z.get("least", 0), z.get("greatest"))
+        for z in regulation(name).zone
+        for h, v in z.get("points", ())
+    }
+    assert {(-h, *rest) for h, *rest in points} == points
+
+
+def test_ub2_has_19_points_and_what_class_b_asks_of_its_greatest_intensity():
+    target = {"kind": "zones", "distance": float("inf"), "half_width": (16.0, 8.0)}
+    zones = Target(regulation="FMVSS 108 UB2", **target).zones
+    assert sum(len(zone.points) for _, zone in zones) == 19
+    at = {point: (zone.least, zone.greatest) for _, zone in zones for point in zone.points}
+    assert at[0, 0] == (40000, 75000)
+    assert at[-9, -1.5] == (2000, float("inf"))
+    assert at[0, -4] == (0, 12000)
+    (name, peak), (_, middle), *_ = Target(regulation="UN R149 class B driving", **target).zones
+    assert name == "UN R149 class B driving Imax"
+    assert (peak.peak, peak.least, peak.greatest, middle.least_of_peak) == (True, 40500, 215000, 0.8)
+    assert "nobody has compared it with the text of R149" in regulation("UN R149 class B driving").compared

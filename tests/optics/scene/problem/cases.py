@@ -1,7 +1,5 @@
 """Problem files as text and as values."""
 
-from __future__ import annotations
-
 import math
 
 from optics.scene.problem import load_problem

@@ -1,7 +1,5 @@
 """The problem file of a lens whose front alone is free: lens.rear.freeform = false."""
 
-from __future__ import annotations
-
 import pytest
 
 from optics.base.runtime import UserError

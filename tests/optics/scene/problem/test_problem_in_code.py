@@ -1,10 +1,6 @@
 """Problems built and varied in code: the checks and the messages of a problem file."""
 
-from __future__ import annotations
-
 import math
-import subprocess
-import sys
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
@@ -26,7 +22,7 @@ from optics.scene.problem import (
     assignment,
     load_problem,
 )
-from tests.cases import EXAMPLES, ROOT
+from tests.cases import EXAMPLES, python
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.scene.problem.cases import load_text, load_values
 
@@ -220,9 +216,7 @@ def test_a_problem_in_code_loads_neither_renderer_nor_pictures():
         "import sys; from optics.scene.problem import *; p = load_problem('examples/pearl.toml'); "
         "p.with_(title='x')._repr_html_(); p.to_toml(); print(*sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+    done = python(program, check=True)
     heavy = {"drjit", "mitsuba", "OCP", "matplotlib", "PIL", "skimage"}
     assert not heavy & set(done.stdout.split())
 

@@ -1,7 +1,5 @@
 """What a problem file means: defaults, units, kinds."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

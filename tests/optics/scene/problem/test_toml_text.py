@@ -1,7 +1,5 @@
 """Problems written as text and read back."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import fields, is_dataclass, replace

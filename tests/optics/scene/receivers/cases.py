@@ -1,7 +1,5 @@
 """Formulas, their meaning, and random expressions."""
 
-from __future__ import annotations
-
 import operator
 
 import numpy as np

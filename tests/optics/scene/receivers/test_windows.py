@@ -1,7 +1,5 @@
 """Measurement windows: definition, unit integral, partition of unity, response and filter."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import ceil, exp
 

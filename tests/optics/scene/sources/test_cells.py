@@ -1,7 +1,5 @@
 """Cells of beams and of cones: what light they carry, and where the rays at their corners go."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import cos, erf, exp, pi, radians, sqrt
 

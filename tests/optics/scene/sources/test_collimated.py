@@ -1,7 +1,5 @@
 """Collimated beams: where the rays start and what they carry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

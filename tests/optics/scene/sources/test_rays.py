@@ -1,7 +1,5 @@
 """Rays of glowing areas and of points: moments, symmetry, flux within cones, against closed forms."""
 
-from __future__ import annotations
-
 from math import asin, cos, pi, radians, sin
 
 import numpy as np

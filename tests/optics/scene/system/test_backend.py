@@ -1,7 +1,5 @@
 """The backend of a system: of double precision, on the threads that its problem asks for."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

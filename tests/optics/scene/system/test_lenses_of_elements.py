@@ -1,7 +1,5 @@
 """From a problem file to rays, surfaces and targets: every kind of source, one or two free surfaces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -123,16 +121,6 @@ def test_the_sources_picture_glows_where_it_is_bright(tmp_path, changes):
     upper, lower = flux[(x < -0.5) & (y > 0)].sum() / 3.0, flux[(x > 0.5) & (y < 0)].sum() / 3.0
     assert [upper, lower] == pytest.approx([10 / 210, 200 / 210], abs=2 / 64)
     assert upper + lower == pytest.approx(flux.sum() / 3.0, rel=1e-13)
-
-
-def test_a_sources_picture_that_is_missing_or_black_is_refused(tmp_path):
-    problem = glowing(tmp_path)
-    (tmp_path / "glow.png").unlink()
-    with pytest.raises(UserError, match=r"glow\.png"):
-        _ = OpticalSystem(problem).source.profile
-    Image.fromarray(0 * GLOW).save(tmp_path / "glow.png")
-    with pytest.raises(UserError, match=r"glow\.png"):
-        _ = OpticalSystem(problem).source.profile
 
 
 # Surfaces

@@ -1,7 +1,5 @@
 """What tracing leaves out: the list agrees with what the tracer does, and results stay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad

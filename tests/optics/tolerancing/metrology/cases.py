@@ -1,7 +1,5 @@
 """A small freeform surface, errors of its height, and points measured on it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

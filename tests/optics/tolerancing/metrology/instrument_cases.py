@@ -1,7 +1,5 @@
 """Files of instruments, written by hand as their formats are described: heights (rows, columns) in mm."""
 
-from __future__ import annotations
-
 import struct
 from hashlib import md5
 from io import BytesIO

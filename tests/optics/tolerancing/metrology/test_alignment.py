@@ -1,7 +1,5 @@
 """Best fits find a known motion again, and say which motions a surface does not show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

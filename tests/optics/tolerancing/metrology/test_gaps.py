@@ -1,7 +1,5 @@
 """What was not measured is not known: gaps carry no error, and datums need no best fit."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

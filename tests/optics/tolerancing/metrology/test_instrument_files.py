@@ -1,7 +1,5 @@
 """Files of instruments: every format gives the same lens, and what is damaged is said in a sentence."""
 
-from __future__ import annotations
-
 import re
 import struct
 import tracemalloc

@@ -1,6 +1,4 @@
-"""The made surface is the designed one plus what was measured, and its light is that of the made lens."""
-
-from __future__ import annotations
+"""The made surface is the designed one plus what was measured; its light, and what re-positioning brings."""
 
 from dataclasses import replace
 
@@ -8,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
-from optics.light.analysis import measure
+from optics.light.analysis import measure, rel_l2
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.metrology import (
@@ -25,8 +23,9 @@ from optics.tolerancing.metrology import (
 )
 from optics.tolerancing.metrology.as_built_light import with_surface
 from optics.tolerancing.metrology.as_built_text import LIKE
+from optics.tolerancing.metrology.rigid_corrections import rigid_correction
 from optics.tolerancing.perturbations import Perturbation, PerturbedLight
-from tests.optics.cases import write_problem
+from tests.optics.cases import rough, write_problem
 from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
 from thbcad.fitting import quasi_interpolate
 from thbcad.hierarchy import THBSpace
@@ -159,3 +158,31 @@ def test_the_light_of_a_made_lens_is_that_of_its_error_at_the_rays(system, backe
     (before, _), (exact, _) = light(), light(Perturbation(**{f"{side}_error": RippleError()}))
     after, _ = PerturbedLight(system, with_surface(system.lens, side, made.surface), backend)()
     assert np.linalg.norm(after - exact) < 0.02 * np.linalg.norm(exact - before)
+
+
+SHIFT = 0.15  # mm
+
+
+@pytest.mark.slow  # 60 traces
+def test_a_decentred_lens_is_put_back(system: OpticalSystem, backend) -> None:
+    """The light asked for is that of the same lens in another place, which is to be found."""
+    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.lens.sags])
+    wanted = Perturbation(lens_shift=(SHIFT, -SHIFT / 2, 0.0), lens_tilt=(0.0, 0.0, 0.01))
+    target, _ = PerturbedLight(system, lens, backend)(wanted)
+    found = rigid_correction(system, lens, target, backend)
+    amounts = {move.name: move.amount for move in found.moves}
+    assert found.after < 0.05 * found.before
+    assert amounts["lens.decentre_x"] == pytest.approx(SHIFT, rel=0.1)
+    assert amounts["lens.decentre_y"] == pytest.approx(-SHIFT / 2, rel=0.1)
+    assert amounts["lens.tilt_z"] == pytest.approx(np.degrees(0.01), rel=0.2)
+    again, _ = PerturbedLight(system, lens, backend)(found.perturbation)
+    assert rel_l2(again, target) == pytest.approx(found.after)
+
+
+@pytest.mark.slow  # 13 traces
+def test_a_lens_that_stands_well_stays(system: OpticalSystem, backend) -> None:
+    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.lens.sags])
+    target, _ = PerturbedLight(system, lens, backend)()
+    found = rigid_correction(system, lens, target, backend)
+    assert found.after <= found.before < 1e-12
+    assert all(abs(move.amount) < 1e-9 for move in found.moves)

@@ -1,7 +1,5 @@
 """Measured files: what is read is what was written, and what cannot be read is said in a sentence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,19 +1,19 @@
-"""Made lenses: each is the perturbed lens of its errors; failures are counted; workers change nothing."""
-
-from __future__ import annotations
+"""Made lenses: random errors, each lens that of its errors, quantiles and yields; workers change nothing."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.base.workers import Worker, worker_pool
 from optics.light.analysis import rel_l2
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormTolerance, sample_lenses
+from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormTolerance, SampleBatch, sample_lenses
+from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
 from optics.tolerancing.monte_carlo_samples.sampling import FIELDS
 from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
 from tests.optics.cases import rough, write_problem
@@ -108,3 +108,89 @@ def test_processes_change_no_bit(tmp_path):
     with worker_pool(2) as pool:
         there = sample_lenses(model, 16, pool)
     np.testing.assert_array_equal(here.batch.rel_l2, there.batch.rel_l2)
+
+
+def batch(rel_l2, good=0.15):
+    values = np.asarray(rel_l2, dtype=float)
+    return SampleBatch(values, np.full(values.shape, 0.9), values <= good)
+
+
+def test_the_interval_of_a_yield_holds_it_as_often_as_it_says():
+    """400 batches of 8 x 64 independent lenses; 0.95 of them hold the truth, within three deviations."""
+    rng = np.random.default_rng(4)
+    held = 0
+    for _ in range(400):
+        found = batch(rng.normal(1.0, 0.3, (8, 64))).passing(1.0)
+        held += found.low <= 0.5 <= found.high
+    assert held / 400 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 400))
+
+
+@pytest.mark.parametrize(("limit", "value"), [(0.5, 0.0), (2.0, 1.0)])
+def test_sets_that_agree_leave_room_for_what_was_not_drawn(limit, value):
+    found = batch(np.ones((8, 64))).passing(limit)
+    assert found.value == value
+    assert found.low <= value <= found.high
+    # of 512 lenses without one: 3.84 / (512 + 3.84) by Wilson
+    assert found.high - found.low == pytest.approx(0.00745, rel=0.01)
+
+
+def test_quantiles_are_lenses():
+    values = np.arange(512.0).reshape(8, 64)
+    made = batch(values)
+    assert made.quantile(0.5).value == 256
+    assert values[made.nearest(0.95)] == made.quantile(0.95).value
+    assert made.mean_square().value == pytest.approx(np.mean(np.arange(512.0) ** 2))
+
+
+def test_lenses_that_cannot_be_traced_fail():
+    values = np.full((8, 4), 0.1)
+    values[2, 1] = np.inf
+    data = batch(values).data(0.2)
+    assert data["not_traced"] == 1
+    assert data["within_limit"]["value"] == pytest.approx(31 / 32)
+    assert data["yield"]["value"] == pytest.approx(31 / 32)
+    assert batch(values, good=0.05).data(0.2)["yield"]["value"] == 0
+    assert data["rel_l2"]["95%"]["value"] == pytest.approx(0.1)
+
+
+@given(st.integers(0, 40), st.integers(1, 6), st.integers(0, 2**32))
+def test_every_set_fills_its_cube_evenly(tolerances, power, seed):
+    """2^m Sobol points have one coordinate in each of 2^m equal parts of an axis."""
+    each = 2**power
+    sets = draws(tolerances, REPLICATES * each, seed)
+    assert len(sets) == REPLICATES
+    for lenses in sets:
+        amounts = np.array([draw.amounts for draw in lenses]).reshape(each, tolerances)
+        parts = np.floor((amounts + 1) / 2 * each)
+        np.testing.assert_array_equal(np.sort(parts, axis=0), np.tile(np.arange(each)[:, None], tolerances))
+    assert len({draw.seed for lenses in sets for draw in lenses}) == REPLICATES * each
+    assert draws(tolerances, REPLICATES * each, seed) == sets
+
+
+def test_sets_are_scrambled_apart():
+    sets = draws(3, 16 * REPLICATES, 1)
+    assert len({lenses[0].amounts for lenses in sets}) == REPLICATES
+
+
+@pytest.mark.parametrize("samples", [0, 8, 100, 513, -16, 2.0, True, 1 << 40])
+def test_other_numbers_of_samples_are_refused(samples):
+    with pytest.raises(UserError, match="number of samples must be"):
+        draws(2, samples, 0)
+
+
+@pytest.mark.parametrize(
+    ("surface", "rms", "words"),
+    [("side", 1e-5, "front"), ("rear", -1.0, "rms"), ("rear", np.nan, "rms"), ("rear", "much", "rms")],
+)
+def test_bad_forms_are_refused(tmp_path, surface, rms, words):
+    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    with pytest.raises(UserError, match=words):
+        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.lens, 0)
+
+
+def test_a_form_lies_on_its_surface_alone(tmp_path):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.front.half_width": [6.0, 4.0]})))
+    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.lens, 3)
+    assert drawn.rear_error is None
+    x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))
+    assert drawn.front_error.jet(x.ravel(), y.ravel())[0].std() == pytest.approx(1e-5, rel=0.05)

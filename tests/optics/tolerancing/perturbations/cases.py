@@ -1,14 +1,12 @@
 """Small systems for the tests of tolerances, and a ray through a perturbed lens by numpy alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.perturbations import PerturbedLight
+from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -96,3 +94,8 @@ def traced_by_numpy(lens, p, origin, direction, target_z, source_z):
     axes = target_turn.apply(np.eye(3))  # rows: the target's own axes in the world
     t = (middle - start) @ axes[2] / (ray @ axes[2])
     return (start + t * ray - middle) @ axes[:2].T
+
+
+def few(system, **amounts):
+    """Return amounts that leave all tolerances out but some."""
+    return {t.name: 0.0 for t in tolerances_of(system)} | amounts

@@ -1,7 +1,5 @@
 """Limits of the light by choice, amounts that keep them, light that may shift as a whole, and the words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -25,15 +23,10 @@ from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_o
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.cases import EXAMPLES, examples
 from tests.optics.cases import write_problem
-from tests.optics.tolerancing.perturbations.cases import small_system
+from tests.optics.tolerancing.perturbations.cases import few, small_system
 
 TOPHAT = {"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.5, 0.5]}
 FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
-
-
-def few(system, **amounts):
-    """Return amounts that leave all tolerances out but some."""
-    return {t.name: 0.0 for t in tolerances_of(system)} | amounts
 
 
 def even_system(folder, changes=None):

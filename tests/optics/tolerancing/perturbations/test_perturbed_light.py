@@ -1,4 +1,4 @@
-"""The light of a perturbed lens: traced exactly, in whatever frame one thinks of it."""
+"""The light of a perturbed lens, beside stops too: traced exactly, in whatever frame one thinks of it."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,9 @@ from scipy.spatial.transform import Rotation
 from optics.base.runtime import load_backend
 from optics.light.analysis import cell_irradiance
 from optics.scene.materials import MATERIALS
+from optics.scene.problem import Problem
 from optics.scene.sources import single_rays
+from optics.scene.system import solvable_system
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_lens
 from tests.optics.cases import TARGET_Z, alone
@@ -270,3 +272,25 @@ def test_perturbations_are_scaled_and_added_number_by_number():
     assert p.index == pytest.approx(1.02)
     assert np.allclose(p.front_error.jet(x, y), 2 * Waves(2e-3).jet(x, y) + Bowl(1.0).jet(x, y))
     assert NOMINAL * 3 == NOMINAL + NOMINAL == NOMINAL
+
+
+BORDER_CELLS = 2000  # of the finest cells across the source
+
+
+def test_a_stop_stands_still_when_the_lens_moves():
+    """A flat lens moves nothing, wherever it is: the shadow stays to the last rays."""
+    bar = {"shape": "rectangle", "half_width": (2.3, 4.1), "position": (0.7, -1.2, 30), "hole": False}
+    size = {"half_width": (10, 10)}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (8, 8)},
+        lens={"index": 1.5, "thickness": 6, "front": size, "rear": size},
+        target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)},
+        stop=[bar],
+    )
+    scene = solvable_system(problem)
+    moved = Perturbation(lens_shift=(0.4, -0.3, 1.0))
+    traced = PerturbedLight(scene, scene.lens, scene.backend)
+    (image, fates), (other, other_fates) = traced(), traced(moved)
+    corner = (2 * 8 / BORDER_CELLS) ** 2  # mm^2, of the finest cells: chords cut it
+    np.testing.assert_allclose(image, other, atol=image.max() * corner / 1.5**2)
+    assert fates.blocked == pytest.approx(other_fates.blocked, abs=4 * corner / 16**2)

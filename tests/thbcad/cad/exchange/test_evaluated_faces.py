@@ -1,7 +1,5 @@
 """Nodes of faces: OCCT's points and normals are those of the splines."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,6 @@
 """The lens as a solid of build123d and of cadquery: the same geometry, and fit for boolean operations and
 assemblies."""
 
-import subprocess
 import sys
 
 import build123d as bd
@@ -14,7 +13,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 
-from tests.cases import ROOT, examples
+from tests.cases import examples, python
 from tests.thbcad.cad.exchange.cases import CURVES, REFINED, SURFACES, assert_same
 from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
@@ -242,7 +241,5 @@ def test_other_things_are_refused(make, message):
 @pytest.mark.slow
 def test_the_module_loads_neither_library():
     program = "import sys, thbcad.cad.exchange.handover; print(*{'build123d', 'cadquery'} & set(sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+    done = python(program, check=True)
     assert done.stdout.split() == []

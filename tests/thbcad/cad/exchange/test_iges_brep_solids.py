@@ -1,7 +1,5 @@
 """The lens as a solid in IGES and BREP files."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

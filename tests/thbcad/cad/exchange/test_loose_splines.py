@@ -45,6 +45,13 @@ def test_every_number_of_many_surfaces_reads_back_in_order(kind, tmp_path):
     assert [type(s) for s in read] == [type(s) for s in SURFACES.values()]
 
 
+def test_heights_are_written_as_their_graph(kind, tmp_path):
+    """Of a scalar surface u and v are x and y."""
+    path = tmp_path / f"heights{kind}"
+    write_faces(BSplineSurface(CUBIC, CUBIC, WAVE.coefficients[..., 2]), path)
+    assert_same(read_faces(path), [WAVE])
+
+
 @examples(20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(nurbs_surfaces(), st.sampled_from([1.0, 1e-3, 1e3]))
 def test_every_number_of_random_surfaces_reads_back(kind, tmp_path, surface, size):

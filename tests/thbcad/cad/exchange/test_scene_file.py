@@ -1,7 +1,5 @@
 """An assembly holds the parts' own numbers, and other programs read names and places back."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,14 +1,12 @@
 """STEP files: the same lens gives the same bytes, and only needed knots are written."""
 
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from OCP.Interface import Interface_Static
 
-from tests.cases import ROOT
+from tests.cases import python
 from tests.thbcad.cases import LENSES
 from thbcad import write_step
 from thbcad.cad.exchange.step import read_step, step_bytes
@@ -37,13 +35,7 @@ def test_another_process_gives_the_same_bytes_and_prints_nothing(tmp_path):
         "-1.0)), 5.0, 1.5)\n"
         "write_step(lens, sys.argv[1])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path / "a.step")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python(program, tmp_path / "a.step", check=True)
     assert (done.stdout, done.stderr) == ("", "")
     write_step(LENSES["table63"], tmp_path / "b.step")
     assert (tmp_path / "a.step").read_bytes() == (tmp_path / "b.step").read_bytes()

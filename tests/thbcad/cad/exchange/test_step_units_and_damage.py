@@ -1,15 +1,13 @@
 """STEP files in other units, damaged files, and writes that fail."""
 
 import re
-import subprocess
-import sys
 
 import build123d
 import numpy as np
 import pytest
 from OCP.Interface import Interface_Static
 
-from tests.cases import DATA, ROOT
+from tests.cases import DATA, python
 from tests.thbcad.cases import LENSES
 from thbcad import write_step
 from thbcad.cad.exchange.step import read_step
@@ -91,9 +89,7 @@ def test_values_that_are_missing_or_huge_are_refused(text, tmp_path):
         assert count == 1, before
         paths.append(tmp_path / f"{number}.step")
         paths[-1].write_text(damaged)
-    done = subprocess.run(
-        [sys.executable, "-c", READ, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = python(READ, *paths)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 

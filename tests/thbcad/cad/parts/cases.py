@@ -1,7 +1,5 @@
 """Lenses, flush flanges and motions; parts read back."""
 
-from __future__ import annotations
-
 import numpy as np
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec

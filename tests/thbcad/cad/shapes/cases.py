@@ -1,11 +1,9 @@
 """Lenses with elliptic apertures, and surfaces compared bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, optical_forms
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -70,3 +68,12 @@ def same_bits(a, b):
     return all(
         (x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True)
     )  # 0.0 and -0.0 are the same place
+
+
+def assert_sound(lens, part, read, faces):
+    """One closed solid of so many faces, named as built, precise, with every number of front and rear."""
+    assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, faces, 0, True, True)
+    assert read.tolerance <= 1e-7
+    assert tuple(part.names) == tuple(read.face_names)
+    for found, wanted in zip((read.front, read.rear), optical_forms(lens), strict=True):
+        assert same_bits(found, wanted)

@@ -1,7 +1,5 @@
 """Planes, spheres and conics of revolution in solids: faces and rims are what they are, in every format."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import product
 
@@ -174,8 +172,3 @@ def test_files_of_planes_and_spheres_are_small():
     rear = FreeformSurface((20, 20), Conic(150.0, -1.0), corner_sag())
     spline = Lens(FreeformSurface((20, 20), Conic(1e30, -1.0)), rear, 5.0, 1.5)  # flat to every bit
     assert len(step_bytes(Lens(flat, rear, 5.0, 1.5))) < len(step_bytes(spline))
-
-
-def test_the_same_lens_gives_the_same_bytes():
-    for front in CONICS:
-        assert step_bytes(lens_of(front)) == step_bytes(lens_of(front))
