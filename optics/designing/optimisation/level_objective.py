@@ -24,15 +24,17 @@ from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import Part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
-from optics.light.engines import Engine, Film, LightModel, sharp_engine
+from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
+REPLICATES = 4  # of light by other ways: windows and the optimiser's steps smooth what noise is left
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 
 
@@ -92,38 +94,62 @@ def stage_objective(
     engine: Engine,
     axes: Sequence[int] = (),
     fresh: np.random.Generator | None = None,
-    background: NDArray[np.float64] | None = None,
+    background: Background | None = None,
 ) -> Objective:
     """Return the Objective of a stage: its light, its target, and the problem's penalties.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
     fresh : draws other rays than those of the optimiser; cells are always the same.
-    background : light of other ways, irradiance on the stage's pixels.
+    background : light of other ways.
     """
     axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
     engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
     zones = None if stage.aimed else ZoneLoss.of(system.target, model.screen)
-    return penalised_objective(system, lens, model, target, background, stage.far_sighted, zones)
+    around = None if background is None else background.image
+    if background and background.within:
+        model = JointModel(model, background.within, background.before)
+    return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones)
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What a lens sends to a screen by other ways than front and rear, measured where a stage begins.
+
+    What of it leaves by the rear follows the rear: its rays within the lens are known, and traced on.
+
+    image : irradiance, (rows, columns), W/mm^2.
+    within : of that, what leaves by the rear, as a function of the rear's sag; None where nothing follows it.
+    before : image of `within` at the start.
+    """
+
+    image: Floats
+    within: LightModel | None = None
+    before: Floats | float = 0.0
 
 
 def background(
-    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, axes: Sequence[int]
-) -> NDArray[np.float64] | None:
-    """Return the irradiance that a lens sends to a stage's pixels by other ways than front and rear, W/mm^2.
+    system: OpticalSystem, backend: Backend, lens: Lens, film: Film, fixed: bool = True
+) -> Background | None:
+    """Return what a lens sends to a film by other ways than front and rear; None where it is negligible.
 
-    It is None where it is negligible, and before the finish: what a level changes moves it.
-    axes : directions in which it is averaged with its mirror image.
+    It is averaged with its mirror images in the film's axes.
+    fixed : it counts where it cannot follow the rear, too: light in cells or blurred, a rear without a sag.
     """
-    if not (stage.finish and system.by_edges):
+    sag = lens.rear.sag
+    follows = sag is not None and film.window is not None and not system.blurred
+    if not (system.by_edges and (follows or fixed)):
         return None
-    other = nonsequential_light(system, lens, stage.screen, backend)
+    other = nonsequential_light(system, lens, film.screen, backend, REPLICATES)
     if other.negligible:
         return None
     image = other.light.irradiance
-    for axis in axes:
+    for axis in film.axes:
         image = (image + np.flip(image, 1 - axis)) / 2
-    return image
+    if not follows or sag is None or other.onto_rear is None:
+        return Background(image)
+    within = light_within(backend, system.own_path(lens), other.onto_rear, film)
+    return Background(image, within, within.image([sag.coefficients]))
 
 
 def penalised_objective(
@@ -184,7 +210,6 @@ class Indicators:
     engine: Engine
     target: NDArray[np.float64]
     start: TransportStart | None
-    background: NDArray[np.float64] | None = None
 
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         indicator = self.system.problem.refinement.indicator
@@ -225,7 +250,7 @@ class Indicators:
         ]
 
     def _objective(self, system: OpticalSystem, lens: Lens, stage: Stage) -> Objective:
-        return stage_objective(system, lens, stage, self.target, self.engine, background=self.background)
+        return stage_objective(system, lens, stage, self.target, self.engine)
 
 
 def _vertices(rays: int, spans: int) -> int:

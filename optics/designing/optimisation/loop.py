@@ -30,9 +30,11 @@ from optics.designing.optimisation.first_state import (
     with_sags,
 )
 from optics.designing.optimisation.level_objective import (
+    Background,
     Indicators,
     background,
     marked_cells,
+    stage_film,
     stage_objective,
 )
 from optics.designing.optimisation.limit_keeper import LimitKeeper
@@ -164,15 +166,14 @@ def shape_lens(
 class _Task:
     """What a stage is to do.
 
-    system, lens : the shapes that it starts from.  target : the irradiance that it asks for.
-    background : light of other ways.
+    system, lens : that it starts from.  target : irradiance asked for.  background : light of other ways.
     """
 
     stage: Stage
     system: OpticalSystem
     lens: Lens
     target: Floats
-    background: Floats | None
+    background: Background | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,16 +198,16 @@ class _Run:
 
         Of sharp light that will be blurred, the target is the aim.  Its flux is what the unoptimised lens
         sends on, but in the finish, and where the surface of a map sends on less: there it is what the
-        present lens sends on, since asking for light that cannot arrive spoils what does.  The background's
-        flux is added.
+        present lens sends on, since asking for light that cannot arrive spoils what does, and by other ways.
         """
         system, lens = with_sags(self.system, state.sags)
-        around = background(system, self.backend, lens, stage, self.axes) if stage.iterations else None
+        film, fixed = stage_film(system, stage, self.axes), stage.finish
+        around = background(system, self.backend, lens, film, fixed) if stage.other_ways else None
         flux = transmitted_flux(system, self.backend, lens)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux
         if around is not None:
-            flux += float(around.sum()) * stage.screen.pixel_area
+            flux += float(around.image.sum()) * stage.screen.pixel_area
         wanted = system.goal if stage.aimed else system.target
         return _Task(stage, system, lens, wanted.irradiance(stage.screen, flux), around)
 
@@ -260,7 +261,7 @@ class _Run:
 
         shaped, lens : that the stage ended with.
         """
-        indicators = Indicators(shaped, self.engine, task.target, self.guide, task.background)
+        indicators = Indicators(shaped, self.engine, task.target, self.guide)
         marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
         sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
         following = replace(state, stage=state.stage + 1, sags=sags)

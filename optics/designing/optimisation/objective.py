@@ -3,8 +3,8 @@
     L(c) = ||E + B - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
 
 E is the irradiance on the target's pixels and a dark margin around them, as an engine measures it, and T the
-target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  B is a
-background that no coefficient changes: light that other ways through the lens bring.  Phi is the flux asked
+target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  B is what other
+ways through the lens bring at the start; what the rear changes of it is part of E.  Phi is the flux asked
 for.  The second term is a penalty on light beside the target: d_k is the distance of landing point k from the
 target rectangle, r the target's larger half-width.  The third is one on light that misses the pixels where
 T > 0, wherever it is lost.  The last is `ShapePenalty`.

@@ -40,6 +40,7 @@ class Stage:
     aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
     far_sighted : by a norm that moves light over long distances, before the same level in that of the pixels.
     rough : on fewer cells, before the same level on as many as its mesh needs.
+    other_ways : light by these is part of its light: in a finish, and before one where it is not exact.
     """
 
     level: int
@@ -52,6 +53,7 @@ class Stage:
     aimed: bool = False
     rough: bool = False
     far_sighted: bool = False
+    other_ways: bool = False
 
     @property
     def name(self) -> str:
@@ -128,7 +130,9 @@ def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
     elif from_transport:
         out[-1:] = _roughly_first(out[-1])
     if problem.optimizer.finish:
-        out.append(replace(_stage(system, last, problem.optimizer.finish, 1, True), finish=True))
+        out[-1] = replace(out[-1], other_ways=out[-1].iterations > 0 and not out[-1].exact)
+        finish = _stage(system, last, problem.optimizer.finish, 1, True)
+        out.append(replace(finish, finish=True, other_ways=True))
     return out
 
 

@@ -14,8 +14,17 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.tracing import FATES, Fates, SequentialFates, TargetArea, Tracer, trace_nonsequential
+from optics.light.tracing import (
+    FATES,
+    Branches,
+    Fates,
+    SequentialFates,
+    TargetArea,
+    Tracer,
+    trace_nonsequential,
+)
 from optics.scene.receivers import Screen
+from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -36,35 +45,47 @@ class OtherLight:
 
     light : its LightEstimate; noise may make pixels negative.  fates : of all light in the closed lens, W.
     share : of the light on the target; negative where a body takes more light away than it adds.
+    onto_rear : its rays on their last way within the lens, if they leave by the rear; in the lens's frame.
     """
 
     light: LightEstimate
     fates: Fates
     share: float
+    onto_rear: Rays | None
 
     @property
     def negligible(self) -> bool:
         return abs(self.share) <= NEGLIGIBLE
 
 
-def nonsequential_light(system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> OtherLight:
-    """Return the light of non-sequential paths on a screen.  backend : of double precision."""
+def nonsequential_light(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, replicates: int = REPLICATES
+) -> OtherLight:
+    """Return the light of non-sequential paths on a screen.
+
+    backend : of double precision.  replicates : at least PILOT.
+    """
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     images: list[tuple[Floats, float, float]] = []
     fates: list[Fates] = []
+    within: list[Branches] = []
     solid = system.solid(lens)
 
     def trace(count: int) -> OtherLight:
         for _ in range(count):
-            image, by_fate, direct = _replicate(system, lens, solid, screen, rng, backend)
+            image, by_fate, direct, onto_rear = _replicate(system, lens, solid, screen, rng, backend)
             images.append((image, by_fate.onto - direct.on_target, by_fate.beside - direct.off_target))
             fates.append(by_fate)
+            within.append(onto_rear)
         light = LightEstimate.of_replicates(images)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
-        return OtherLight(light, mean, light.on_target / mean.onto if mean.onto else 0.0)
+        share = light.on_target / mean.onto if mean.onto else 0.0
+        last = sum(within[1:], start=within[0])
+        rays = Rays(last.origin, last.direction, last.flux / len(within)) if last.flux.size else None
+        return OtherLight(light, mean, share, rays)
 
     pilot = trace(PILOT)
-    return pilot if pilot.negligible else trace(REPLICATES - PILOT)
+    return pilot if pilot.negligible else trace(replicates - PILOT)
 
 
 def _replicate(
@@ -74,8 +95,9 @@ def _replicate(
     screen: Screen,
     rng: np.random.Generator,
     backend: Backend,
-) -> tuple[Floats, Fates, SequentialFates]:
-    """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
+) -> tuple[Floats, Fates, SequentialFates, Branches]:
+    """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear,
+    branches of other ways before they leave by the rear)."""
     rays, path = system.own_rays(system.source.rays(RAYS, rng), lens), system.own_path(lens)
     plane = TargetArea.of(path, screen.half_width)
     every = trace_nonsequential(
@@ -94,4 +116,4 @@ def _replicate(
     through = np.isin(every.fate, THROUGH)
     image = screen.binned(every.landings.points[through], every.landings.flux[through])
     image -= screen.binned(points, landing.flux.numpy())
-    return image / screen.pixel_area, every.fates, direct
+    return image / screen.pixel_area, every.fates, direct, every.onto_rear

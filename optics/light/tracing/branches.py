@@ -213,6 +213,12 @@ def _rows(vector: Vector) -> Floats:
     return np.array([a.numpy() for a in vector])
 
 
+def indirectly_onto_rear(branches: Branches, meetings: Meetings) -> Branches:
+    """Return the branches within, by no direct path, that meet a rear which lets some of them through."""
+    within = branches.inside & (branches.stage == INDIRECT)
+    return branches[within & (meetings.face == REAR) & (meetings.transmittance > 0)]
+
+
 def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
     """Return the refracted and the reflected branches of all meetings."""
     face, inside, stage = meetings.face, branches.inside, branches.stage

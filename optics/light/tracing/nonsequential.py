@@ -1,8 +1,8 @@
 """Non-sequential tracing: every ray through the closed lens, with every split at its faces.
 
-At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).
-Branches go on, generation by generation, until they leave the lens for good, fall below a
-threshold or have met too many faces.  Every part of the source flux ends in one named fate.
+At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).  Branches go
+on, generation by generation, until they leave the lens for good, fall below a threshold or have met too many
+faces.  Every part of the source flux ends in one named fate.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from optics.light.tracing.branches import (
     Branches,
     ClosedLens,
     Meetings,
+    indirectly_onto_rear,
     split,
 )
 from optics.light.tracing.fates import FATES, Fates
@@ -38,10 +39,9 @@ from thbcad.outlines import Outline
 
 @dataclass(frozen=True)
 class TargetArea:
-    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver in the frame of the lens, and
-    what takes light on all ways to it.
+    """The rectangle |u| <= half_width[0], |v| <= half_width[1] of a receiver, and what takes light before it.
 
-    stops : in that frame.  clear : what a holder leaves free of front and rear; None is all.
+    receiver, stops : in the lens's frame.  clear : what a holder leaves free of front and rear; None is all.
     absorbing_wall : light that meets an edge of the lens ends there; else edges are polished.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
     coats : as of `ClosedLens`.
@@ -95,6 +95,7 @@ class NonsequentialResult:
     ray : (m,), index of the source ray.  fate : (m,), index into FATES.
     direct : (m,), True for the path front, rear, target, with two refractions and nothing else.
     departures : of the branches that left the lens, be it forward or back.
+    onto_rear : branches on their way within to a rear that lets some of them through, by no direct path.
     """
 
     by_ray: Floats
@@ -103,6 +104,7 @@ class NonsequentialResult:
     fate: NDArray[np.int64]
     direct: NDArray[np.bool_]
     departures: Departures
+    onto_rear: Branches
 
     @property
     def fates(self) -> Fates:
@@ -120,9 +122,8 @@ def trace_nonsequential(
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
-    lens : or its body for a mould, or a plate of lenses.
-    bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
-    Both drop branches into the fate `trapped`.
+    lens : or its body for a mould, or a plate of lenses.  bounces : the most faces that a branch meets.
+    threshold : of a branch's flux, relative to its source ray.  Both drop branches as `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     """
@@ -142,7 +143,7 @@ def trace_nonsequential(
         account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
         return replace(branches, flux=branches.flux * kept)
 
-    branches = Branches.start(rays)
+    branches, onto_rear = Branches.start(rays), Branches.start(rays)[np.arange(0)]
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         if target.blocks or solid.absorbs:
@@ -162,6 +163,7 @@ def trace_nonsequential(
             account(branches[~leaving], FATES.index("trapped"))
             break
         branches, meetings = branches[~leaving], meetings[~leaving]
+        onto_rear += indirectly_onto_rear(branches, meetings)
         branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
         branches = refracted[meetings.transmittance > 0] + reflected
@@ -176,7 +178,8 @@ def trace_nonsequential(
             break
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
-    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
+    at = LandingPoints(np.column_stack([x, y]), flux)
+    return NonsequentialResult(by_ray, at, ray, fate, direct, out, onto_rear)
 
 
 def seen_branches(
@@ -186,9 +189,7 @@ def seen_branches(
 
     These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
     that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped, and
-    so is what meets a black wall.
-
-    coats : as of `ClosedLens`.
+    so is what meets a black wall.  coats : as of `ClosedLens`.
     """
     require_rays(rays)
     solid, branches, gone = ClosedLens(backend, lens, coats), Branches.start(rays), []
@@ -222,8 +223,7 @@ def trace_paths(
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
-    A path ends in the target plane; one that never reaches it ends a lens's thickness after its
-    last face, or on that face after `bounces` of them.
+    A path ends in the target plane; others a lens's thickness after, or on, the last of `bounces` faces.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)

@@ -1,4 +1,4 @@
-"""Light that other ways than front and rear bring, as a background of the finish."""
+"""Light that other ways than front and rear bring, beside the light of the last level and the finish."""
 
 from dataclasses import replace
 
@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import Listener, loop, shape_lens, stages, transmitted_flux
-from optics.designing.optimisation.level_objective import background, stage_objective
+from optics.designing.optimisation.level_objective import (
+    Background,
+    background,
+    stage_film,
+    stage_objective,
+)
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.problem import load_problem
@@ -40,7 +45,10 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
         return objective(at), np.linalg.norm(objective.target)
 
     target, around = light
-    (with_it, norm), (without, other) = found(target, 0.3 * around), found(target - 0.3 * around, None)
+    (with_it, norm), (without, other) = (
+        found(target, Background(0.3 * around)),
+        found(target - 0.3 * around, None),
+    )
     assert with_it.fit * norm == pytest.approx(without.fit * other, rel=1e-12)
     np.testing.assert_allclose(
         with_it.gradients[0] * norm**2, without.gradients[0] * other**2, rtol=1e-9, atol=1e-20
@@ -48,16 +56,19 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
 
 
 @pytest.mark.slow
-def test_it_is_its_own_mirror_image_and_only_the_finish_has_one(tmp_path, backend, monkeypatch):
+def test_it_is_its_own_mirror_image_and_only_the_last_level_has_one(tmp_path, backend, monkeypatch):
     monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (64, 64))
+    monkeypatch.setattr(
+        "optics.designing.optimisation.level_objective.REPLICATES", 8
+    )  # as many as are measured
     system = system_of(tmp_path)
-    *levels, last = stages(system, False)
-    assert all(background(system, backend, system.lens, level, (0, 1)) is None for level in levels)
-    image = background(system, backend, system.lens, last, (0, 1))
-    assert image.shape == last.screen.shape
+    *levels, last, finish = stages(system, False)
+    assert [stage.other_ways for stage in (*levels, last, finish)] == [False, True, True]
+    image = background(system, backend, system.lens, stage_film(system, finish, (0, 1))).image
+    assert image.shape == finish.screen.shape
     assert np.array_equal(image, image[::-1])
     assert np.array_equal(image, image[:, ::-1])
-    flux = image.sum() * last.screen.pixel_area
+    flux = image.sum() * finish.screen.pixel_area
     metrics = measure(system, system.lens, backend).metrics["nonsequential"]
     assert flux == pytest.approx(metrics["by_other_ways"] * metrics["target_w"], rel=0.01)
 
@@ -65,7 +76,18 @@ def test_it_is_its_own_mirror_image_and_only_the_finish_has_one(tmp_path, backen
 @pytest.mark.parametrize("changes", [{"source.half_angle": 20.0}, {"source.kind": "collimated"}])
 def test_where_it_is_negligible_there_is_none(tmp_path, backend, changes):
     system = system_of(tmp_path, changes)
-    assert background(system, backend, system.lens, stages(system, False)[-1], ()) is None
+    assert background(system, backend, system.lens, stage_film(system, stages(system, False)[-1])) is None
+
+
+@pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "optimizer.window": "cells"}])
+def test_what_cannot_follow_the_rear_counts_where_fixed_light_does(tmp_path, backend, monkeypatch, changes):
+    """Rays of an extended source follow it, cells of a point do not."""
+    monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (32, 32))
+    system = system_of(tmp_path, changes)
+    film = stage_film(system, stages(system, False)[-1])
+    film = replace(film, window=None) if changes else film
+    fixed, moving = (background(system, backend, system.lens, film, fixed) for fixed in (True, False))
+    assert (fixed.within is None, moving is None) == (bool(changes), bool(changes))
 
 
 def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeypatch):
@@ -73,8 +95,8 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     system = system_of(tmp_path, {"optimizer.iterations": [2], "optimizer.finish": 2})
     seen, real, objectives = [], loop.stage_objective, []
 
-    def known(system, backend, lens, stage, axes):
-        return np.full(stage.screen.shape, 1e-8) if stage.finish else None
+    def known(system, backend, lens, film, fixed):
+        return Background(np.full(film.screen.shape, 1e-8))
 
     def watched(*arguments, **named):
         objectives.append(named.get("background"))
@@ -84,7 +106,7 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     monkeypatch.setattr(loop, "stage_objective", watched)
     shape_lens(system, backend, ExactEngine(backend), listener=Listener(seen=lambda *each: seen.append(each)))
     first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, _, target in seen)
-    assert last == pytest.approx(first, rel=1e-12)
+    assert last == pytest.approx(first + 1e-8 * 4000.0**2, rel=1e-12)
     passed = transmitted_flux(system, backend, seen[1][2])
     assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)
-    assert [around is None for around in objectives] == [True] * 4 + [False] * 2
+    assert [around is None for around in objectives] == [True] * 2 + [False] * 4
