@@ -21,7 +21,7 @@ from thbcad.cad.exchange.solid_file import optical_form
 from thbcad.cad.shapes import NAMES, lens_part, spline_surface
 from thbcad.lens import optical_forms
 from thbcad.sags import PlacedConic
-from thbcad.splines import circular_arc
+from thbcad.splines import BSplineSurface, KnotVector, circular_arc
 
 FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
 OUTWARD = {
@@ -230,7 +230,10 @@ def test_the_face_of_a_thb_surface_is_its_tensor_product_form():
         (to_cadquery, "geometry must be a Lens or Part or THBSurface or .* or NURBSCurve, got str"),
         (named_faces, "lens must be a Lens or Part, got str"),
         (lambda _: to_build123d(circular_arc(1.0)), r"curve must have points \(x, y, z\)"),
-        (lambda _: to_cadquery(LENSES["plano"].rear.graph()), r"surface must have points \(x, y, z\)"),
+        (
+            lambda _: to_cadquery(BSplineSurface(*[KnotVector(1, [0, 0, 1, 1])] * 2, np.zeros((2, 2, 2)))),
+            r"surface must have points \(x, y, z\), got a net of shape \(2, 2, 2\)",
+        ),
     ],
 )
 def test_other_things_are_refused(make, message):
