@@ -31,6 +31,7 @@ GLOW: dict[str, Any] = {  # Table 6.3 of the thesis
     "lens.front": {"half_width": (5.0, 5.0), "radius": -5.0, "conic": -1.0},
     "lens.rear": {"half_width": (8.0, 8.0), "radius": -10.0, "conic": -1.0},
     "target": {"kind": "tophat", "shape": "crescent", "distance": 1000.0, "half_width": (2000.0, 2000.0)},
+    "optimizer.start": "flat",
     "optimizer.window": "bspline",
     "optimizer.window_degree": 3,
     "optimizer.merge": 2,
@@ -41,7 +42,7 @@ GLOW: dict[str, Any] = {  # Table 6.3 of the thesis
 }
 EXTENDED = GLOW | {
     "lens.rear.freeform": {"spans": (2, 2), "max_level": 6, "z_freedom": 3.0},
-    "optimizer.iterations": 100,
+    "optimizer.iterations": 60,
     "optimizer.dark_flux_weight": 0.04,
 }
 TWO_SURFACES = GLOW | {

@@ -56,19 +56,18 @@ def measured_light(points: Floats, lit: LandingResponse, outline: Outline) -> fl
     density = MEDIAN / (pi * float(np.median(apart)) ** 2)
     most = log(len(single)) + CONFIDENCE
     known, half_width = np.ones(len(lit.x), bool), outline.half_width
-    for axis, at in enumerate(
-        (lit.x, lit.y)
-    ):  # strips at the rim, however narrow, that lie beside all points
+    for axis, at in enumerate((lit.x, lit.y)):  # strips at the rim, however narrow, beside all points
         for sign, end in ((1, single[:, axis].max()), (-1, -single[:, axis].min())):
             strip = half_width[axis] - end
             if strip > STRIP / sqrt(density) and _beyond(outline, axis, end) * density > most:
                 known &= sign * at <= end + STRIP / sqrt(density)
     nearest = tree.query(np.stack([lit.x, lit.y], axis=1))[0]
-    sides = [
-        np.minimum(at + nearest, h) - np.maximum(at - nearest, -h)
+    (x0, x1), (y0, y1) = (
+        (np.maximum(at - nearest, -h), np.minimum(at + nearest, h))
         for at, h in zip((lit.x, lit.y), half_width)
-    ]
-    expected = density * pi / 4 * sides[0] * sides[1]  # points in the part of a disc that lies on the surface
+    )
+    # points in the part of a disc that lies on the surface
+    expected = density * pi / 4 * (x1 - x0) * (y1 - y0) * outline.shares((x0, y0), (x1, y1))
     known &= expected <= most
     return float(lit.flux[known].sum() / (lit.flux.sum() or 1.0))
 

@@ -28,7 +28,7 @@ STEPS = (  # of a design that compute: module and function
     ("optics.interface.api.design_run", "shape_lens"),
     ("optics.interface.api.design_record", "_measured"),
     ("optics.interface.api.design_files", "_checks"),
-    ("optics.scene.system.optical_system", "manufacturability"),
+    ("optics.interface.api.design_files", "answered"),
     ("optics.interface.api.design_figures", "elements_sight"),
     ("optics.interface.commands.design_command", "system_of"),
 )
