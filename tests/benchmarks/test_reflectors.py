@@ -10,7 +10,7 @@ from benchmarks.checkout import EXAMPLES
 from benchmarks.reflectors.own_light import BACKWARD, Stereographic, StereographicPoint
 from benchmarks.reflectors.reflectors import MIRROR
 from benchmarks.reflectors.sloped_light import SlopedArea
-from benchmarks.reflectors.wasserstein import distance_to_density, drawn_points
+from benchmarks.reflectors.wasserstein import distance, drawn_points
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 
@@ -88,16 +88,14 @@ def test_a_design_finds_the_sphere_and_has_no_problem_file():
         design.save("anywhere")
 
 
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.02, -0.01)])
-def test_the_distance_of_a_lattice_from_even_light_is_that_of_its_cells_and_its_shift(shift):
-    """W2^2 = 2 h^2 / 12 (1 - 1 / k^2) + |shift|^2 for k^2 cells to each of n^2 points, h apart."""
-    n, k, half = 12, 8, 0.6
-    row = half * ((2 * np.arange(n) + 1) / n - 1)
-    points = np.stack(np.meshgrid(row, row, indexing="ij"), axis=-1).reshape(-1, 2) + shift
-    found = distance_to_density(points, half, np.ones((k * n, k * n)))
-    square = (2 * half / n) ** 2 / 6 * (1 - 1 / k**2) + np.dot(shift, shift)
-    assert found <= np.sqrt(square) * (1 + 1e-12)  # a bound
-    assert found > 0.998 * np.sqrt(square)  # CHANGE, and what cells cannot share
+@pytest.mark.parametrize("stretch", [np.eye(2), [[1.3, 0.2], [0.2, 0.8]]])
+def test_the_distance_of_points_from_their_images_by_a_convex_gradient_is_how_far_these_move(stretch):
+    """Brenier: x -> A x + b with A positive definite pairs them at least cost, however they are listed."""
+    points = drawn_points(1 << 9, 0.6, np.ones((4, 4)), seed=3)
+    images = points @ stretch + (0.02, -0.01)
+    mixed = np.random.default_rng(4).permutation(images)
+    moved = np.sqrt(np.mean(np.sum((images - points) ** 2, axis=1)))
+    assert distance(points, mixed) == pytest.approx(moved, rel=1e-12)
 
 
 def test_drawn_points_spread_like_their_density():
