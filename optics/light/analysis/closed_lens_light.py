@@ -59,11 +59,11 @@ class OtherLight:
 
 
 def nonsequential_light(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, replicates: int = REPLICATES
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, replicates: int | None = None
 ) -> OtherLight:
     """Return the light of non-sequential paths on a screen.
 
-    backend : of double precision.  replicates : at least PILOT.
+    backend : of double precision.  replicates : at least PILOT; None is REPLICATES.
     """
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     images: list[tuple[Floats, float, float]] = []
@@ -85,7 +85,7 @@ def nonsequential_light(
         return OtherLight(light, mean, share, rays)
 
     pilot = trace(PILOT)
-    return pilot if pilot.negligible else trace(replicates - PILOT)
+    return pilot if pilot.negligible else trace((replicates or REPLICATES) - PILOT)
 
 
 def _replicate(
