@@ -57,7 +57,7 @@ def _aside(system: OpticalSystem) -> str:
         return ""
     x, y, z = target.position
     angle = degrees(atan2(hypot(x, y), z - system.lens.thickness))
-    remedy = "aim the axis at the wall: target.distance in place of position, and another target.tilt"
+    remedy = "aim the axis at it: target.distance in place of position, and another target.tilt"
     return f"; the target's middle lies {angle:.0f} degrees off the axis: {remedy}" if angle > ASIDE else ""
 
 

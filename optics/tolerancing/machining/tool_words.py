@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any
 
 from optics.scene.limits import position
-from optics.tolerancing.machining.findings import SpiralMotion, SurfaceFindings, ToolFindings
+from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
 from thbcad.tools import Draft, Fit, Gaps
@@ -211,7 +211,8 @@ def _draft_lines(draft: Draft) -> Iterator[str]:
 
 
 def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
-    blur, pitch, cut, cusps = surface.blur, surface.pitch, surface.rows, None
+    blur, pitch = surface.blur, surface.pitch
+    cusps = None
     if blur is not None and pitch is not None:
         worst, x, y = blur.worst()
         cusps = {
@@ -232,15 +233,17 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
         "fit": fit_word(surface.fit),
         "least_concave_radius_mm": _bounds(surface.fit.least),
         "cusps": cusps,
-        "rows": None
-        if cut is None
-        else {
-            "rows": cut.rows,
-            "length_m": cut.length,
-            "speed_mm_min": order.speed or SPEED,
-            "hours": cut.hours,
-        },
+        "rows": None if surface.rows is None else _rows_data(order, surface.rows),
         "spiral": None if surface.motion is None else _motion_data(order, surface.motion),
+    }
+
+
+def _rows_data(order: ToolOrder, cut: RowCut) -> dict[str, float]:
+    return {
+        "rows": cut.rows,
+        "length_m": cut.length,
+        "speed_mm_min": order.speed or SPEED,
+        "hours": cut.hours,
     }
 
 

@@ -54,6 +54,9 @@ class ElementErrors:
 
     __rmul__ = __mul__
 
+    def __neg__(self) -> Self:
+        return self * -1.0
+
 
 RIGHT = ElementErrors()
 
