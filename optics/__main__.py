@@ -7,6 +7,7 @@ up: the process ends at once.  This file imports next to nothing.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -21,6 +22,8 @@ def entry() -> None:
     for number in WORDS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # work in the background does not listen
             signal.signal(number, _ended)
+            atexit.register(signal.signal, number, signal.SIG_IGN)  # registered first, called last: Python
+            # takes its handlers back while it ends, and a signal would replace the code of what is done
     try:
         sys.exit(_run())
     except KeyboardInterrupt:  # once more, while the first one was answered

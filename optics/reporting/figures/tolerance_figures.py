@@ -87,7 +87,9 @@ def band_maps_figure(cost: SideCost) -> bytes:
     for axes, band, relative in zip(panels, cost.bands, cost.maps):
         percent = 100 * band.allowed_rms * relative
         top = float(np.quantile(percent, BRIGHTEST)) or 1.0
-        shown = axes.pcolormesh(x, y, percent, vmin=0.0, vmax=top, cmap="magma", rasterized=True)
+        shown = axes.pcolormesh(  # at the points themselves, which need not stand in a grid
+            x, y, percent, vmin=0.0, vmax=top, cmap="magma", rasterized=True, shading="gouraud"
+        )
         axes.set_aspect("equal")
         axes.set_title(
             f"{band.band[0]:g} to {band.band[1]:g} mm, {height_text(band.allowed_rms)} rms", fontsize=9

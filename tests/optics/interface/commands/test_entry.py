@@ -225,3 +225,18 @@ entry()
 """
     done = python(program)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "thbcad: interrupted\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_behind_all_that_a_command_does_leaves_its_code(number):
+    """Python takes its handlers back in its last steps: what is registered first is called there."""
+    program = f"""
+import atexit, os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+atexit.register(os.kill, os.getpid(), {int(number)})
+sys.argv[1:] = ["--version"]
+from optics.__main__ import entry
+entry()
+"""
+    done = python(program)
+    assert (done.returncode, done.stderr) == (0, "")
