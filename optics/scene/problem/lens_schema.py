@@ -54,10 +54,11 @@ def radius_option(automatic: str) -> Any:
     return option(inf, infinite=True, size=RADII, note=note, auto=True)
 
 
-def conic_option(usual: float = 0.0) -> Any:
-    """Return the option of a surface's conic constant.  usual : where nothing is said."""
+def conic_option(usual: float | None = None) -> Any:
+    """Return the option of a surface's conic constant.  usual : where nothing is said; None as the note says."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
-    return option(usual, size=(0, GREATEST_CONIC), note=note, auto=True)
+    left_out = "" if usual else '; left out it is 0, and auto beside radius = "auto"'
+    return option(usual, size=(0, GREATEST_CONIC), note=note + left_out, auto=True)
 
 
 def slope_rms_option() -> Any:
@@ -74,8 +75,19 @@ def reflectance_option() -> Any:
     return option(None, low=0, high=1, note=note)
 
 
+class Based:
+    """A surface on a conic, whose constant follows from the radius where nothing is said of it."""
+
+    radius: float | str
+    conic: float | str | None
+
+    def __post_init__(self) -> None:
+        if self.conic is None:
+            object.__setattr__(self, "conic", AUTO if self.radius == AUTO else 0.0)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Front:
+class Front(Based):
     """The surface that light meets first, as the table [lens.front].
 
     >>> problem.optic.front.freeform is None, problem.optic.front.radius  # a plane, unless asked for
@@ -93,7 +105,7 @@ class Front:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rear:
+class Rear(Based):
     """The surface that light leaves by, as the table [lens.rear]; it is free where nothing else is said.
 
     >>> problem.optic.rear.freeform.degree
