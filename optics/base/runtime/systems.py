@@ -10,11 +10,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import connection
 from pathlib import Path
-from threading import Thread, main_thread
+from threading import Lock, Thread, main_thread
+from time import monotonic, sleep
 from typing import Any, cast
 
 try:
@@ -143,7 +144,70 @@ def background_process(
     return subprocess.Popen(words, env=environment, stdin=nowhere, stdout=nowhere, **options)
 
 
-def interrupt(process: subprocess.Popen[bytes], alive: Any) -> None:
+def forks_safely() -> bool:
+    """Return whether a copy of this process would work: another thread's locks would stay locked in it."""
+    return POSIX and sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
+
+
+class ForkedProcess:
+    """A copy of this process in the background, as `background_process` starts one, with what is loaded here.
+
+    work : what it does, with the handles of the pipes; it holds no other file of this process.
+    """
+
+    def __init__(self, work: Callable[..., object], *pipes: Any) -> None:
+        self.returncode: int | None = None
+        self._reaping = Lock()
+        handles = [pipe.fileno() for pipe in pipes]
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                _leave_the_first(handles)
+                work(*handles)
+            finally:
+                os._exit(1)
+
+    def wait(self, timeout: float = float("inf")) -> int:
+        """Return the exit code, as `subprocess.Popen.wait` does."""
+        end = monotonic() + timeout
+        while True:
+            with self._reaping:
+                if self.returncode is None:
+                    pid, status = os.waitpid(self.pid, os.WNOHANG)
+                    if pid:
+                        self.returncode = os.waitstatus_to_exitcode(status)
+                if self.returncode is not None:
+                    return self.returncode
+            if monotonic() > end:
+                raise subprocess.TimeoutExpired("a copy of this process", timeout)
+            sleep(0.002)
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to the process, where it has not ended."""
+        with self._reaping:
+            if self.returncode is None:
+                os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End the process without asking."""
+        self.send_signal(signal.SIGKILL)
+
+
+def _leave_the_first(handles: Sequence[int]) -> None:
+    """Let a copy of a process share nothing with it but some handles and where messages go."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    os.setpgid(0, 0)
+    sys.stderr = sys.__stderr__
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nowhere, 0)
+    os.dup2(nowhere, 1)
+    for handle in map(int, os.listdir("/proc/self/fd")):
+        if handle > 2 and handle not in handles:
+            with suppress(OSError):  # that of the list
+                os.close(handle)
+
+
+def interrupt(process: subprocess.Popen[bytes] | ForkedProcess, alive: Any) -> None:
     """Interrupt a process as Ctrl-C does.  alive : the other end of the pipe that it obeys."""
     if POSIX:
         process.send_signal(signal.SIGINT)

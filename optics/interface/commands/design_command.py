@@ -107,8 +107,9 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
 
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
+        # before there are threads, which forbid a copy; it loads nothing yet for what is refused
+        solids, drawing = stack.enter_context(helpers(forked=True))
         if lens is not None:
-            solids, drawing = stack.enter_context(helpers())
             design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
             written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
             return _outcome(written, system)
@@ -121,7 +122,6 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         if options.earlier:
             earlier = ResultFolder(options.earlier)
             state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())
-        solids, drawing = stack.enter_context(helpers())  # not for what is refused
         solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
         figures = DesignFigures(drawing, ready.system)
 
