@@ -114,11 +114,11 @@ class CutCells:
         for triangle in self._triangles:
             self._lay(triangle, differences)
 
-    def pull_back(self, weights: tuple[DrArray, DrArray], means: DrArray, by_corners: DrArray) -> None:
+    def pull_back(self, weights: tuple[DrArray, DrArray], parts: DrArray, by_corners: DrArray) -> None:
         """Add the derivatives.
 
         weights : g, as `PixelLines.integrated`.
-        means : of every cell, to which those of g over the triangles are added, half a cell's flux each.
+        parts : by the sum of the four corners' share that arrives, of every cell, to which these are added.
         by_corners : by a and b of every corner, side by side in memory.
         """
         dr, integrals = self._dr, [self._integrals(side, *weights) for side in self._sides]
@@ -141,8 +141,10 @@ class CutCells:
                 slopes[p] = by_a + turned * (qb - rb), by_b + turned * (ra - qa)
         pairs = [self._Pair(*slope) for slope in slopes]
         # at the k-th corners of cells no two of them meet
-        dr.scatter_reduce(dr.ReduceOp.Add, means, mean, self._cells, mode=dr.ReduceMode.NoConflicts)
-        dr.eval(means, pairs)
+        dr.scatter_reduce(
+            dr.ReduceOp.Add, parts, self._share * mean, self._cells, mode=dr.ReduceMode.NoConflicts
+        )
+        dr.eval(parts, pairs)
         for corner, pair in zip(self._grid.corners(self._cells), pairs):
             dr.scatter_reduce(dr.ReduceOp.Add, by_corners, pair, corner, mode=dr.ReduceMode.NoConflicts)
             dr.eval(by_corners)

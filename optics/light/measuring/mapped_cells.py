@@ -34,9 +34,10 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellGrid, Corners
-from optics.light.measuring.cut_cells import TRIANGLES, CutCells, signed_area
+from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners
+from optics.light.measuring.cut_cells import LEAST_AREA, TRIANGLES, CutCells, signed_area
 from optics.light.measuring.pixel_lines import PixelLines
+from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, BITS, FIRST, SECOND, WholeCells
 from optics.scene.receivers import Screen
 from thbcad.checks import Floats
 
@@ -47,12 +48,11 @@ SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter pass
 class Places:
     """Where cells lie.
 
-    whole : of every cell, 4 times the number of the pixel in which triangles lie, plus 1 for the first of
-        them and 2 for the second.
+    code : of every cell, as of `WholeCells`.
     cut : the numbers of the cells that may meet pixels with another triangle.
     """
 
-    whole: DrArray
+    code: DrArray
     cut: DrArray
 
 
@@ -110,11 +110,11 @@ class MappedCells:
 
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
-        dr, pixels = self._backend.dr, self._lines.pixels(self._light)
-        whole, cut, flux, lines = self._sorted(corners)
-        self._add_whole(pixels, whole, flux)
-        dr.eval(pixels.whole, lines.whole, whole, cut)
-        places = Places(whole, dr.compress(cut))
+        dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
+        code, cut, lines = self._sorted(cells)
+        WholeCells(dr, self._lines, cells, code).add(pixels)
+        dr.eval(pixels.whole, lines.whole, code, cut)
+        places = Places(code, dr.compress(cut))
         image = self._lines.light(pixels)
         if dr.width(places.cut):
             # no pixel has more light than what all cells that meet its line may lay on one; each is rounded
@@ -122,7 +122,7 @@ class MappedCells:
             differences = self._lines.differences(2 * halves * lines.quantum)
             thin = dr.compress(self._cut(corners, places).add(differences))
             if dr.width(thin):
-                rest = Places(whole, dr.gather(self._backend.Index, places.cut, thin))
+                rest = Places(code, dr.gather(self._backend.Index, places.cut, thin))
                 self._cut(corners, rest).add_thin(differences)
             image = image + self._lines.summed(differences)
         return image, places
@@ -130,17 +130,18 @@ class MappedCells:
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
         """Return the derivatives by a, b and the corners' flux of the sum of g times the image."""
         dr, weights = self._backend.dr, self._lines.integrated(g)
-        count = _triangles_in(places.whole, self._shares)
-        means = count * self._grid.at(weights[0], places.whole >> 2, count > 0)
-        by_corners = dr.zeros(self._double.Float, 2 * self._grid.size)
+        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
+        means, slopes = whole.pull_back(weights[0])
+        parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
+        dr.eval(parts, slopes)
         if dr.width(places.cut):
-            dr.eval(means)
-            self._cut(corners, places).pull_back(weights, means, by_corners)
-        parts = means * self._shares
-        dr.eval(parts)
+            self._cut(corners, places).pull_back(weights, parts, by_corners)
         every = dr.arange(self._backend.Index, self._grid.size)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
-        return by_a, by_b, self._inverse * self._grid.around_corners(parts)
+        for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
+            by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)
+            by_b = by_b + dr.select((code & ALONG_B) > 0, slope, 0.0)
+        return by_a, by_b, self._inverse * sum(self._grid.around_corners(*[parts] * 4))
 
     def tangent(self, corners: Corners, places: Places, da: DrArray, db: DrArray, change: DrArray) -> DrArray:
         """Return the derivative of the image as corners move by (da, db) and their flux changes.
@@ -149,60 +150,64 @@ class MappedCells:
         """
         dr, passing = self._backend.dr, change * self._inverse
         dr.eval(passing)
-        flux = self._shares * sum(self._grid.of_corners(passing, *self._grid.cells()))
-        most = 2 * float(dr.sum(dr.abs(flux)).numpy()[0])
-        pixels = self._lines.pixels(most)
-        self._add_whole(pixels, places.whole, flux)
-        image = self._lines.light(pixels)
+        moves = self._cells(Corners(da, db, passing))
+        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
+        image = whole.swept(self._lines, moves)
         if dr.width(places.cut):
+            most = 2 * float(dr.sum(dr.abs(moves.flux)).numpy()[0])
             differences = self._cut(corners, places).swept(da, db, passing, most)
             image = image + self._lines.summed(differences)
         return image
 
-    def _add_whole(self, pixels: OrderFreeSums, whole: DrArray, flux: DrArray) -> None:
-        """Add the triangles that lie in one pixel.  flux : half of that of every cell."""
-        pixels.add((_triangles_in(whole, flux) * flux,), whole >> 2, (whole & 3) > 0)
+    def _cells(self, corners: Corners) -> CellCorners:
+        """Return the corners of all cells."""
+        cell, exists = self._grid.cells()
+        a, b, passing = (
+            self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b, corners.passing)
+        )
+        return CellCorners(a, b, self._shares * sum(passing))
 
     def _cut(self, corners: Corners, places: Places) -> CutCells:
-        whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
-        return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, whole)
+        code = self._backend.dr.gather(self._backend.Index, places.code, places.cut)
+        return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, code)
 
-    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray, OrderFreeSums]:
-        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux; and half of
-        the most that cells which are cut lay on one pixel of a line, as steps from line to line."""
-        dr, Index = self._backend.dr, self._backend.Index
-        cell, exists = self._grid.cells()
-        flux = self._shares * sum(self._grid.of_corners(corners.passing, cell, exists))
-        a, b = (self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b))
+    def _sorted(self, cells: CellCorners) -> tuple[DrArray, DrArray, OrderFreeSums]:
+        """Return of every cell its code and whether it is cut; and half of the most that cells which are cut
+        lay on one pixel of a line, as steps from line to line."""
+        dr, Index, Float = self._backend.dr, self._backend.Index, self._double.Float
+        a, b, flux = cells.a, cells.b, cells.flux
+        meets = lit = flux > 0  # not where a corner is not sound, or a cell does not exist
         pixels = [[dr.floor(v) for v in along] for along in (a, b)]
-        meets = lit = exists & (flux > 0)  # not where a corner is not sound
-        for at, count in zip(pixels, self._lines.counts):
-            meets = (
-                meets & (reduce(dr.maximum, at) >= 0) & (reduce(dr.minimum, at) < self._double.Float(count))
-            )
+        (i, j), (last_i, last_j) = (
+            [reduce(extreme, at) for at in pixels] for extreme in (dr.minimum, dr.maximum)
+        )
+        for at, last, count in zip((i, j), (last_i, last_j), self._lines.counts):
+            meets = meets & (last >= 0) & (at < Float(count))
         first, second = (
             reduce(lambda one, at: one & (at[0] == at[q]) & (at[0] == at[r]), pixels, lit)
             for _, q, r in TRIANGLES
         )
-        i, j = (at[0] for at in pixels)
-        inside = (first | second) & self._lines.on_screen(i, j)
-        number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
-        bits = dr.select(first, Index(1), 0) | dr.select(second, Index(2), 0)
-        cut = meets & ~(first & second)
         least = reduce(dr.minimum, (dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
+        both = (
+            meets
+            & (least >= LEAST_AREA)
+            & self._lines.on_screen(i, j)
+            & self._lines.on_screen(last_i, last_j)
+        )
+        along_a, along_b = both & (last_i == i + 1) & (last_j == j), both & (last_i == i) & (last_j == j + 1)
+        two = along_a | along_b
+        i0, j0 = (dr.select(two, least, at[0]) for least, at in zip((i, j), pixels))
+        first, second = first | two, second | two
+        inside = (first | second) & self._lines.on_screen(i0, j0)
+        code = self._lines.number(dr.select(inside, i0, 0), dr.select(inside, j0, 0)) << BITS
+        for bit, has in ((FIRST, first), (SECOND, second), (ALONG_A, along_a), (ALONG_B, along_b)):
+            code = code | dr.select(has, Index(bit), 0)
+        cut = meets & ~(first & second)
         part = dr.select(least > 1, flux / least, flux)
-        lines, last = self._lines.lines(self._light), self._double.Float(self._lines.counts[1] - 1)
-        lines.add((part,), Index(dr.clip(reduce(dr.minimum, pixels[1]), 0, last)), cut)
-        lines.add((-part,), Index(dr.clip(reduce(dr.maximum, pixels[1]), 0, last)) + 1, cut)
-        return dr.select(inside, 4 * number | bits, 0), cut, flux, lines
-
-
-def _triangles_in(whole: DrArray, like: DrArray) -> DrArray:
-    """Return how many triangles of every cell lie in one pixel.
-
-    like : an array of the type of the result.
-    """
-    return type(like)((whole & 1) + ((whole >> 1) & 1))
+        lines, most = self._lines.lines(self._light), Float(self._lines.counts[1] - 1)
+        lines.add((part,), Index(dr.clip(j, 0, most)), cut)
+        lines.add((-part,), Index(dr.clip(last_j, 0, most)) + 1, cut)
+        return dr.select(inside, code, 0), cut, lines
 
 
 @cache

@@ -42,6 +42,11 @@ class PixelLines:
         Index = self._backend.Index
         return Index(j) * Index(self.counts[0] + 2) + Index(i + 1)
 
+    def next(self, number: DrArray, along_a: DrArray) -> DrArray:
+        """Return the number of the next pixel along a or b."""
+        dr, Index = self._backend.dr, self._backend.Index
+        return number + dr.select(along_a, Index(1), Index(self.counts[0] + 2))
+
     def on_screen(self, a: DrArray, b: DrArray) -> DrArray:
         """Return whether a point lies on the pixels."""
         rows, columns = (type(a)(n) for n in self.counts)
