@@ -29,17 +29,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from optics.base.runtime import Backend, DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners
+from optics.base.runtime import Backend, DrArray
+from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners, highest, lowest
+from optics.light.measuring.corner_cells import CornerCells
 from optics.light.measuring.cut_cells import LEAST_AREA, TRIANGLES, CutCells, signed_area
 from optics.light.measuring.pixel_lines import PixelLines
 from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, BITS, FIRST, SECOND, WholeCells
 from optics.scene.receivers import Screen
 from thbcad.checks import Floats
+
+Cells = TypeVar("Cells", bound=CutCells)
 
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 
@@ -53,6 +56,7 @@ class Places:
     """
 
     code: DrArray
+    corner: DrArray
     cut: DrArray
 
 
@@ -111,20 +115,15 @@ class MappedCells:
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
         dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
-        code, cut, lines = self._sorted(cells)
+        code, corner, cut = self._sorted(cells)
         WholeCells(dr, self._lines, cells, code).add(pixels)
-        dr.eval(pixels.whole, lines.whole, code, cut)
-        places = Places(code, dr.compress(cut))
+        dr.eval(pixels.whole, code, corner, cut)
+        places = Places(code, dr.compress(corner), dr.compress(cut))
+        if dr.width(places.corner):
+            self._some(CornerCells, corners, places.code, places.corner).add(pixels)
         image = self._lines.light(pixels)
         if dr.width(places.cut):
-            # no pixel has more light than what all cells that meet its line may lay on one; each is rounded
-            halves = int(np.cumsum(lines.whole.numpy()).max()) + dr.width(places.cut)
-            differences = self._lines.differences(2 * halves * lines.quantum)
-            thin = dr.compress(self._cut(corners, places).add(differences))
-            if dr.width(thin):
-                rest = Places(code, dr.gather(self._backend.Index, places.cut, thin))
-                self._cut(corners, rest).add_thin(differences)
-            image = image + self._lines.summed(differences)
+            image = image + self._some(CutCells, corners, code, places.cut).light(self._light)
         return image, places
 
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
@@ -134,8 +133,9 @@ class MappedCells:
         means, slopes = whole.pull_back(weights[0])
         parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
         dr.eval(parts, slopes)
-        if dr.width(places.cut):
-            self._cut(corners, places).pull_back(weights, parts, by_corners)
+        for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
+            if dr.width(cells):
+                self._some(kind, corners, places.code, cells).pull_back(weights, parts, by_corners)
         every = dr.arange(self._backend.Index, self._grid.size)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
         for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
@@ -153,10 +153,9 @@ class MappedCells:
         moves = self._cells(Corners(da, db, passing))
         whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
         image = whole.swept(self._lines, moves)
-        if dr.width(places.cut):
-            most = 2 * float(dr.sum(dr.abs(moves.flux)).numpy()[0])
-            differences = self._cut(corners, places).swept(da, db, passing, most)
-            image = image + self._lines.summed(differences)
+        for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
+            if dr.width(cells):
+                image = image + self._some(kind, corners, places.code, cells).swept(da, db, passing)
         return image
 
     def _cells(self, corners: Corners) -> CellCorners:
@@ -167,47 +166,44 @@ class MappedCells:
         )
         return CellCorners(a, b, self._shares * sum(passing))
 
-    def _cut(self, corners: Corners, places: Places) -> CutCells:
-        code = self._backend.dr.gather(self._backend.Index, places.code, places.cut)
-        return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, code)
+    def _some(self, kind: type[Cells], corners: Corners, code: DrArray, cells: DrArray) -> Cells:
+        """Return some cells, by their numbers."""
+        code = self._backend.dr.gather(self._backend.Index, code, cells)
+        return kind(self._double, self._grid, self._lines, cells, corners, self._shares, code)
 
-    def _sorted(self, cells: CellCorners) -> tuple[DrArray, DrArray, OrderFreeSums]:
-        """Return of every cell its code and whether it is cut; and half of the most that cells which are cut
-        lay on one pixel of a line, as steps from line to line."""
-        dr, Index, Float = self._backend.dr, self._backend.Index, self._double.Float
-        a, b, flux = cells.a, cells.b, cells.flux
-        meets = lit = flux > 0  # not where a corner is not sound, or a cell does not exist
+    def _sorted(self, cells: CellCorners) -> tuple[DrArray, DrArray, DrArray]:
+        """Return of every cell its code, and whether it lies around a corner between pixels, or is cut."""
+        dr, Index = self._backend.dr, self._backend.Index
+        a, b, lit = cells.a, cells.b, cells.flux > 0  # not where a corner is not sound, or there is no cell
         pixels = [[dr.floor(v) for v in along] for along in (a, b)]
-        (i, j), (last_i, last_j) = (
-            [reduce(extreme, at) for at in pixels] for extreme in (dr.minimum, dr.maximum)
-        )
-        for at, last, count in zip((i, j), (last_i, last_j), self._lines.counts):
-            meets = meets & (last >= 0) & (at < Float(count))
+        starts, ends = ([extreme(dr, *along) for along in pixels] for extreme in (lowest, highest))
+        meets = lit
+        for start, end, count in zip(starts, ends, self._lines.counts):
+            meets = meets & (end >= 0) & (start < self._double.Float(count))
         first, second = (
             reduce(lambda one, at: one & (at[0] == at[q]) & (at[0] == at[r]), pixels, lit)
             for _, q, r in TRIANGLES
         )
-        least = reduce(dr.minimum, (dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
-        both = (
-            meets
-            & (least >= LEAST_AREA)
-            & self._lines.on_screen(i, j)
-            & self._lines.on_screen(last_i, last_j)
+        least = lowest(dr, *(dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
+        near = meets & (least >= LEAST_AREA) & self._lines.on_screen(*starts) & self._lines.on_screen(*ends)
+        (same_a, next_a), (same_b, next_b) = (
+            (end == start, end == start + 1) for start, end in zip(starts, ends)
         )
-        along_a, along_b = both & (last_i == i + 1) & (last_j == j), both & (last_i == i) & (last_j == j + 1)
+        along_a, along_b, corner = near & next_a & same_b, near & same_a & next_b, near & next_a & next_b
         two = along_a | along_b
-        i0, j0 = (dr.select(two, least, at[0]) for least, at in zip((i, j), pixels))
-        first, second = first | two, second | two
-        inside = (first | second) & self._lines.on_screen(i0, j0)
-        code = self._lines.number(dr.select(inside, i0, 0), dr.select(inside, j0, 0)) << BITS
-        for bit, has in ((FIRST, first), (SECOND, second), (ALONG_A, along_a), (ALONG_B, along_b)):
-            code = code | dr.select(has, Index(bit), 0)
-        cut = meets & ~(first & second)
-        part = dr.select(least > 1, flux / least, flux)
-        lines, most = self._lines.lines(self._light), Float(self._lines.counts[1] - 1)
-        lines.add((part,), Index(dr.clip(j, 0, most)), cut)
-        lines.add((-part,), Index(dr.clip(last_j, 0, most)) + 1, cut)
-        return dr.select(inside, code, 0), cut, lines
+        i, j = (dr.select(two, start, at[0]) for start, at in zip(starts, pixels))
+        bits = Index(0)
+        for bit, has in (
+            (FIRST, first | two),
+            (SECOND, second | two),
+            (ALONG_A, along_a),
+            (ALONG_B, along_b),
+        ):
+            bits = bits | dr.select(has, Index(bit), 0)
+        inside = (bits > 0) & self._lines.on_screen(i, j)
+        number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
+        cut = meets & ~(first & second | two | corner)
+        return dr.select(inside, (number << BITS) | bits, 0), corner, cut
 
 
 @cache

@@ -23,8 +23,9 @@ class PixelLines:
         self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self._columns)
 
     def pixels(self, most: float) -> OrderFreeSums:
-        """Return no light in every pixel, by `number`.  most : as of `OrderFreeSums`."""
-        return OrderFreeSums(self._backend, (self._rows + 2) * self._columns, most)
+        """Return no light: of every pixel four numbers, by `number`: of what lies in it, in the next one along
+        a, in that along b, and in that along both.  most : as of `OrderFreeSums`."""
+        return OrderFreeSums(self._backend, 4 * (self._rows + 2) * self._columns, most)
 
     def lines(self, most: float) -> OrderFreeSums:
         """Return no light in every line and behind the last.  most : as of `OrderFreeSums`."""
@@ -41,6 +42,10 @@ class PixelLines:
         """Return the number of a pixel; -1 and the number of pixels count to a line as well."""
         Index = self._backend.Index
         return Index(j) * Index(self.counts[0] + 2) + Index(i + 1)
+
+    def nearest(self, b: DrArray) -> DrArray:
+        """Return the number of the line at a whole number b, or nearest to it."""
+        return self._backend.Index(self._backend.dr.clip(b, 0, self._backend.Float(self.counts[1] - 1)))
 
     def next(self, number: DrArray, along_a: DrArray) -> DrArray:
         """Return the number of the next pixel along a or b."""
@@ -75,7 +80,12 @@ class PixelLines:
 
     def light(self, pixels: OrderFreeSums) -> DrArray:
         """Return the image of light in pixels, flat, line by line."""
-        return self._backend.array(pixels.values().numpy().reshape(self._columns, self._rows + 2)[:, 1:-1])
+        parts = pixels.whole.numpy().reshape(self._columns, self._rows + 2, 4)
+        image = parts[:, :, 0].copy()
+        image[:, 1:] += parts[:, :-1, 1]
+        image[1:] += parts[:-1, :, 2]
+        image[1:, 1:] += parts[:-1, :-1, 3]
+        return self._backend.array(image[:, 1:-1] * pixels.quantum)
 
     def summed(self, differences: OrderFreeSums) -> DrArray:
         """Return the image of differences, flat, line by line.

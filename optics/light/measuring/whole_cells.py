@@ -1,9 +1,9 @@
 """Cells that lie in one pixel, or in two neighbouring ones: what of their light each gets (Dr.Jit).
 
-Let u, v, w be the distances of a triangle's corners from the line between the two pixels, u that of the corner
+Let u, v, w be the distances of a triangle's corners from the line between the two pixels, u that of the one
 which is alone on its side.  On this side lies the part
 
-    s = u^2 / ((u - v) (u - w)),   ds/dv = s / (u - v),   ds/dw = s / (u - w),   ds/du = 2 s / u - ds/dv - ds/dw
+    s = u^2 / ((u - v) (u - w)),  ds/dv = s / (u - v),  ds/dw = s / (u - w),  ds/du = 2 s / u - ds/dv - ds/dw
 
 of the triangle.
 """
@@ -11,11 +11,10 @@ of the triangle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from types import ModuleType
 
 from optics.base.runtime import DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellCorners
+from optics.light.measuring.cell_grid import CellCorners, highest
 from optics.light.measuring.cut_cells import TRIANGLES
 from optics.light.measuring.pixel_lines import PixelLines
 
@@ -32,12 +31,13 @@ class WholeCells:
 
     def __init__(self, dr: ModuleType, lines: PixelLines, cells: CellCorners, code: DrArray) -> None:
         self._dr, self._flux, Float = dr, cells.flux, type(cells.flux)
-        self._along_a, self._across = (code & ALONG_A) > 0, (code & (ALONG_A | ALONG_B)) > 0
+        self._along_a, self._along_b = (code & ALONG_A) > 0, (code & ALONG_B) > 0
+        self._across = self._along_a | self._along_b
         self._lit, self._pixel = (code & (FIRST | SECOND)) > 0, code >> BITS
         self._next = lines.next(self._pixel, self._along_a)
         self._triangles = Float((code & FIRST) + ((code & SECOND) >> 1))
         places = self._over(cells.a, cells.b)
-        line = dr.floor(reduce(dr.maximum, places))
+        line = dr.floor(highest(dr, *places))
         self._behind, self._slopes = Float(0), [Float(0)] * len(places)
         for triangle in TRIANGLES:
             part, slopes = _part_behind(dr, [places[k] - line for k in triangle], self._across)
@@ -71,8 +71,10 @@ class WholeCells:
         return lines.light(pixels)
 
     def _add(self, pixels: OrderFreeSums, flux: DrArray, beyond: DrArray) -> None:
-        pixels.add((self._triangles * flux - beyond,), self._pixel, self._lit)
-        pixels.add((beyond,), self._next, self._across)
+        dr = self._dr
+        along_a, along_b = (dr.select(on, beyond, 0.0) for on in (self._along_a, self._along_b))
+        light = self._triangles * flux - beyond
+        pixels.add((light, along_a, along_b, type(flux)(0)), self._pixel, self._lit)
 
     def _over(self, a: Sequence[DrArray], b: Sequence[DrArray]) -> list[DrArray]:
         """Return of every corner what is across the line between pixels."""
