@@ -74,7 +74,7 @@ def signed_area(corners: Sequence[Point]) -> DrArray:
 class CutCells:
     """Some cells of a grid, by their numbers.
 
-    shares : of all cells, an eighth of their flux per area of a pixel.
+    shares : of all cells, an eighth of their flux per area of a pixel.  flux : half of that of these cells.
     whole : of these cells, bits that say which triangles lie in one pixel: 1 for the first, 2 for the second.
     """
 
@@ -86,19 +86,19 @@ class CutCells:
         cells: DrArray,
         corners: Corners,
         shares: DrArray,
+        flux: DrArray,
         whole: DrArray,
     ) -> None:
         self._dr, self._Float, self._Pair = backend.dr, backend.Float, backend.Pair
-        self._grid, self._lines, self._cells = grid, lines, cells
+        self._grid, self._lines, self._cells, self._flux = grid, lines, cells, flux
         self._points = self._at_corners(corners.a, corners.b)
         self._share = grid.at(shares, cells)
-        self._flux = self._share * sum(grid.of_corners(corners.passing, cells))
         self._triangles = [self._triangle(k, (whole & (k + 1)) == 0) for k in (0, 1)]
         self._sides = [self._side(*side) for side in SIDES]
 
-    def light(self, most: float) -> DrArray:
-        """Return the image of the triangles that do not lie in one pixel.  most : the light of all cells."""
-        dr, differences = self._dr, self._lines.differences(self._most(most))
+    def light(self) -> DrArray:
+        """Return the image of the triangles that do not lie in one pixel."""
+        dr, differences = self._dr, self._lines.differences(self._most())
         for side in self._sides:
 
             def add(numbers: Numbers, piece: Pieces, side: Side = side) -> Numbers:
@@ -115,21 +115,19 @@ class CutCells:
                 self._lay(triangle, differences)
         return self._lines.summed(differences)
 
-    def _most(self, light: float) -> float:
+    def _most(self) -> float:
         """Return a bound of the steps from pixel to pixel: no pixel has more light than what all cells that
-        meet its line may lay on one.
-
-        light : of all cells.
-        """
-        dr, lines = self._dr, self._lines.lines(light)
+        meet its line may lay on one."""
+        dr = self._dr
         along = [dr.floor(b) for _, b in self._points]
         least = lowest(dr, *(dr.abs(triangle.area) for triangle in self._triangles))
         half = dr.select(least > 1, self._flux / least, self._flux)
-        lines.add((half,), self._lines.nearest(lowest(dr, *along)))
-        lines.add((-half,), self._lines.nearest(highest(dr, *along)) + 1)
-        # each is rounded
-        halves = int(np.cumsum(lines.whole.numpy()).max()) + dr.width(self._cells)
-        return 2 * halves * lines.quantum
+        starts, ends = (self._lines.nearest(extreme(dr, *along)) for extreme in (lowest, highest))
+        dr.eval(half, starts, ends)
+        half, starts, ends = (array.numpy() for array in (half, starts, ends))
+        # what meets a line less what meets a line before
+        begun, ended = (np.bincount(at, half, self._lines.columns + 1) for at in (starts, ends + 1))
+        return float(2 * np.cumsum(begun - ended).max())
 
     def pull_back(self, weights: tuple[DrArray, DrArray], parts: DrArray, by_corners: DrArray) -> None:
         """Add the derivatives.

@@ -27,9 +27,9 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, reduce
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +42,6 @@ from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, BITS, FIRST, SE
 from optics.scene.receivers import Screen
 from thbcad.checks import Floats
 
-Cells = TypeVar("Cells", bound=CutCells)
-
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 
 
@@ -52,10 +50,13 @@ class Places:
     """Where cells lie.
 
     code : of every cell, as of `WholeCells`.
-    cut : the numbers of the cells that may meet pixels with another triangle.
+    flux : half of that of every cell.
+    corner : the numbers of cells with other triangles, which lie around a corner between four pixels.
+    cut : the numbers of the cells that may meet pixels with any other triangle.
     """
 
     code: DrArray
+    flux: DrArray
     corner: DrArray
     cut: DrArray
 
@@ -117,25 +118,25 @@ class MappedCells:
         dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
         code, corner, cut = self._sorted(cells)
         WholeCells(dr, self._lines, cells, code).add(pixels)
-        dr.eval(pixels.whole, code, corner, cut)
-        places = Places(code, dr.compress(corner), dr.compress(cut))
+        dr.eval(pixels.whole, code, cells.flux, corner, cut)
+        places = Places(code, cells.flux, dr.compress(corner), dr.compress(cut))
         if dr.width(places.corner):
-            self._some(CornerCells, corners, places.code, places.corner).add(pixels)
+            CornerCells(*self._some(corners, places, places.corner)).add(pixels)
         image = self._lines.light(pixels)
         if dr.width(places.cut):
-            image = image + self._some(CutCells, corners, code, places.cut).light(self._light)
+            image = image + CutCells(*self._some(corners, places, places.cut)).light()
         return image, places
 
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
         """Return the derivatives by a, b and the corners' flux of the sum of g times the image."""
         dr, weights = self._backend.dr, self._lines.integrated(g)
-        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
+        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
         means, slopes = whole.pull_back(weights[0])
         parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
         dr.eval(parts, slopes)
         for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
             if dr.width(cells):
-                self._some(kind, corners, places.code, cells).pull_back(weights, parts, by_corners)
+                kind(*self._some(corners, places, cells)).pull_back(weights, parts, by_corners)
         every = dr.arange(self._backend.Index, self._grid.size)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
         for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
@@ -151,11 +152,11 @@ class MappedCells:
         dr, passing = self._backend.dr, change * self._inverse
         dr.eval(passing)
         moves = self._cells(Corners(da, db, passing))
-        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
+        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
         image = whole.swept(self._lines, moves)
         for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
             if dr.width(cells):
-                image = image + self._some(kind, corners, places.code, cells).swept(da, db, passing)
+                image = image + kind(*self._some(corners, places, cells)).swept(da, db, passing)
         return image
 
     def _cells(self, corners: Corners) -> CellCorners:
@@ -166,10 +167,11 @@ class MappedCells:
         )
         return CellCorners(a, b, self._shares * sum(passing))
 
-    def _some(self, kind: type[Cells], corners: Corners, code: DrArray, cells: DrArray) -> Cells:
-        """Return some cells, by their numbers."""
-        code = self._backend.dr.gather(self._backend.Index, code, cells)
-        return kind(self._double, self._grid, self._lines, cells, corners, self._shares, code)
+    def _some(self, corners: Corners, places: Places, cells: DrArray) -> tuple[Any, ...]:
+        """Return the arguments of `CutCells` for some cells, by their numbers."""
+        code = self._backend.dr.gather(self._backend.Index, places.code, cells)
+        flux = self._grid.at(places.flux, cells)
+        return self._double, self._grid, self._lines, cells, corners, self._shares, flux, code
 
     def _sorted(self, cells: CellCorners) -> tuple[DrArray, DrArray, DrArray]:
         """Return of every cell its code, and whether it lies around a corner between pixels, or is cut."""

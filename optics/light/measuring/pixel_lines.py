@@ -18,25 +18,21 @@ class PixelLines:
     """
 
     def __init__(self, backend: Backend, padded: tuple[int, int]) -> None:
-        self._backend, (self._rows, self._columns) = backend, padded
+        self._backend, (self._rows, self.columns) = backend, padded
         Int = backend.dr.int32_array_t(backend.Index)
-        self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self._columns)
+        self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self.columns)
 
     def pixels(self, most: float) -> OrderFreeSums:
-        """Return no light: of every pixel four numbers, by `number`: of what lies in it, in the next one along
-        a, in that along b, and in that along both.  most : as of `OrderFreeSums`."""
-        return OrderFreeSums(self._backend, 4 * (self._rows + 2) * self._columns, most)
-
-    def lines(self, most: float) -> OrderFreeSums:
-        """Return no light in every line and behind the last.  most : as of `OrderFreeSums`."""
-        return OrderFreeSums(self._backend, self._columns + 1, most)
+        """Return no light: of every pixel, by `number`, four numbers: what lies in it, in the next one along a,
+        in that along b, and in that along both.  most : as of `OrderFreeSums`."""
+        return OrderFreeSums(self._backend, 4 * (self._rows + 2) * self.columns, most)
 
     def differences(self, most: float) -> OrderFreeSums:
         """Return no differences: of every pixel a pair, what begins in it and what ends behind it.
 
         most : of a step from pixel to pixel, the sum of what ends and begins, which alone may be larger.
         """
-        return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self._columns, most)
+        return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self.columns, most)
 
     def number(self, i: DrArray, j: DrArray) -> DrArray:
         """Return the number of a pixel; -1 and the number of pixels count to a line as well."""
@@ -80,7 +76,7 @@ class PixelLines:
 
     def light(self, pixels: OrderFreeSums) -> DrArray:
         """Return the image of light in pixels, flat, line by line."""
-        parts = pixels.whole.numpy().reshape(self._columns, self._rows + 2, 4)
+        parts = pixels.whole.numpy().reshape(self.columns, self._rows + 2, 4)
         image = parts[:, :, 0].copy()
         image[:, 1:] += parts[:, :-1, 1]
         image[1:] += parts[:-1, :, 2]
@@ -92,7 +88,7 @@ class PixelLines:
 
         What rounding leaves in dark pixels is taken away, but for cells that are far narrower than a pixel.
         """
-        pairs = differences.whole.numpy().reshape(self._columns, self._rows + 2, 2)
+        pairs = differences.whole.numpy().reshape(self.columns, self._rows + 2, 2)
         steps = pairs[:, :, 0].copy()
         steps[:, 1:] += pairs[:, :-1, 1]
         image = np.cumsum(steps, axis=1)[:, 1:-1].astype(np.float64)
@@ -102,7 +98,7 @@ class PixelLines:
 
     def integrated(self, image: DrArray) -> tuple[DrArray, DrArray]:
         """Return by `number` the values of an image, and their sums up to the start of every pixel."""
-        values = np.pad(image.numpy().reshape(self._columns, self._rows), ((0, 0), (1, 1)))
+        values = np.pad(image.numpy().reshape(self.columns, self._rows), ((0, 0), (1, 1)))
         sums = np.zeros_like(values)
         np.cumsum(values[:, :-1], axis=1, out=sums[:, 1:])
         return self._backend.array(values), self._backend.array(sums)
