@@ -1,8 +1,8 @@
 """Cells around a corner where four pixels meet (Dr.Jit).
 
 Equations and names are those of `MappedCells`, with a and b from that corner on.  An edge has at most one
-piece in each of the pixels, where the antiderivative of g is Phi = g a.  Along the lines between pixels db or a
-is 0, so that what closes the outline of a triangle's part in a pixel adds nothing.
+piece in each of the pixels, where the antiderivative of g is Phi = g a.  Along the lines between pixels db or
+a is 0, so that what closes the outline of a triangle's part in a pixel adds nothing.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ class PixelLines:
         self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self.columns)
 
     def pixels(self, most: float) -> OrderFreeSums:
-        """Return no light: of every pixel, by `number`, four numbers: what lies in it, in the next one along a,
-        in that along b, and in that along both.  most : as of `OrderFreeSums`."""
+        """Return no light: of every pixel, by `number`, what lies in it, in the next one along a, in that
+        along b, and in that along both.  most : as of `OrderFreeSums`."""
         return OrderFreeSums(self._backend, 4 * (self._rows + 2) * self.columns, most)
 
     def differences(self, most: float) -> OrderFreeSums:
