@@ -14,7 +14,7 @@ from optics.light.measuring.cell_grid import highest, lowest
 from optics.light.measuring.cut_cells import CutCells, Side
 from optics.light.measuring.pixel_walk import Numbers
 
-# around the corner: behind it or before, along a and b, in the order of `PixelLines.pixels`
+# around the corner: before it or behind, along a and b, in the order of `PixelLines.pixels`
 PIXELS = (False, False), (True, False), (False, True), (True, True)
 
 
