@@ -69,6 +69,7 @@ QUICK = \
 	tests/optics/scene/luminaires \
 	tests/optics/tolerancing/monte_carlo_samples/test_sampling.py \
 	tests/optics/interface/api/test_monte_carlo.py \
+	tests/optics/scene/keys \
 	tests/optics/scene/materials \
 	tests/optics/exchange/mitsuba/test_mesh.py \
 	tests/optics/designing/optimisation/test_bounded_variables.py \

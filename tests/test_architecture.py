@@ -28,7 +28,7 @@ from tests.source_tree import (
 WINGS = {
     "base": ["runtime", "optimisers workers"],
     "scene": [
-        "luminaires materials photometry ray_files receivers",
+        "keys luminaires materials photometry ray_files receivers",
         "problem sources",
         "limits paths",
         "system",

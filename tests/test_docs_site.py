@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.rows.stored_rows import read_rows
 from optics.interface.commands import parsers
-from optics.scene.problem import Problem, keys_of, load_problem, table_of
+from optics.scene.keys import keys_of, table_of
+from optics.scene.problem import Problem, load_problem
 from scripts.docs_site import api_pages
 from scripts.docs_site.benchmark_pages import benchmark_pages
 from scripts.docs_site.command_page import with_help

@@ -25,7 +25,8 @@ from benchmarks.page_picture import keep
 from benchmarks.rows.row import Row
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
 from optics.interface.api import System
-from optics.scene.problem import Problem, load_problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import Problem, load_problem
 
 FIGURE = BUILD / "designs.png"
 STARTS = ("transport", "flat")

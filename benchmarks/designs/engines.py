@@ -31,7 +31,8 @@ from optics.base.runtime import load_backend
 from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
-from optics.scene.problem import Problem, load_problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from thbcad import Lens, write_lens
 

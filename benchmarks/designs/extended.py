@@ -30,7 +30,8 @@ from optics.exchange.verification import StepFile, verify
 from optics.interface.api import System
 from optics.light.analysis import counted_ways, nonsequential_light, ray_irradiance
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from thbcad import write_step

@@ -25,7 +25,8 @@ from optics.designing.optimisation import MARGIN, Objective
 from optics.light.engines import TracedModel
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
-from optics.scene.problem import Optimizer, load_problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import Optimizer, load_problem
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.sources import collimated_beam
 from optics.scene.system import OpticalSystem

@@ -20,7 +20,8 @@ from benchmarks.designs.design_run import rel_l2_row, run_design
 from benchmarks.rows.row import Row
 from optics.base.runtime import load_backend
 from optics.designing.prediction import expected
-from optics.scene.problem import AUTO, Optimizer, load_problem, problem_to_toml
+from optics.scene.keys import AUTO, problem_to_toml
+from optics.scene.problem import Optimizer, load_problem
 from optics.scene.system import OpticalSystem
 
 PEARL = EXAMPLES / "pearl.toml"

@@ -7,7 +7,8 @@ from dataclasses import MISSING
 from types import NoneType
 from typing import Any, get_args
 
-from optics.scene.problem import AUTO, Key, Problem, keys_of, lists_tables, table_of
+from optics.scene.keys import AUTO, Key, keys_of, lists_tables, table_of
+from optics.scene.problem import Problem
 
 MARK = "<!-- keys -->"
 UNIT = re.compile(

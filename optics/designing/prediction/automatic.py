@@ -24,7 +24,8 @@ from optics.designing.optimisation import transmitted_flux
 from optics.designing.prediction.expectation import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
-from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
+from optics.scene.keys import AUTO
+from optics.scene.problem import FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, seen_functions

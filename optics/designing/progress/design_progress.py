@@ -12,7 +12,8 @@ from typing import cast
 from optics.base.runtime import Phase, Progress, ProgressEvent
 from optics.designing.optimisation import Row, Stage, stage_seconds
 from optics.designing.progress.progress_bar import Bar, Lines, drawing
-from optics.scene.problem import AUTO, FINEST_AUTO, Freeform, per_level
+from optics.scene.keys import AUTO
+from optics.scene.problem import FINEST_AUTO, Freeform, per_level
 from optics.scene.system import OpticalSystem
 
 SETUP, START = "setup", "start surface"

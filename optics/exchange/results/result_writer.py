@@ -23,7 +23,8 @@ from optics.exchange.results.result_folder import (
     is_result_file,
     shape_file,
 )
-from optics.scene.problem import Problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, lens_to_dict, write_bytes, write_lens, write_text
 from thbcad.lens import Lens

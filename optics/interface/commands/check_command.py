@@ -25,8 +25,8 @@ from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
+from optics.scene.keys import AUTO
 from optics.scene.limits import position
-from optics.scene.problem import AUTO
 from optics.scene.system import OpticalSystem, advice, skip_lines
 
 

@@ -11,7 +11,7 @@ from itertools import takewhile
 from typing import Any, NoReturn
 
 from optics.base.runtime import UserError, is_text
-from optics.scene.problem import cannot_do
+from optics.scene.keys import cannot_do
 
 CHOICE = re.compile(r"invalid choice: '(\w+)'")  # of argparse
 # what arguments call a path

@@ -9,7 +9,8 @@ from typing import Any
 
 from optics.base.runtime import UserError, printable, require_file_name, speaking_of
 from optics.exchange.results import require_own, require_writable
-from optics.scene.problem import Problem, assignment
+from optics.scene.keys import assignment
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, load_system, skip_lines
 
 

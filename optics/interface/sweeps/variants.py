@@ -14,7 +14,8 @@ from typing import Any
 
 from optics.base.runtime import UserError
 from optics.exchange.results import data_of, fingerprint
-from optics.scene.problem import Problem, assignment
+from optics.scene.keys import assignment
+from optics.scene.problem import Problem
 
 MOST_VALUES = 100_000  # of one key
 FILE_KEYS = ("target.image", "source.image", "source.file")  # whose values are paths

@@ -1,4 +1,4 @@
-"""Words that the help of the commands names, or answers; they are all that it loads of this room."""
+"""Words that the help of the commands names."""
 
 from __future__ import annotations
 
@@ -7,38 +7,3 @@ STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # pro
 # what `answered_problem` knows: sources, and light besides pictures
 ASKED_SOURCES = ("beam", "point", "led")
 ASKED_LIGHT = ("square", "disk")
-
-_KINDS = (
-    "an element is a lens or a mirror: [[element]] says where it lies, [[path]] how light goes through it"
-)
-_BARE = "a coating is a share of the light at any angle: lens.front.reflectance and lens.rear.reflectance"
-# by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
-# the program learns leaves this table, as a test of it says
-CANNOT = {
-    **dict.fromkeys(("lense", "reflector", "prism"), _KINDS),
-    "coating": _BARE,
-    **dict.fromkeys(
-        ("grin", "gradient_index", "scatter", "scattering"),
-        "index and absorption are the same everywhere in the lens, and only its surfaces scatter: "
-        "lens.front.slope_rms and lens.rear.slope_rms",
-    ),
-    **dict.fromkeys(
-        ("polarisation", "polarization", "polarised", "polarized", "diffraction", "phase", "coherence"),
-        "light is rays without phase, and sources are not polarised",
-    ),
-    "targets": "a problem has one target; a picture or [[target.zone]] holds several regions",
-    **dict.fromkeys(
-        ("lens.position", "lens.tilt"),
-        "[lens] lies on the axis, with its front vertex at z = 0: take [[element]]",
-    ),
-    **dict.fromkeys(("run.device", "gpu", "cuda"), "light is traced on the processor"),
-}
-
-
-def cannot_do(word: object) -> str:
-    """Return what keeps the program from what a key or a choice asks for, as a clause; "" of other words."""
-    if not isinstance(word, str):
-        return ""
-    name = word.rpartition(".")[2]
-    reason = CANNOT.get(word) or CANNOT.get(name) or CANNOT.get(name.removesuffix("s"))
-    return f'thbcad cannot do that: {reason} (README.md, "What it cannot do", has all)' if reason else ""

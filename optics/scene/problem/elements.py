@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+from optics.scene.keys import FARTHEST, LONGEST, SHORTEST, Rows, option
 from optics.scene.problem.lens_schema import (
     ArraySpec,
     BodySpec,
@@ -19,8 +20,6 @@ from optics.scene.problem.lens_schema import (
     radius_option,
     slope_rms_option,
 )
-from optics.scene.problem.schema import FARTHEST, LONGEST, SHORTEST, Rows
-from optics.scene.problem.toml_records import option
 
 METALS = {"aluminium": 0.88}  # reflectance of clean metal in visible light, at any angle
 

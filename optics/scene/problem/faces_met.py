@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from optics.base.runtime import UserError
+from optics.scene.keys import option
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.lens_schema import Optic
-from optics.scene.problem.toml_records import option
 
 REFLECT = ":reflect"
 

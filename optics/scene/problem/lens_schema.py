@@ -1,4 +1,4 @@
-"""The records of a lens in a problem file: surfaces, splines, body; and what a mirror has of them."""
+"""The records of a lens in a problem file: surfaces and splines; and what a mirror has of them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from optics.scene.problem.schema import LONGEST, SHORTEST, Rows
-from optics.scene.problem.toml_records import AUTO, option
+from optics.scene.keys import AUTO, LONGEST, SHORTEST, Rows, option
+from optics.scene.problem.body_schema import ArraySpec, BodySpec
 
 WALLS = ("polished", "absorbing")
 OUTLINES = ("rectangle", "round", "ellipse", "rounded")
@@ -54,10 +54,11 @@ def radius_option(automatic: str) -> Any:
     return option(inf, infinite=True, size=RADII, note=note, auto=True)
 
 
-def conic_option(usual: float = 0.0) -> Any:
-    """Return the option of a surface's conic constant.  usual : where nothing is said."""
+def conic_option(usual: float | None = None) -> Any:
+    """Return the option of a surface's conic constant.  usual : where nothing is said; None as the note says."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
-    return option(usual, size=(0, GREATEST_CONIC), note=note, auto=True)
+    left_out = "" if usual else '; left out it is 0, and auto beside radius = "auto"'
+    return option(usual, size=(0, GREATEST_CONIC), note=note + left_out, auto=True)
 
 
 def slope_rms_option() -> Any:
@@ -74,8 +75,19 @@ def reflectance_option() -> Any:
     return option(None, low=0, high=1, note=note)
 
 
+class Based:
+    """A surface on a conic, whose constant follows from the radius where nothing is said of it."""
+
+    radius: float | str
+    conic: float | str | None
+
+    def __post_init__(self) -> None:
+        if self.conic is None:
+            object.__setattr__(self, "conic", AUTO if self.radius == AUTO else 0.0)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Front:
+class Front(Based):
     """The surface that light meets first, as the table [lens.front].
 
     >>> problem.optic.front.freeform is None, problem.optic.front.radius  # a plane, unless asked for
@@ -93,7 +105,7 @@ class Front:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rear:
+class Rear(Based):
     """The surface that light leaves by, as the table [lens.rear]; it is free where nothing else is said.
 
     >>> problem.optic.rear.freeform.degree
@@ -129,62 +141,6 @@ def base_of(surface: Front | Rear) -> tuple[float, float]:
 def freedom_of(surface: Front | Rear) -> float:
     """Return how far the sag coefficients of a surface may go, mm; 0 without a sag, or not known yet."""
     return surface.freeform.freedom if surface.freeform else 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodySpec:
-    """The body that leaves a mould, as the table [lens.body], which STEP files hold.
-
-    >>> BodySpec(draft=2.0, annulus=True).parting
-    'auto'
-    """
-
-    draft: float = option(0.0, low=0, high=45, note="degrees by which the walls taper from the parting line")
-    parting: float | str = option(
-        AUTO,
-        low=-LONGEST,
-        high=LONGEST,
-        note="mm, z of the parting line; auto is that of the land, else midway between the rims",
-        auto=True,
-    )
-    annulus: bool = option(
-        False, note="a flat land from the smaller surface's rim to the outline of the larger"
-    )
-    land: float | str = option(
-        AUTO,
-        low=-LONGEST,
-        high=LONGEST,
-        note="mm, z of that land; auto is the rim's, 0.1 mm outside where that is not level",
-        auto=True,
-    )
-    edge_radius: float = option(
-        0.0, low=0, high=LONGEST, note="mm, between the wall and the surfaces; outside of clear_aperture"
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArraySpec:
-    """Like lenses side by side on one plate, each with its own source, as the table [lens.array].
-
-    >>> ArraySpec(columns=2, rows=6, pitch=(25.0,)).pitches
-    (25.0, 25.0)
-    """
-
-    columns: int = option(low=1, high=100, note="lenses along x")
-    rows: int = option(low=1, high=100, note="lenses along y")
-    pitch: tuple[float, ...] = option(
-        low=SHORTEST, high=LONGEST, note="mm between their axes: one number, or those of x and y"
-    )
-
-    @property
-    def count(self) -> int:
-        """How many lenses there are."""
-        return self.columns * self.rows
-
-    @property
-    def pitches(self) -> tuple[float, float]:
-        """The pitch in x and in y, mm."""
-        return self.pitch[0], self.pitch[-1]
 
 
 class Optic:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
+from optics.scene.keys import checked_values, option, problem_to_toml, record, with_changes
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.faces_met import FaceMet, PathSpec, faces_met
-from optics.scene.problem.key_changes import with_changes
 from optics.scene.problem.lens_schema import LensSpec, Optic
 from optics.scene.problem.required_optics import (
     require_named_elements,
@@ -23,15 +23,15 @@ from optics.scene.problem.required_optics import (
     require_rows,
     require_stops,
 )
+from optics.scene.problem.required_sources import require_sources
 from optics.scene.problem.required_target import require_like_light, require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.scene.problem.schema import LEAST_FLUX, SHORTEST, SOURCES, OneSource, Source, StopSpec, Target
-from optics.scene.problem.toml_records import checked_values, option, problem_to_toml, record
+from optics.scene.problem.source_schema import Source
+from optics.scene.problem.target_schema import StopSpec, Target
 from thbcad.lens import require_line
 from thbcad.toml import toml_tables
 
 MAX_FILE_BYTES = 1_000_000
-LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_MERGED = 4  # pixels each way that merging leaves
 
 
@@ -223,7 +223,7 @@ def _require_partners(problem: Problem) -> None:
             f"zones have limits in cd or lx, and source.unit is {problem.source.unit!r}; set it to "
             '"lm", and source.flux in lumens'
         )
-    _require_sources(problem.source)
+    require_sources(problem.source)
     if not isinstance(spectrum, str):
         require_rows("source.spectrum", spectrum, 0.0, 1e12)
         if spectrum and not any(weight for _, weight in spectrum):
@@ -271,86 +271,6 @@ def _require_elements(problem: Problem) -> None:
             f"{' beside [lens]' if problem.lens else ''}; keep one, with [[element]]"
         )
     _ = problem.faces_met
-
-
-def _require_sources(source: Source) -> None:
-    """Refuse sources that lack a partner key, and several that cannot be added."""
-    _require_source(source)
-    if not any(each.weight for each in source.each):
-        raise UserError("source.weight is 0 of every source; make one greater")
-    if not source.lone and not source.flux:
-        raise UserError("source.flux must be given beside source.position, source.array or other sources")
-    for k, other in enumerate(source.others, 2):
-        with speaking_of(f"source {other.name or k} of the list"):
-            _require_source(other)
-            if other.file or other.image:
-                raise UserError("a source with a file stands first in the list; move it there")
-            for key in ("unit", "wavelength", "spectrum"):
-                if getattr(other, key) != getattr(source, key):
-                    raise UserError(
-                        f"source.{key} must be that of the first source, {getattr(source, key)!r}, got "
-                        f"{getattr(other, key)!r}; design each alone, or give them the same"
-                    )
-
-
-def _require_source(source: OneSource) -> None:
-    kind, has = source.kind, SOURCES[source.kind]
-    if source.profile == "image" and not source.image:
-        raise UserError("the key source.image is missing; add it")
-    if source.distance < has.nearest:
-        raise UserError(
-            f"source.distance must be at least {has.nearest} for a {kind}, which would lie in the lens, "
-            f"got {source.distance!r}"
-        )
-    if has.file and not source.file:
-        raise UserError("the key source.file is missing; add it")
-    if source.file and not has.file:
-        kinds = " and ".join(f'"{name}"' for name, keys in SOURCES.items() if keys.file)
-        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {kind!r}")
-    if any(source.tilt) and any(source.turn):
-        raise UserError(
-            "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
-            "leave one of them out"
-        )
-    for key in ("shift", "turn"):
-        if not has.file and any(getattr(source, key)):
-            raise UserError(
-                f"source.{key} is that of a file's light; a {kind} source has source.position and source.tilt"
-            )
-    if source.placed and source.half_divergence:
-        raise UserError(
-            "the blur of a diverging beam is known along the axis only; leave source.position, source.tilt "
-            'and source.array out, or take kind = "lambertian" with its half_angle'
-        )
-    if not source.flux and not has.own_flux:
-        raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
-    if has.area and min(source.half_width) < SHORTEST:
-        got = list(source.half_width)
-        raise UserError(f"source.half_width must be at least {SHORTEST} for a {kind} source, got {got}")
-    if has.profiles[1:] and source.profile not in has.profiles:
-        known = " or ".join(f'"{name}"' for name in has.profiles)
-        raise UserError(
-            f"source.profile of a {kind} must be {known}, got {source.profile!r}: "
-            "the same intensity from every point is all that its file tells"
-        )
-    if not has.diverges and (source.divergence or source.divergence_profile != "uniform"):
-        raise UserError(
-            "source.divergence and source.divergence_profile are those of collimated light; a "
-            f"{kind} source has source.half_angle"
-        )
-    if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
-        raise UserError(
-            f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
-        )
-    if source.profile not in has.profiles:
-        raise UserError(
-            f"source.profile is that of an area, the kind {kind!r} has none; got {source.profile!r}"
-        )
-    if source.profile in ("gaussian", "round_gaussian") and min(source.sigma) < LEAST_SIGMA:
-        raise UserError(
-            f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
-            "take a smaller source.half_width"
-        )
 
 
 def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) -> Problem:

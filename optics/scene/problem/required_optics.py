@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from optics.base.runtime import UserError, require_file_name
+from optics.scene.keys import AUTO, Rows
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.lens_schema import LensSpec, Optic
-from optics.scene.problem.schema import Rows, StopSpec
-from optics.scene.problem.toml_records import AUTO
+from optics.scene.problem.target_schema import StopSpec
 
 LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import inf, isinf, pi
 
 from optics.base.runtime import UserError
-from optics.scene.problem.schema import StopSpec, Target, Zone
+from optics.scene.problem.target_schema import StopSpec, Target, Zone
 
 LEAST_CORNERS = {"points": 1, "box": 2, "line": 2, "polygon": 3, "whole": 0}
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from optics.scene.keys import AUTO, option
 from optics.scene.problem.choices import ENGINES
-from optics.scene.problem.toml_records import AUTO, option
 
 Number = TypeVar("Number", int, float)
 

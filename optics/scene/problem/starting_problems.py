@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem.lens_schema import Freeform, Front, LensSpec, Rear
 from optics.scene.problem.problem_record import Problem
-from optics.scene.problem.schema import Source, Target
-from optics.scene.problem.toml_records import AUTO, problem_to_toml
+from optics.scene.problem.source_schema import Source
+from optics.scene.problem.target_schema import Target
 
 FAR_FIELD: dict[str, Any] = {
     "source.half_width": (9.5, 9.5),

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optics.base.runtime import UserError
+from optics.scene.keys import AUTO
 from optics.scene.materials import Material, find_material, tabulated
 from optics.scene.paths import AIR, Medium
 from optics.scene.photometry import spectral_lines
-from optics.scene.problem import AUTO, Optic, Problem, Source
+from optics.scene.problem import Optic, Problem, Source
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4

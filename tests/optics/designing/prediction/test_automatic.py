@@ -10,7 +10,8 @@ from optics.base.runtime import UserError
 from optics.designing.prediction import resolved
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
-from optics.scene.problem import AUTO, FINEST_AUTO, Problem, load_problem, problem_to_toml
+from optics.scene.keys import AUTO, problem_to_toml
+from optics.scene.problem import FINEST_AUTO, Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
 from tests.optics.cases import write_problem
 from tests.optics.designing.optimisation.cases import loaded

@@ -11,7 +11,8 @@ import pytest
 from optics.designing.optimisation import Stage
 from optics.designing.progress.design_progress import DesignProgress, Size
 from optics.designing.progress.progress_bar import Bar, Lines, drawing, time_words
-from optics.scene.problem import AUTO, FINEST_AUTO
+from optics.scene.keys import AUTO
+from optics.scene.problem import FINEST_AUTO
 from tests.cases import DATA
 
 RUNS = json.loads((DATA / "recorded_runs.json").read_text())

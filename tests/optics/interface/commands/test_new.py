@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from optics.interface.commands.cli import main
+from optics.scene.keys import problem_to_toml
 from optics.scene.problem import (
     ASKED_LIGHT,
     ASKED_SOURCES,
@@ -15,7 +16,6 @@ from optics.scene.problem import (
     answered_problem,
     commented_problem,
     load_problem,
-    problem_to_toml,
 )
 from tests.cases import EXAMPLES, ROOT
 

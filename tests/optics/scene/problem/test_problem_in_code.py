@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
+from optics.scene.keys import assignment
 from optics.scene.problem import (
     Freeform,
     Front,
@@ -19,7 +20,6 @@ from optics.scene.problem import (
     Run,
     Source,
     Target,
-    assignment,
     load_problem,
 )
 from tests.cases import EXAMPLES, python

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Problem, assignment, cannot_do, keys_of
-from optics.scene.problem.choices import CANNOT
-from optics.scene.problem.toml_records import problem_to_toml
-from tests.cases import ROOT
+from optics.scene.keys import assignment, keys_of, problem_to_toml
+from optics.scene.problem import Problem
 from tests.optics.cases import SMALL, target_z, toml_text, toml_value
 from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, one_sentence
 
@@ -306,55 +304,6 @@ def test_an_assignment_of_many_parts_is_refused(value):
     with pytest.raises(UserError, match=r"lens must be a table") as caught:
         assignment(f"lens={value}", Problem)
     assert one_sentence(str(caught.value))
-
-
-# ---- what the program cannot do ----
-
-
-def test_what_the_program_has_learned_is_not_called_impossible():
-    """An entry whose key exists would never be told, or be told of a misspelt one: it leaves the table."""
-    known = {key.name for key in keys_of(Problem)}
-    assert {name for name in known if cannot_do(name)} == set()
-    choices = {word for key in keys_of(Problem) if key.limits for word in key.limits["choices"] or ()}
-    assert {word for word in choices if cannot_do(word)} == set()
-
-
-def test_a_reason_names_keys_that_exist():
-    known = {key.name for key in keys_of(Problem)}
-    named = {word for reason in CANNOT.values() for word in re.findall(r"\b[a-z]+(?:\.\w+)+", reason)}
-    assert named <= known
-
-
-def test_the_readme_lists_what_the_program_cannot_do():
-    assert re.search(r"^## What \S+ cannot do$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("prism", [{"kind": "mirror"}], "an element is a lens or a mirror"),
-        ("lens.kind", "prism", "an element is a lens or a mirror"),
-        ("source.kind", "prism", "an element is a lens or a mirror"),
-        ("lens.scattering", 0.1, "only its surfaces scatter: lens.front.slope_rms"),
-        ("source.polarisation", "s", "sources are not polarised"),
-        ("lens.gradient_index", 0.1, "the same everywhere in the lens"),
-        ("run.engine", "cuda", "light is traced on the processor"),
-        ("target", [{"kind": "tophat"}], "a problem has one target"),
-    ],
-)
-def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
-    with pytest.raises(
-        UserError, match=rf'{re.escape(key)}.*{words}.*README\.md, "What it cannot do"'
-    ) as caught:
-        load_values(tmp_path, SMALL).with_(**{key: value})
-    assert one_sentence(str(caught.value))
-
-
-def test_a_dead_end_of_the_command_line_says_so_too():
-    with pytest.raises(
-        UserError, match=r"unknown key lens\.kind; thbcad cannot do that: an element is a lens or a mirror"
-    ):
-        assignment("lens.kind=prism", Problem)
 
 
 @pytest.mark.parametrize("table", ["target", "lens.rear"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from optics.scene.problem import load_problem, per_level
+from optics.scene.problem import Rear, load_problem, per_level
 from tests.cases import EXAMPLES
 from tests.optics.cases import SMALL, target_z, toml_text
 from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_values
@@ -120,3 +120,12 @@ def test_a_target_has_its_place_by_distance_or_by_position(tmp_path):
     assert load_values(tmp_path, SMALL | changed | curved).target.place == (
         "on a sphere of radius -30 mm, at (3, 4, 6) mm, tilted by (1, 2, 3) degrees"
     )
+
+
+@pytest.mark.parametrize(
+    ("said", "conic"), [({}, 0.0), ({"radius": 80.0}, 0.0), ({"radius": "auto"}, "auto")]
+)
+def test_a_conic_constant_that_is_left_out_follows_from_the_radius(said, conic):
+    """A base that the program chooses is a paraboloid, which STEP holds exactly; one in numbers a sphere."""
+    assert Rear(half_width=(10, 10), **said).conic == conic
+    assert Rear(half_width=(10, 10), **said | {"conic": 0.5}).conic == 0.5

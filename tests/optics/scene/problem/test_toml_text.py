@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Export, Freeform, Optimizer, Refinement, Run, Verify, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import Export, Freeform, Optimizer, Refinement, Run, Verify
 from tests.cases import examples
 from tests.optics.cases import SMALL
 from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_text, load_values

@@ -10,7 +10,8 @@ from hypothesis import given, strategies as st
 
 from optics.base.runtime import LONGEST, UserError
 from optics.interface.commands import main
-from optics.scene.problem import load_problem, problem_to_toml
+from optics.scene.keys import problem_to_toml
+from optics.scene.problem import load_problem
 from optics.scene.receivers.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples

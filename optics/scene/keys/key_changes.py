@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
-from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Key, Record, did_you_mean, key_of, lists_tables, table_of
-from optics.scene.problem.toml_records import AUTO
+from optics.scene.keys.dead_ends import cannot_do
+from optics.scene.keys.dotted_keys import Key, Record, did_you_mean, key_of, lists_tables, table_of
+from optics.scene.keys.toml_records import AUTO
 from thbcad.toml import MOST_PARTS, toml_tables
 
 

@@ -1,4 +1,4 @@
-"""Records from tables, of TOML files or of code: every key and value checked; and as TOML again.
+"""Records from tables, of TOML files or of code: every key and value checked.
 
 Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
 """
@@ -10,19 +10,23 @@ import os
 import re
 import reprlib
 from collections.abc import Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, field, fields
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin
 
 from optics.base.runtime import UserError, is_text
-from optics.scene.problem.choices import cannot_do
-from optics.scene.problem.dotted_keys import Record, did_you_mean, hints_of, lists_tables, table_of
+from optics.scene.keys.dead_ends import cannot_do
+from optics.scene.keys.dotted_keys import Record, did_you_mean, hints_of, lists_tables, table_of
 
 Kind = TypeVar("Kind", bound=Record)
+Rows = tuple[tuple[float, float], ...]
 
 AUTO = "auto"  # of a number that the program chooses
+SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
+LONGEST = 1e6  # mm: a kilometre
+FARTHEST = 1e9  # mm, of the planes before and behind the lens
 MOST_ROWS = 10_000  # of a table of numbers
 MOST_TABLES = 1000  # in a list
 NAME = re.compile(r"[A-Za-z][\w-]*")  # of a table in a list: no dots, and no number, which counts them
@@ -262,48 +266,3 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
 def _brief(value: object) -> str:
     """Return a short text of any value, for messages."""
     return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"
-
-
-def problem_to_toml(problem: Record, notes: bool = False) -> str:
-    """Return a Problem as TOML with every key, so that a run can be repeated from it.
-
-    notes : whether a comment explains every key.
-    """
-    return _toml(problem, "", notes).lstrip("\n")
-
-
-def _toml(record: Record, prefix: str, notes: bool = False) -> str:
-    lines: list[str] = []
-    tables: list[str] = []
-    for f in fields(record):
-        several = f.metadata["choices"] and len(f.metadata["choices"]) > 1
-        choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
-        words = "; ".join(w for w in (f.metadata["note"], choices) if w)
-        value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
-        is_table = table_of(hints_of(type(record))[f.name]) is not None
-        if value is None and (f.default is not None or not is_table):
-            lines.append(f"{f.name} = false{remark}\n" if is_table or notes else "")
-            continue
-        if value is None:
-            tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
-            continue
-        if lists_tables(hints_of(type(record))[f.name]):
-            head = f"{prefix}{f.name}"
-            tables += [f"\n[[{head}]]\n{_toml(table, f'{head}.', notes)}" for table in value]
-            tables.append(f"\n# [[{head}]]{remark}\n" if notes and not value else "")
-        elif is_dataclass(value) and not isinstance(value, type):
-            tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
-        else:
-            lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
-    return "".join(lines) + "".join(tables)
-
-
-def _toml_value(value: object) -> str:
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
-    return repr(value)
