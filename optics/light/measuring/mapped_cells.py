@@ -18,9 +18,10 @@ The adjoint of dL = sum over P of g_P dE_P needs of an edge from u to v, p(t) = 
 With m = (J0 of the three edges) / A a triangle's derivative by f is m, and that by its corners is
 f / A * J1 (db, -da) at u, f / A * J2 (db, -da) at v for every edge, and -m f / A * dA.
 
-Most triangles lie in one pixel, since a pixel has many cells: they add their flux there, and pass no
-derivative to their corners.  Only the others are followed, by a list of their cells.  One that is thin, with
-less than LEAST_AREA, is laid along its longest edge, as thick as it is there; it passes none either.
+A pixel has many cells.  A triangle that lies in one adds its flux there, and passes no derivative to its
+corners.  Cells on two pixels, and around a corner between four, have closed forms (`WholeCells`,
+`CornerCells`).  Only the others are followed along their edges (`CutCells`).  One that is thin, with less than LEAST_AREA, is
+laid along its longest edge, as thick as it is there; it passes none either.
 
 Source of the running sums: R. Levien, Inside the fastest font renderer in the world (2016).
 """
@@ -28,17 +29,17 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners, highest, lowest
+from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners
 from optics.light.measuring.corner_cells import CornerCells
-from optics.light.measuring.cut_cells import LEAST_AREA, TRIANGLES, CutCells, signed_area
+from optics.light.measuring.cut_cells import CutCells
 from optics.light.measuring.pixel_lines import PixelLines
-from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, BITS, FIRST, SECOND, WholeCells
+from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, WholeCells, sorted_cells
 from optics.scene.receivers import Screen
 from thbcad.checks import Floats
 
@@ -116,7 +117,7 @@ class MappedCells:
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
         dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
-        code, corner, cut = self._sorted(cells)
+        code, corner, cut = sorted_cells(dr, self._lines, cells)
         WholeCells(dr, self._lines, cells, code).add(pixels)
         dr.eval(pixels.whole, code, cells.flux, corner, cut)
         places = Places(code, cells.flux, dr.compress(corner), dr.compress(cut))
@@ -172,40 +173,6 @@ class MappedCells:
         code = self._backend.dr.gather(self._backend.Index, places.code, cells)
         flux = self._grid.at(places.flux, cells)
         return self._double, self._grid, self._lines, cells, corners, self._shares, flux, code
-
-    def _sorted(self, cells: CellCorners) -> tuple[DrArray, DrArray, DrArray]:
-        """Return of every cell its code, and whether it lies around a corner between pixels, or is cut."""
-        dr, Index = self._backend.dr, self._backend.Index
-        a, b, lit = cells.a, cells.b, cells.flux > 0  # not where a corner is not sound, or there is no cell
-        pixels = [[dr.floor(v) for v in along] for along in (a, b)]
-        starts, ends = ([extreme(dr, *along) for along in pixels] for extreme in (lowest, highest))
-        meets = lit
-        for start, end, count in zip(starts, ends, self._lines.counts):
-            meets = meets & (end >= 0) & (start < self._double.Float(count))
-        first, second = (
-            reduce(lambda one, at: one & (at[0] == at[q]) & (at[0] == at[r]), pixels, lit)
-            for _, q, r in TRIANGLES
-        )
-        least = lowest(dr, *(dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
-        near = meets & (least >= LEAST_AREA) & self._lines.on_screen(*starts) & self._lines.on_screen(*ends)
-        (same_a, next_a), (same_b, next_b) = (
-            (end == start, end == start + 1) for start, end in zip(starts, ends)
-        )
-        along_a, along_b, corner = near & next_a & same_b, near & same_a & next_b, near & next_a & next_b
-        two = along_a | along_b
-        i, j = (dr.select(two, start, at[0]) for start, at in zip(starts, pixels))
-        bits = Index(0)
-        for bit, has in (
-            (FIRST, first | two),
-            (SECOND, second | two),
-            (ALONG_A, along_a),
-            (ALONG_B, along_b),
-        ):
-            bits = bits | dr.select(has, Index(bit), 0)
-        inside = (bits > 0) & self._lines.on_screen(i, j)
-        number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
-        cut = meets & ~(first & second | two | corner)
-        return dr.select(inside, (number << BITS) | bits, 0), corner, cut
 
 
 @cache

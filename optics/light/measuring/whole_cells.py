@@ -11,15 +11,44 @@ of the triangle.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from types import ModuleType
 
 from optics.base.runtime import DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellCorners, highest
-from optics.light.measuring.cut_cells import TRIANGLES
+from optics.light.measuring.cell_grid import CellCorners, highest, lowest
+from optics.light.measuring.cut_cells import LEAST_AREA, TRIANGLES, signed_area
 from optics.light.measuring.pixel_lines import PixelLines
 
 FIRST, SECOND, ALONG_A, ALONG_B = 1, 2, 4, 8  # bits of a cell's code
 BITS = 4
+
+
+def sorted_cells(dr: ModuleType, lines: PixelLines, cells: CellCorners) -> tuple[DrArray, DrArray, DrArray]:
+    """Return of all cells their codes, and which lie around a corner between pixels, or are cut otherwise."""
+    a, b, lit = cells.a, cells.b, cells.flux > 0  # not where a corner is not sound, or there is no cell
+    pixels = [[dr.floor(v) for v in along] for along in (a, b)]
+    starts, ends = ([extreme(dr, *along) for along in pixels] for extreme in (lowest, highest))
+    meets = lit
+    for start, end, count in zip(starts, ends, lines.counts):
+        meets = meets & (end >= 0) & (start < type(start)(count))
+    first, second = (
+        reduce(lambda one, at: one & (at[0] == at[q]) & (at[0] == at[r]), pixels, lit)
+        for _, q, r in TRIANGLES
+    )
+    least = lowest(dr, *(dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
+    near = meets & (least >= LEAST_AREA) & lines.on_screen(*starts) & lines.on_screen(*ends)
+    (same_a, next_a), (same_b, next_b) = (
+        (end == start, end == start + 1) for start, end in zip(starts, ends)
+    )
+    along_a, along_b, corner = near & next_a & same_b, near & same_a & next_b, near & next_a & next_b
+    two = along_a | along_b
+    i, j = (dr.select(two, start, at[0]) for start, at in zip(starts, pixels))
+    inside = (first | second | two) & lines.on_screen(i, j)
+    code = lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0)) << BITS
+    codes = zip((FIRST, SECOND, ALONG_A, ALONG_B), (first | two, second | two, along_a, along_b))
+    for bit, has in codes:
+        code = code | dr.select(has, type(code)(bit), 0)
+    return dr.select(inside, code, 0), corner, meets & ~(first & second | two | corner)
 
 
 class WholeCells:

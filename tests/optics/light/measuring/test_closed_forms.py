@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optics.light.measuring import mapped_cells
+from optics.light.measuring import whole_cells
 from tests.optics.light.measuring.cases import sheet, smooth, whole
 
 SCREEN = whole(16, 12, 1)
@@ -26,7 +26,7 @@ def test_closed_forms_are_what_edges_give(backend, made, monkeypatch):
     closed, followed = [], []
     for found in (closed, followed):
         found += [made.laid(backend), *made.slopes(backend, g)[0], made.change(backend, *moves)]
-        monkeypatch.setattr(mapped_cells, "LEAST_AREA", np.inf)  # above which areas have closed forms
+        monkeypatch.setattr(whole_cells, "LEAST_AREA", np.inf)  # above which areas have closed forms
     for one, other in zip(closed, followed):
         assert not np.array_equal(one, other)
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
