@@ -20,8 +20,8 @@ f / A * J1 (db, -da) at u, f / A * J2 (db, -da) at v for every edge, and -m f / 
 
 A pixel has many cells.  A triangle that lies in one adds its flux there, and passes no derivative to its
 corners.  Cells on two pixels, and around a corner between four, have closed forms (`WholeCells`,
-`CornerCells`).  Only the others are followed along their edges (`CutCells`).  One that is thin, with less than
-LEAST_AREA, is laid along its longest edge, as thick as it is there; it passes none either.
+`CornerCells`).  Only the others are followed along their edges (`CutCells`).  One that is thin, with less
+than LEAST_AREA, is laid along its longest edge, as thick as it is there; it passes none either.
 
 Source of the running sums: R. Levien, Inside the fastest font renderer in the world (2016).
 """
