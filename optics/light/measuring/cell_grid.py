@@ -15,7 +15,7 @@ from optics.base.runtime import Backend, DrArray
 
 
 def lowest(dr: ModuleType, *values: DrArray) -> DrArray:
-    """Return the least value, in an eighth of the time of `dr.minimum`, which heeds NaN and signed zeros."""
+    """Return the least value, in fewer steps than `dr.minimum`, which heeds NaN and signed zeros."""
     return reduce(lambda least, value: dr.select(value < least, value, least), values)
 
 
