@@ -112,13 +112,13 @@ class Case:
         return light, floors
 
 
+FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
 # more lit pixels than coefficients: with fewer, light gathers within them
 DISK = {
     "element.M1.face.freeform.max_level": 3,
     "target.pixels": [128, 128],
     "optimizer.iterations": [100],
 }
-FINE = {"target.pixels": [96, 96], "optimizer.iterations": [30]}
 # borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end
 # near 1e-6 of the radius, with cells left coarse or not
 ALIGNED = {
@@ -138,14 +138,13 @@ CASES = {
     "1: square to disk": Case("r < 5 / 6", changes=DISK, far_steps=150),
     "2: square to wide Gaussian": Case("exp(-0.18 * r^2)", height=83.0, changes=SHALLOW),
     "3: square to square": Case("max(abs(x), abs(y)) < 5 / 6", sphere=True, changes=ALIGNED),
-    "4: disk to Gaussian": Case("exp(-5.76 * r^2)", 0.02, True, height=85.0, changes=FINE, far_steps=350),
+    "4: disk to Gaussian": Case("exp(-5.76 * r^2)", 0.02, True, height=85.0, changes=FINE),
     "5: disk to two Gaussians": Case(
         "exp(-5.76 * hypot(x - 5 / 12, y - 5 / 12)^2) + exp(-5.76 * hypot(x - 5 / 12, y + 5 / 12)^2)",
         0.02,
         True,
         height=75.0,
         changes=FINE,
-        far_steps=350,
     ),
 }
 
