@@ -18,7 +18,6 @@ import optics
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import rel_l2_row
 from benchmarks.reflectors import finite_sources as finite
-from benchmarks.reflectors.far_sight import far_sighted
 from benchmarks.reflectors.own_light import BACKWARD, Stereographic, StereographicPoint
 from benchmarks.reflectors.wasserstein import distance, drawn_points
 from benchmarks.rows.row import Row
@@ -60,7 +59,7 @@ class Case:
 
     round : the source lights a disk, and no square.  sphere : one about the source solves it.
     formula : of the density, x and y from -1 to 1.
-    wanted : rel_l2.  changes : of the keys of MIRROR.  far_steps : by the loss of `far_sighted`.
+    wanted : rel_l2.  changes : of the keys of MIRROR.
     """
 
     formula: str
@@ -69,7 +68,6 @@ class Case:
     sphere: bool = False
     height: float = 78.0
     changes: Mapping[str, object] = field(default_factory=dict)
-    far_steps: int = 0
 
     @property
     def source(self) -> StereographicPoint:
@@ -83,10 +81,9 @@ class Case:
             | self.changes
         )
         problem = load_problem(EXAMPLES / "lamp_reflector.toml").with_(**keys)
-        design = optics.design(
+        return optics.design(
             problem, source=self.source, receiver=Stereographic(BACKWARD, per_solid_angle=False)
         )
-        return far_sighted(design, self.far_steps) if self.far_steps else design
 
     def tracer(self, design: optics.Design) -> Tracer:
         """Return what traces rays of the same flux, spread like the light of the source."""
@@ -114,11 +111,7 @@ class Case:
 
 FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
 # more lit pixels than coefficients: with fewer, light gathers within them
-DISK = {
-    "element.M1.face.freeform.max_level": 3,
-    "target.pixels": [128, 128],
-    "optimizer.iterations": [100],
-}
+DISK = {"element.M1.face.freeform.max_level": 3, "target.pixels": [128, 128]}
 # borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end
 # near 1e-6 of the radius, with cells left coarse or not
 ALIGNED = {
@@ -135,7 +128,7 @@ SHALLOW = {
     "optimizer.iterations": [200],
 }
 CASES = {
-    "1: square to disk": Case("r < 5 / 6", changes=DISK, far_steps=150),
+    "1: square to disk": Case("r < 5 / 6", changes=DISK),
     "2: square to wide Gaussian": Case("exp(-0.18 * r^2)", height=83.0, changes=SHALLOW),
     "3: square to square": Case("max(abs(x), abs(y)) < 5 / 6", sphere=True, changes=ALIGNED),
     "4: disk to Gaussian": Case("exp(-5.76 * r^2)", 0.02, True, height=85.0, changes=FINE),
