@@ -18,7 +18,7 @@ from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
 WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
-FEWER_DARK = "raise optimizer.dark_flux_weight (0.04, say), which trades evenness for a darker background"
+FEWER_DARK = "optimizer.dark_flux_weight, raised, trades evenness for less of it"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
