@@ -190,12 +190,8 @@ def traced_cells(
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
-<<<<<<< HEAD
-    at_once : corners that are in memory together, about.
-    bisections : see `border_triangles`.
-=======
     at_once : corners that are in memory together, about; None leaves it to the program.
->>>>>>> main
+    bisections : see `border_triangles`.
     """
     tracer = _CellTracer(trace, screen, backend, bisections)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
