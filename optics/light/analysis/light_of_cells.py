@@ -26,7 +26,7 @@ from operator import add
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.analysis.border_triangles import border_triangles, shared_flux
+from optics.light.analysis.border_triangles import BISECTIONS, border_triangles, shared_flux
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import MappedCells, Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
@@ -64,11 +64,12 @@ class _Light:
 
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
-    """Cells are traced with their corners, to a screen."""
+    """Cells are traced with their corners, to a screen.  bisections : see `border_triangles`."""
 
     trace: Trace
     screen: Screen
     backend: Backend
+    bisections: int
 
     def light(self, rays: RayGrid | Rays, emitted: Floats, least: float = 0.0) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners.
@@ -162,11 +163,11 @@ def _prime_from(least: int) -> int:
 
 
 def cell_irradiance(
-    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend
+    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend, bisections: int = BISECTIONS
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells along a path.
 
-    backend : of double precision.
+    backend : of double precision.  bisections : see `border_triangles`.
     """
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
@@ -175,18 +176,24 @@ def cell_irradiance(
             _, landing = tracer.trace()
         return tracer, landing
 
-    return traced_cells(trace, screen, cells, backend)
+    return traced_cells(trace, screen, cells, backend, bisections=bisections)
 
 
 def traced_cells(
-    trace: Trace, screen: Screen, cells: SourceCells, backend: Backend, at_once: int | None = None
+    trace: Trace,
+    screen: Screen,
+    cells: SourceCells,
+    backend: Backend,
+    at_once: int | None = None,
+    bisections: int = BISECTIONS,
 ) -> tuple[Floats, SequentialFates]:
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
     at_once : corners that are in memory together, about; None leaves it to the program.
+    bisections : see `border_triangles`.
     """
-    tracer = _CellTracer(trace, screen, backend)
+    tracer = _CellTracer(trace, screen, backend, bisections)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
     parts, pieces = [], []
     usual = max(CORNERS_AT_ONCE, prod(screen.pixels) // PIXELS_TO_A_CORNER)
@@ -239,7 +246,7 @@ def _along_border(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> li
     def arrive(s: Floats, t: Floats) -> Bools:
         return tracer.arrive(cells.at(s, t, np.zeros_like(s)))
 
-    (p, q, r), flux = border_triangles(pieces, arrive, cells.density)
+    (p, q, r), flux = border_triangles(pieces, arrive, cells.density, tracer.bisections)
     s, t = np.stack([p, q, r, (q + r) / 2]).transpose(1, 2, 0)
     emitted = np.zeros((2 * len(flux) - 1, 1))
     emitted[::2, 0] = flux
