@@ -109,7 +109,7 @@ class _Dual:
         for _ in range(STEPS):
             phi, psi, sigma = self._step(phi, psi, g, f, sigma)
             psi, phi, sigma = self._step(psi, phi, f, g, sigma)
-            before, reached = reached, np.mean(phi * g) + np.mean(psi * f)
+            before, reached = reached, float(np.mean(phi * g) + np.mean(psi * f))
             if abs(reached - before) < still or sigma < LAST / greatest:
                 break
         return psi, phi
