@@ -36,7 +36,7 @@ Density = Callable[[tuple[int, int]], Floats]
 COARSE = 64  # cells in the shorter direction of the coarsest grid, at least
 STEPS = 40  # at most on one grid, each of both potentials; 3 to 7 are usual
 # cells: a map that is displaced by so much everywhere is short of the greatest J by half of its square, and a
-# step that changes J by less is the last (rel_l2 of the pearl: 0.0288, with 0.05 cells 0.0293, without 0.0286)
+# step that changes J by less is the last (rel_l2 of pearl: 0.0288, with 0.05 cells 0.0293, without 0.0286)
 STILL = 0.02
 # sigma times the greatest density, which bounds the curvature of J: first on the coarsest grid, where light
 # has far to go, first on the finer ones, and last, where the cells limit the gain and no longer the method
