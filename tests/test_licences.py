@@ -1,12 +1,15 @@
 """The licences of packages: what is installed suits, and what does not suit is found."""
 
+import re
+import tomllib
 from email.message import Message
-from importlib.metadata import distributions
+from importlib.metadata import distribution, distributions
 from types import SimpleNamespace
 
 import pytest
 
 from scripts.licences import ALLOWED, STATED, kind_of, stated_licence, table
+from tests.cases import ROOT
 
 
 def package(name, **headers):
@@ -63,3 +66,16 @@ def test_packages_that_do_not_suit_are_named_unless_there_is_a_reason():
     ]
     assert others == []
     assert table(packages)[1] == ["silent 1.0: not stated", "strict 1.0: GPL-3.0-or-later"]
+
+
+def test_the_page_of_licences_names_what_the_extras_install_by_the_kind_of_its_licence():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    lists = [project["dependencies"]]
+    lists += [v for k, v in project["optional-dependencies"].items() if k not in ("peers", "docs", "test")]
+    wanted = {re.match(r"[\w-]+", line)[0] for lines in lists for line in lines}
+    text = (ROOT / "LICENSES.md").read_text("utf-8").partition("## Installed by the extras")[2]
+    named = dict(re.findall(r"^\| ([\w-]+) \| (.*[A-Z].*) \|$", text, re.MULTILINE))
+    assert wanted - {"thbcad"} <= set(named)
+    for package, licence in named.items():
+        stated = STATED.get(package, (stated_licence(distribution(package)), ""))[0]
+        assert kind_of(licence.replace(", with", " AND")) == kind_of(stated), package

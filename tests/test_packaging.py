@@ -327,10 +327,22 @@ def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
     } <= sources
     with tarfile.open(built[0]) as sdist:
         held = {m.name.partition("/")[2] for m in sdist.getmembers() if m.isfile()}
-    own = {"CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "setup.cfg"}
+    own = {
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "LICENSE",
+        "LICENSES.md",
+        "PKG-INFO",
+        "README.md",
+        "pyproject.toml",
+    }
+    own |= {"setup.cfg"}
     assert {name for name in held if not name.startswith("thbcad.egg-info/")} == sources | own
     with zipfile.ZipFile(built[1]) as wheel:
         assert {name for name in wheel.namelist() if ".dist-info/" not in name} == sources
+        texts = {name.partition("/licenses/")[2]: wheel.read(name) for name in wheel.namelist()}
+    for name in ("LICENSE", "LICENSES.md"):
+        assert texts[name] == (ROOT / name).read_bytes()
 
 
 @pytest.mark.slow
@@ -341,7 +353,7 @@ def test_the_metadata_say_whose_it_is_and_what_it_needs(built):
     assert metadata["Version"] == thbcad.__version__
     assert metadata["Author"] == "thbcad developers"
     assert metadata["License-Expression"] == "MIT"
-    assert metadata["License-File"] == "LICENSE"
+    assert metadata.get_all("License-File") == ["LICENSE", "LICENSES.md"]
     assert metadata["Requires-Python"] == "<3.14,>=3.11"
     assert metadata["Description-Content-Type"] == "text/markdown"
     assert metadata.get_payload() == (ROOT / "README.md").read_text("utf-8")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 if TYPE_CHECKING:
     from .cad import (

@@ -7,6 +7,7 @@ import pytest
 
 import optics
 from benchmarks.checkout import EXAMPLES
+from benchmarks.reflectors.far_sight import squared_distance
 from benchmarks.reflectors.own_light import BACKWARD, Stereographic, StereographicPoint
 from benchmarks.reflectors.reflectors import MIRROR
 from benchmarks.reflectors.sloped_light import SlopedArea
@@ -105,3 +106,21 @@ def test_drawn_points_spread_like_their_density():
     # 2^12 Sobol points: each strip of u holds its share to a few points
     np.testing.assert_allclose(counts / 2**12, density / density.sum(), atol=4e-3)
     assert not counts[density == 0].any()
+
+
+def test_the_far_sighted_loss_of_light_moved_a_little_is_the_square_of_how_far():
+    """A Gaussian moved along x by d has W2 = d; the sum of D counts as light beside the window."""
+    sigma, moved, rng = 0.1, 1e-3, np.random.default_rng(5)
+    x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in ((0.5, 80), (0.6, 96)))
+    first, second = (
+        np.exp(-((x - d) ** 2 + y[:, None] ** 2) / (2 * sigma**2)) / (2 * np.pi * sigma**2 * 6400)
+        for d in (0.0, moved)
+    )
+    squared = squared_distance(first, (0.5, 0.6))
+    off = (second - first) / first.sum()
+    # tails beyond 3.7 sigma, of 1e-3 of the light, count less: DARKEST lifts their weight
+    assert squared(off)[0] == pytest.approx(moved**2, rel=0.02)
+    assert squared(-0.01 * first / first.sum())[0] == pytest.approx(1e-4, rel=1e-9)
+    along = rng.standard_normal(off.shape)
+    ahead, behind = (squared(off + step * along)[0] for step in (1e-3, -1e-3))
+    assert np.vdot(squared(off)[1], along) == pytest.approx((ahead - behind) / 2e-3, rel=1e-6)

@@ -137,7 +137,9 @@ def _level_knots(space: THBSpace, levels: int) -> Iterator[tuple[KnotVector, Kno
 
 def _tensor_fit(kv_u: KnotVector, kv_v: KnotVector, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:
     """Return the net of the fit on a tensor-product mesh, its mean over the samples zero."""
-    (a0, a1, by_x, across), (b0, b1, by_y, along) = (_modes(kv, s) for kv, s in ((kv_u, x), (kv_v, y)))
+    a0, a1, by_x, across = of_x = _modes(kv_u, x)
+    alike = kv_u == kv_v and np.array_equal(x, y)
+    b0, b1, by_y, along = of_x if alike else _modes(kv_v, y)
     right = (b0.T @ (a1.T @ zx).T + b1.T @ (a0.T @ zy).T).T
     stiffness = by_x[:, None] + by_y[None, :]
     stiffness[stiffness <= CONSTANT * stiffness.max()] = np.inf

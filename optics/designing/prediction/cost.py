@@ -27,9 +27,11 @@ BYTES = 365  # per ray
 CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
 
-def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
-    """Return the seconds of a design on two cores, from the start of the process to the verified result."""
-    work = sum((s.iterations + 1 + PROBES) * n for s, n in _rays(system, plan))
+def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[float, float]:
+    """Return the seconds of a design on two cores, from the start of the process to the verified result, and
+    the peak memory of it and its helper processes, MB."""
+    rays = _rays(system, plan)
+    work = sum((s.iterations + 1 + PROBES) * n for s, n in rays)
     kind = 1.0 if system.parallel else SEARCHED
     if len(system.freeforms) > 1:
         kind = BOTH_FREE
@@ -37,16 +39,12 @@ def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
     for axis in (0, 1):
         functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
     more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred else 0.0)
-    return START + more + RAY * kind * work + FUNCTION * functions
-
-
-def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
-    """Return the peak memory of a design and its helper processes, MB."""
 
     def bytes_of(stage: Stage, rays: float) -> float:
         return rays * (CELL_BYTES if stage.exact and not system.parallel else BYTES)
 
-    return BASE_MB + max((bytes_of(s, n) for s, n in _rays(system, plan)), default=0.0) / 1e6
+    memory = BASE_MB + max((bytes_of(s, n) for s, n in rays), default=0.0) / 1e6
+    return START + more + RAY * kind * work + FUNCTION * functions, memory
 
 
 def _rays(system: OpticalSystem, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:

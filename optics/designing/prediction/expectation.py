@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from math import prod, sqrt
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+from scipy.ndimage import gaussian_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
 from optics.designing.optimisation import Stage, first_sags, last_level, stages, transmitted_flux
-from optics.designing.prediction.cost import memory_mb, seconds
+from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import RearLight, TransportStart
@@ -108,7 +108,7 @@ def expected(
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
     density = system.problem.optic.density
-    volume = lens.volume()
+    volume, (seconds, memory) = lens.volume(), seconds_and_memory(system, plan)
     return Expectation(
         size=_size(lens),
         volume=volume,
@@ -132,8 +132,8 @@ def expected(
         if error and from_transport and start.within(fit) and _is_known(system)
         else None,
         start_rel_l2=error,
-        seconds=seconds(system, plan),
-        memory_mb=memory_mb(system, plan),
+        seconds=seconds,
+        memory_mb=memory,
         sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
         refused=_refusal(system, lens),
@@ -174,10 +174,20 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
     """
     norm = np.linalg.norm(target)
     fine = np.linalg.norm(target - gaussian_filter(target, WIDE, mode="nearest"))
-    jumps = np.linalg.norm(maximum_filter(target, 3) - minimum_filter(target, 3))
+    jumps = np.linalg.norm(_of_neighbours(np.maximum, target) - _of_neighbours(np.minimum, target))
     if jumps <= JUMP * norm:
         return 0.0
     return float(min(SCALE * fine / jumps * start_error**POWER, start_error))
+
+
+def _of_neighbours(most: np.ufunc, image: Floats) -> Floats:
+    """Return the greatest or least of the 3 x 3 pixels around each, (rows, columns)."""
+    for axis in (0, 1):
+        at = np.moveaxis(image, axis, 0)
+        image = np.moveaxis(np.concatenate([at[:1], most(at[1:], at[:-1]), at[-1:]]), 0, axis)
+        at = np.moveaxis(image, axis, 0)
+        image = np.moveaxis(most(at[1:], at[:-1]), 0, axis)
+    return image
 
 
 def _is_known(system: OpticalSystem) -> bool:

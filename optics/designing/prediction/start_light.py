@@ -20,7 +20,7 @@ from optics.scene.paths import LightPath
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
-CELLS_PER_PIXEL, MOST_CELLS = 4, 2048  # of the source in each direction
+CELLS_PER_PIXEL, MOST_CELLS = 3, 2048  # of the source in each direction
 RAYS = 1 << 17  # of an extended source
 ACROSS = 4  # pixels across the spot of a blur: finer ones change the blurred rel_l2 of a level by 1 % or less
 # of rel_l2: what another level must take off.  Optimised designs gain about as much as their starts: 8 % of

@@ -10,7 +10,8 @@ one is improved and the other is its c-transform, in turn:
     phi <- phi + sigma (-Laplace)^-1 (g - (x - grad psi)# f),    psi <- phi^c,    phi <- psi^c,
 
 and the same with psi and phi, f and g exchanged.  The step sigma follows the part that is found of the gain
-which the gradient promises.  Densities may be zero anywhere.  Coarse grids start finer ones.
+which the gradient promises.  Steps end where J stands still.  Densities may be zero anywhere.  Coarse grids
+start finer ones.
 
 Source: M. Jacobs, F. Leger, A fast approach to optimal transport: the back-and-forth method, Numerische
 Mathematik 146 (2020).
@@ -33,7 +34,10 @@ from thbcad.checks import Floats
 Density = Callable[[tuple[int, int]], Floats]
 
 COARSE = 64  # cells in the shorter direction of the coarsest grid, at least
-STEPS = 40  # at most on one grid; 6 to 10 are usual
+STEPS = 40  # at most on one grid, each of both potentials; 3 to 7 are usual
+# cells: a map that is displaced by so much everywhere is short of the greatest J by half of its square, and a
+# step that changes J by less is the last (rel_l2 of pearl: 0.0287, with 0.05 cells 0.0293, without 0.0286)
+STILL = 0.01
 # sigma times the greatest density, which bounds the curvature of J: first on the coarsest grid, where light
 # has far to go, first on the finer ones, and last, where the cells limit the gain and no longer the method
 FAR, NEAR, LAST = 32.0, 8.0, 0.8
@@ -100,11 +104,13 @@ class _Dual:
         """Return (psi, phi) after steps from phi.  first : sigma times the greatest density."""
         f, g = self._f, self._g
         psi, greatest = self._transformed(phi, g), max(f.max(), g.max())
-        sigma = first / greatest
+        sigma, reached = first / greatest, -np.inf
+        still = STILL**2 / 2 * np.prod(self._spacing)
         for _ in range(STEPS):
             phi, psi, sigma = self._step(phi, psi, g, f, sigma)
             psi, phi, sigma = self._step(psi, phi, f, g, sigma)
-            if sigma < LAST / greatest:
+            before, reached = reached, float(np.mean(phi * g) + np.mean(psi * f))
+            if abs(reached - before) < still or sigma < LAST / greatest:
                 break
         return psi, phi
 

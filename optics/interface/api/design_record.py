@@ -18,6 +18,7 @@ from optics.light.analysis import (
     Measurement,
     Verdict,
     crosstalk,
+    dark_note,
     delivery_checks,
     judged,
     loss_notes,
@@ -104,7 +105,7 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         metrics["rel_l2_one_blur"] = limits.least
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
-    for sentence in loss_notes(metrics, system.units):
+    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics)]:
         notes(sentence)
     if not metrics["efficiency"]:
         notes(

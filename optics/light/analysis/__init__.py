@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from optics.light.analysis.judgement import (
         Verdict,
         counted_ways,
+        dark_note,
         delivery_checks,
         error_words,
         judged,

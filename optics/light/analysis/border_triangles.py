@@ -37,7 +37,10 @@ def shared_flux(flux: Floats, areas: Floats, middles: Floats, density: Density) 
 
 
 def border_triangles(
-    pieces: Floats, arrive: Callable[[Floats, Floats], Bools], density: Density
+    pieces: Floats,
+    arrive: Callable[[Floats, Floats], Bools],
+    density: Density,
+    bisections: int = BISECTIONS,
 ) -> tuple[Floats, Floats]:
     """Return corners (3, 2, m) and flux (m,) of triangles that make up rectangles, none cut by the border.
 
@@ -45,7 +48,7 @@ def border_triangles(
 
     pieces : (5, n), s and t of the lower and the upper corner of rectangles, and their flux.
     arrive : called with s and t, (k,) each, k > 0; returns whether the light from there arrives.
-    density : of the source, up to a factor, called alike.
+    density : of the source, up to a factor, called alike.  bisections : of edges, each a call of arrive.
     """
     s0, s1, t0, t1, flux = pieces
     corners = np.array([[s0, t0], [s0, t1], [s1, t0], [s1, t1]])
@@ -61,7 +64,7 @@ def border_triangles(
     alone = np.where(count == 1, inside.argmax(axis=0), inside.argmin(axis=0))
     order = (np.arange(3)[:, None] + alone) % 3
     turned = np.take_along_axis(corners, order[:, None, :], axis=0)
-    parts, areas = _cut(turned[:, :, cut], (count == 1)[cut], arrive)
+    parts, areas = _cut(turned[:, :, cut], (count == 1)[cut], arrive, bisections)
     shared = shared_flux(flux[cut], areas, parts.mean(axis=0), density)
     return (
         np.concatenate([corners[:, :, ~cut], parts.reshape(3, 2, -1)], axis=2),
@@ -70,7 +73,7 @@ def border_triangles(
 
 
 def _cut(
-    corners: Floats, first_inside: Bools, arrive: Callable[[Floats, Floats], Bools]
+    corners: Floats, first_inside: Bools, arrive: Callable[[Floats, Floats], Bools], bisections: int
 ) -> tuple[Floats, Floats]:
     """Return the three parts of triangles, corners (3, 2, 3, n), and their areas, (3, n), relative.
 
@@ -79,7 +82,7 @@ def _cut(
     """
     p, others = corners[0], corners[1:]
     near, far = np.zeros((2, p.shape[1])), np.ones((2, p.shape[1]))
-    for _ in range(BISECTIONS):
+    for _ in range(bisections):
         middle = (near + far) / 2
         inside = arrive(*_flat(p + middle[:, None] * (others - p))).reshape(near.shape)
         same = inside == first_inside

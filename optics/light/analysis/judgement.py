@@ -17,7 +17,8 @@ from optics.light.tracing import fate_sentences
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
-WORTH_A_NOTE = 0.1  # of the source flux, lost on one way
+WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
+FEWER_DARK = "optimizer.dark_flux_weight, raised, trades evenness for less of it"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
@@ -208,6 +209,14 @@ def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
         for name, some in fates.items()
         if name != "on_target" and not name.endswith("reflected") and some > WORTH_A_NOTE * flux
     ]
+
+
+def dark_note(metrics: dict[str, Any]) -> list[str]:
+    """Return a sentence where much of the light on the target is on pixels that are to be dark."""
+    on, lit = metrics["efficiency"], metrics["lit_efficiency"]
+    if on - lit <= WORTH_A_NOTE * on:
+        return []
+    return [f"{1 - lit / on:.0%} of the light on the target is where none is asked for; {FEWER_DARK}"]
 
 
 def counted_ways(metrics: dict[str, Any]) -> str:

@@ -4,6 +4,14 @@ The map from source to target is smooth but for the rims of the surfaces and tot
 leave an error of second order in their size, and none where the map is linear.  A cell that such a border
 cuts is split in four until 1 / BORDER_CELLS of the source is wider than the parts.  Then those that it cuts
 are cut along it (`border_triangles`).
+
+Away from borders the error falls with the number N of cells as 1 / N, so that two grids tell it.
+Richardson's extrapolation of their images, of N cells and of N / r,
+
+    E = E_N + (E_N - E_N/r) / (r - 1),
+
+leaves how cells lie to the borders of pixels.  A third grid tells the same of half as fine ones, and so the
+size of that error.
 """
 
 from __future__ import annotations
@@ -11,24 +19,36 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
-from math import ceil, log2
+from itertools import pairwise
+from math import ceil, isqrt, log2, prod, sqrt
 from operator import add
 
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.analysis.border_triangles import border_triangles, shared_flux
+from optics.light.analysis.border_triangles import BISECTIONS, border_triangles, shared_flux
+from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import MappedCells, Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
+from optics.scene.system import OpticalSystem
 from thbcad.checks import EPS, Bools, Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
+PIXELS_TO_A_CORNER = 2  # of those at once on large screens, whose pixels take time for every strip
 BORDER_CELLS = (
     2000  # across the source; its square times 4 is more than all light beside a rim's four corners
 )
+# of the finest grid, in each direction: rel_l2 is within 1e-4 of that of 6143 cells on nine examples, where
+# 8 and 6 without extrapolation are within 1.5e-4
+CELLS_PER_PIXEL, CELLS_PER_SPAN = 4, 4
+MORE_PER_PIXEL, CHEAP = 10, 1024  # where that is not more in all: folds err by 0.3 % at most in each pixel
+LEAST_CELLS = 256
+COARSER = 2  # from one grid to the next
+ORDER = 1.22  # of the error of extrapolated light in the number of cells: measured
+LEAST_PER_PIXEL, MOST_CELLS = 3, 2048  # in each direction, on large screens: per pixel, or in all
 
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
@@ -44,11 +64,12 @@ class _Light:
 
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
-    """Cells are traced with their corners, to a screen."""
+    """Cells are traced with their corners, to a screen.  bisections : see `border_triangles`."""
 
     trace: Trace
     screen: Screen
     backend: Backend
+    bisections: int
 
     def light(self, rays: RayGrid | Rays, emitted: Floats, least: float = 0.0) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners.
@@ -89,12 +110,64 @@ class _CellTracer:
         return tracer, landing, every & landing.arrives
 
 
+def grid_irradiance(
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (extrapolated irradiance along a path, flux by fate of the finest grid)."""
+    spans = [0, 0]
+    for sag in path.sags:
+        embedding = sag.space.embedding
+        spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
+    counts = [_cells(*pair) for pair in zip(screen.pixels, spans)]
+    grids = [[_prime_from(round(n / COARSER**k)) for n in counts] for k in range(3)]
+    traced = [cell_irradiance(path, screen, system.source.cells(grid), backend) for grid in grids]
+    images, (fates, *_) = zip(*traced)
+    ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
+    light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(images), ratios))
+    error = (light - coarser) / _excess(ratios[0] ** ORDER)
+    return LightEstimate(light, error, fates.on_target, fates.off_target), fates
+
+
+def _cells(pixels: int, spans: int) -> int:
+    """Return about how many cells the finest grid has in a direction.  spans : of the knots of a sag."""
+    cheap = max(LEAST_CELLS, min(MORE_PER_PIXEL * pixels, CHEAP))
+    most = max(LEAST_PER_PIXEL * pixels, MOST_CELLS)
+    return min(max(cheap, CELLS_PER_PIXEL * pixels, CELLS_PER_SPAN * spans), most)
+
+
+def extrapolated(fine: Floats, coarse: Floats, ratio: float) -> Floats:
+    """Return Richardson's extrapolation of two grids' images, nowhere negative, with the flux of the finer.
+
+    ratio : of the numbers of their cells.
+    """
+    light = np.maximum(fine + (fine - coarse) / (ratio - 1), 0.0)
+    return light * (fine.sum() / (light.sum() or 1.0))
+
+
+def _excess(ratio: float) -> float:
+    """Return how large the difference of two images is, in errors of the better one.
+
+    ratio : of their errors.  Errors that have the same form leave ratio - 1, independent ones
+    sqrt(ratio^2 + 1), and cells of a lens something between: their mean in proportion.  For a ratio of 5 both
+    are 13 % away.
+    """
+    return sqrt((ratio - 1) * sqrt(ratio**2 + 1))
+
+
+def _prime_from(least: int) -> int:
+    """Return the least prime from `least` on: grids of different primes share no lines but their borders."""
+    n = least
+    while any(n % k == 0 for k in range(2, isqrt(n) + 1)):
+        n += 1
+    return n
+
+
 def cell_irradiance(
-    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend
+    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend, bisections: int = BISECTIONS
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells along a path.
 
-    backend : of double precision.
+    backend : of double precision.  bisections : see `border_triangles`.
     """
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
@@ -103,21 +176,28 @@ def cell_irradiance(
             _, landing = tracer.trace()
         return tracer, landing
 
-    return traced_cells(trace, screen, cells, backend)
+    return traced_cells(trace, screen, cells, backend, bisections=bisections)
 
 
 def traced_cells(
-    trace: Trace, screen: Screen, cells: SourceCells, backend: Backend, at_once: int = CORNERS_AT_ONCE
+    trace: Trace,
+    screen: Screen,
+    cells: SourceCells,
+    backend: Backend,
+    at_once: int | None = None,
+    bisections: int = BISECTIONS,
 ) -> tuple[Floats, SequentialFates]:
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
-    at_once : corners that are in memory together, about.
+    at_once : corners that are in memory together, about; None leaves it to the program.
+    bisections : see `border_triangles`.
     """
-    tracer = _CellTracer(trace, screen, backend)
+    tracer = _CellTracer(trace, screen, backend, bisections)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
     parts, pieces = [], []
-    for strip in cells.slices(at_once):
+    usual = max(CORNERS_AT_ONCE, prod(screen.pixels) // PIXELS_TO_A_CORNER)
+    for strip in cells.slices(at_once or usual):
         part = tracer.light(strip.rays(), strip.emitted, rounding)
         parts.append(part)
         i, j = np.nonzero(part.cut)
@@ -166,7 +246,7 @@ def _along_border(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> li
     def arrive(s: Floats, t: Floats) -> Bools:
         return tracer.arrive(cells.at(s, t, np.zeros_like(s)))
 
-    (p, q, r), flux = border_triangles(pieces, arrive, cells.density)
+    (p, q, r), flux = border_triangles(pieces, arrive, cells.density, tracer.bisections)
     s, t = np.stack([p, q, r, (q + r) / 2]).transpose(1, 2, 0)
     emitted = np.zeros((2 * len(flux) - 1, 1))
     emitted[::2, 0] = flux

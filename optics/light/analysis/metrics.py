@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isqrt, sqrt
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from optics.light.analysis.closed_lens_light import NEGLIGIBLE, nonsequential_li
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
-from optics.light.analysis.light_of_cells import cell_irradiance
+from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import (
     SpectralLight,
@@ -29,19 +28,12 @@ from optics.light.analysis.light_of_wavelengths import (
 )
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
-from optics.light.tracing import SequentialFates
-from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
-CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
-LEAST_CELLS = 64
-COARSER = 2  # the second grid, with which the first is compared
-ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
-LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
 FLAT = 1e-9  # of the norm: what varies less has no contrast
 DARK = 0.01  # of the greatest irradiance: what counts as dark
 
@@ -140,7 +132,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     sharp = colour = None
     if estimator == "beams":
         clear = light_of_plate(
-            system, path, lambda p: spectral_light(system.sharp, p, screen, backend, _by_cells)
+            system, path, lambda p: spectral_light(system.sharp, p, screen, backend, grid_irradiance)
         )
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
@@ -169,42 +161,6 @@ def _estimator(system: OpticalSystem) -> str:
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
     """Return the flux on pixels that are to be lit, W."""
     return float(irradiance[target > 0].sum() * screen.pixel_area)
-
-
-def _by_cells(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
-) -> tuple[LightEstimate, SequentialFates]:
-    """Return (irradiance along a path, flux by fate)."""
-    spans = [0, 0]
-    for sag in path.sags:
-        embedding = sag.space.embedding
-        spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
-    wanted = [max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * k) for n, k in zip(screen.pixels, spans)]
-    most = [max(LEAST_PER_PIXEL * n, MOST_CELLS) for n in screen.pixels]
-    counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
-    fewer = [_prime_from(round(n / COARSER)) for n in counts]
-    fine, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
-    coarse, _ = cell_irradiance(path, screen, system.source.cells(fewer), backend)
-    error = (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER)
-    return LightEstimate(fine, error, fates.on_target, fates.off_target), fates
-
-
-def _excess(ratio: float) -> float:
-    """Return how large the difference of two grids' images is, in errors of the finer one.
-
-    ratio : of their errors.  Errors that have the same form leave ratio - 1, independent ones
-    sqrt(ratio^2 + 1), and cells of a lens something between: their mean in proportion.  For a ratio of 4 both
-    are 17 % away.
-    """
-    return sqrt((ratio - 1) * sqrt(ratio**2 + 1))
-
-
-def _prime_from(least: int) -> int:
-    """Return the least prime from `least` on: grids of different primes share no lines but their borders."""
-    n = least
-    while any(n % k == 0 for k in range(2, isqrt(n) + 1)):
-        n += 1
-    return n
 
 
 def compare(irradiance: Floats, target: Floats) -> dict[str, Any]:
@@ -293,4 +249,4 @@ def dark_fraction(target: Floats) -> float:
     return float((target <= DARK * target.max()).mean())
 
 
-ESTIMATES = {"cells": _by_cells, "beams": beam_irradiance, "rays": ray_irradiance}
+ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance, "rays": ray_irradiance}

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import TypeAlias
 
+import numpy as np
+
 from optics.base.runtime import Backend, DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellGrid, Corners
+from optics.light.measuring.cell_grid import CellGrid, Corners, highest, lowest
 from optics.light.measuring.pixel_lines import PixelLines
 from optics.light.measuring.pixel_walk import Edges, Numbers, Pieces, walk
 
 Point: TypeAlias = "tuple[DrArray, DrArray]"
+Change: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
 
 TRIANGLES = (0, 2, 3), (0, 3, 1)  # corners of a cell
 # of a cell: from corner to corner, the triangle on the left, and that on the right where it is the cell's too
@@ -47,7 +49,7 @@ class _Triangle:
 
 
 @dataclass(frozen=True, eq=False)
-class _Side:
+class Side:
     """An edge of every cell, from corner to corner.
 
     density : of the triangle on its left less that on its right, of those that the cell has.
@@ -72,7 +74,7 @@ def signed_area(corners: Sequence[Point]) -> DrArray:
 class CutCells:
     """Some cells of a grid, by their numbers.
 
-    shares : of all cells, an eighth of their flux per area of a pixel.
+    shares : of all cells, an eighth of their flux per area of a pixel.  flux : half of that of these cells.
     whole : of these cells, bits that say which triangles lie in one pixel: 1 for the first, 2 for the second.
     """
 
@@ -84,41 +86,54 @@ class CutCells:
         cells: DrArray,
         corners: Corners,
         shares: DrArray,
+        flux: DrArray,
         whole: DrArray,
     ) -> None:
         self._dr, self._Float, self._Pair = backend.dr, backend.Float, backend.Pair
-        self._grid, self._lines, self._cells = grid, lines, cells
+        self._grid, self._lines, self._cells, self._flux = grid, lines, cells, flux
         self._points = self._at_corners(corners.a, corners.b)
         self._share = grid.at(shares, cells)
-        self._flux = self._share * sum(grid.of_corners(corners.passing, cells))
         self._triangles = [self._triangle(k, (whole & (k + 1)) == 0) for k in (0, 1)]
         self._sides = [self._side(*side) for side in SIDES]
 
-    def add(self, differences: OrderFreeSums) -> DrArray:
-        """Add the triangles that are spread, and return which cells have a thin one."""
+    def light(self) -> DrArray:
+        """Return the image of the triangles that do not lie in one pixel."""
+        dr, differences = self._dr, self._lines.differences(self._most())
         for side in self._sides:
 
-            def add(numbers: Numbers, piece: Pieces, side: _Side = side) -> Numbers:
+            def add(numbers: Numbers, piece: Pieces, side: Side = side) -> Numbers:
                 within = self._lines.within(side.edges, piece)
                 part = side.density * (piece.length * side.edges.db)
                 self._lines.add(differences, piece, part * (within - 1), -part * within)
                 return numbers
 
-            walk(self._dr, side.edges, side.density != 0, self._lines.counts, add)
-        thin = self._triangles[0].thin | self._triangles[1].thin
-        self._dr.eval(differences.whole, thin)
-        return thin
+            walk(dr, side.edges, side.density != 0, self._lines.counts, add)
+        thin = dr.any(self._triangles[0].thin | self._triangles[1].thin)
+        dr.eval(differences.whole, thin)
+        if thin.numpy()[0]:
+            for triangle in self._triangles:
+                self._lay(triangle, differences)
+        return self._lines.summed(differences)
 
-    def add_thin(self, differences: OrderFreeSums) -> None:
-        """Add the triangles that are thin, along their longest edges."""
-        for triangle in self._triangles:
-            self._lay(triangle, differences)
+    def _most(self) -> float:
+        """Return a bound of the steps from pixel to pixel: no pixel has more light than what all cells that
+        meet its line may lay on one."""
+        dr = self._dr
+        along = [dr.floor(b) for _, b in self._points]
+        least = lowest(dr, *(dr.abs(triangle.area) for triangle in self._triangles))
+        half = dr.select(least > 1, self._flux / least, self._flux)
+        starts, ends = (self._lines.nearest(extreme(dr, *along)) for extreme in (lowest, highest))
+        dr.eval(half, starts, ends)
+        half, starts, ends = (array.numpy() for array in (half, starts, ends))
+        # what meets a line less what meets a line before
+        begun, ended = (np.bincount(at, half, self._lines.columns + 1) for at in (starts, ends + 1))
+        return float(2 * np.cumsum(begun - ended).max())
 
-    def pull_back(self, weights: tuple[DrArray, DrArray], means: DrArray, by_corners: DrArray) -> None:
+    def pull_back(self, weights: tuple[DrArray, DrArray], parts: DrArray, by_corners: DrArray) -> None:
         """Add the derivatives.
 
         weights : g, as `PixelLines.integrated`.
-        means : of every cell, to which those of g over the triangles are added, half a cell's flux each.
+        parts : by the sum of the four corners' share that arrives, of every cell, to which these are added.
         by_corners : by a and b of every corner, side by side in memory.
         """
         dr, integrals = self._dr, [self._integrals(side, *weights) for side in self._sides]
@@ -141,37 +156,26 @@ class CutCells:
                 slopes[p] = by_a + turned * (qb - rb), by_b + turned * (ra - qa)
         pairs = [self._Pair(*slope) for slope in slopes]
         # at the k-th corners of cells no two of them meet
-        dr.scatter_reduce(dr.ReduceOp.Add, means, mean, self._cells, mode=dr.ReduceMode.NoConflicts)
-        dr.eval(means, pairs)
+        dr.scatter_reduce(
+            dr.ReduceOp.Add, parts, self._share * mean, self._cells, mode=dr.ReduceMode.NoConflicts
+        )
+        dr.eval(parts, pairs)
         for corner, pair in zip(self._grid.corners(self._cells), pairs):
             dr.scatter_reduce(dr.ReduceOp.Add, by_corners, pair, corner, mode=dr.ReduceMode.NoConflicts)
             dr.eval(by_corners)
 
-    def swept(self, da: DrArray, db: DrArray, passing: DrArray, most: float) -> OrderFreeSums:
-        """Return what the triangles change where corners move by (da, db) and more of their flux arrives.
-
-        most : of all fluxes that arrive more, the sum of the moduli.
-        """
-        dr, moves = self._dr, self._at_corners(da, db)
-        flux = self._share * sum(self._grid.of_corners(passing, self._cells))
-        rates, every = [], self._Float(0)
-        for numbers, triangle in zip(TRIANGLES, self._triangles):
-            area = triangle.area_change([moves[k] for k in numbers])
-            change = dr.select(triangle.spread, flux - triangle.density * area, 0.0)
-            rates.append(dr.select(triangle.spread, change / triangle.area, 0.0))
-            every = every + dr.abs(change)
-        changes = [self._change(side, rates, moves) for side in self._sides]
+    def swept(self, da: DrArray, db: DrArray, passing: DrArray) -> DrArray:
+        """Return what the image changes where corners move by (da, db) and more of their flux arrives."""
+        dr, (flux, every, changes) = self._dr, self._changes(da, db, passing)
         # a rate acts on what lies in a pixel of a triangle's area, and edges sweep where they lie
         every = every + sum(dr.abs(number) for _, *ends in changes for number in ends)
-        differences = self._lines.differences(most + float(dr.sum(every).numpy()[0]))
+        differences = self._lines.differences(float(dr.sum(every).numpy()[0]))
         for triangle in self._triangles:
             inside, pixel = self._middle(triangle)
             self._lines.add_at(differences, flux, pixel, inside)
         for side, change in zip(self._sides, changes):
 
-            def add(
-                numbers: Numbers, piece: Pieces, side: _Side = side, change: tuple[DrArray, ...] = change
-            ) -> Numbers:
+            def add(numbers: Numbers, piece: Pieces, side: Side = side, change: Change = change) -> Numbers:
                 rate, first, last = change
                 within = self._lines.within(side.edges, piece)
                 part = rate * (piece.length * side.edges.db)
@@ -180,17 +184,26 @@ class CutCells:
                 return numbers
 
             walk(dr, side.edges, side.spread, self._lines.counts, add)
-        dr.eval(differences.whole)
-        return differences
+        return self._lines.summed(differences)
 
-    def _change(self, side: _Side, rates: Sequence[DrArray], moves: Sequence[Point]) -> tuple[DrArray, ...]:
-        """Return by how much the density on the left of an edge grows, less that on its right, and what its
-        ends sweep."""
-        rate = rates[side.left] if side.right is None else rates[side.left] - rates[side.right]
-        return rate, *(
-            side.density * (side.edges.db * moves[k][0] - side.edges.da * moves[k][1])
-            for k in (side.start, side.end)
-        )
+    def _changes(self, da: DrArray, db: DrArray, passing: DrArray) -> tuple[DrArray, DrArray, list[Change]]:
+        """Return the change of half of a cell's flux, the moduli of its and its triangles', and of every edge
+        by how much the density on its left grows, less that on its right, and what its ends sweep."""
+        dr, moves = self._dr, self._at_corners(da, db)
+        flux = self._share * sum(self._grid.of_corners(passing, self._cells))
+        rates, every = [], 2 * dr.abs(flux)
+        for numbers, triangle in zip(TRIANGLES, self._triangles):
+            area = triangle.area_change([moves[k] for k in numbers])
+            change = dr.select(triangle.spread, flux - triangle.density * area, 0.0)
+            rates.append(dr.select(triangle.spread, change / triangle.area, 0.0))
+            every = every + dr.abs(change)
+        changes = []
+        for side in self._sides:
+            rate = rates[side.left] if side.right is None else rates[side.left] - rates[side.right]
+            (ua, ub), (va, vb) = moves[side.start], moves[side.end]
+            da, db = side.edges.da, side.edges.db
+            changes.append((rate, *(side.density * (db * a - da * b) for a, b in ((ua, ub), (va, vb)))))
+        return flux, every, changes
 
     def _at_corners(self, a: DrArray, b: DrArray) -> list[Point]:
         return list(zip(*(self._grid.of_corners(values, self._cells) for values in (a, b))))
@@ -200,22 +213,22 @@ class CutCells:
         dr, corners = self._dr, tuple(self._points[k] for k in TRIANGLES[number])
         counts = counts & (self._flux > 0)
         for along, count in zip(zip(*corners), self._lines.counts):
-            least, most = (reduce(extreme, along) for extreme in (dr.minimum, dr.maximum))
+            least, most = (extreme(dr, *along) for extreme in (lowest, highest))
             counts = counts & (most >= 0) & (least < self._Float(count))
         area = signed_area(corners)
         spread = counts & (dr.abs(area) >= LEAST_AREA)
         density = dr.select(spread, self._flux / area, 0.0)
         return _Triangle(corners, area, density, spread, counts & ~spread)
 
-    def _side(self, ends: tuple[int, int], left: int, right: int | None) -> _Side:
+    def _side(self, ends: tuple[int, int], left: int, right: int | None) -> Side:
         (ua, ub), (va, vb) = (self._points[k] for k in ends)
         density, spread = self._triangles[left].density, self._triangles[left].spread
         if right is not None:
             density = density - self._triangles[right].density
             spread = spread | self._triangles[right].spread
-        return _Side(*ends, left, right, Edges(ua, ub, va - ua, vb - ub), density, spread)
+        return Side(*ends, left, right, Edges(ua, ub, va - ua, vb - ub), density, spread)
 
-    def _integrals(self, side: _Side, values: DrArray, sums: DrArray) -> Numbers:
+    def _integrals(self, side: Side, values: DrArray, sums: DrArray) -> Numbers:
         """Return J0, J1, J2 of an edge."""
         dr, lines = self._dr, self._lines
 

@@ -18,25 +18,28 @@ The adjoint of dL = sum over P of g_P dE_P needs of an edge from u to v, p(t) = 
 With m = (J0 of the three edges) / A a triangle's derivative by f is m, and that by its corners is
 f / A * J1 (db, -da) at u, f / A * J2 (db, -da) at v for every edge, and -m f / A * dA.
 
-Most triangles lie in one pixel, since a pixel has many cells: they add their flux there, and pass no
-derivative to their corners.  Only the others are followed, by a list of their cells.  One that is thin, with
-less than LEAST_AREA, is laid along its longest edge, as thick as it is there; it passes none either.
+A pixel has many cells.  A triangle that lies in one adds its flux there, and passes no derivative to its
+corners.  Cells on two pixels, and around a corner between four, have closed forms (`WholeCells`,
+`CornerCells`).  Only the others are followed along their edges (`CutCells`).  One that is thin, with less
+than LEAST_AREA, is laid along its longest edge, as thick as it is there; it passes none either.
 
 Source of the running sums: R. Levien, Inside the fastest font renderer in the world (2016).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache, reduce
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from optics.base.runtime import Backend, DrArray, OrderFreeSums
-from optics.light.measuring.cell_grid import CellGrid, Corners
-from optics.light.measuring.cut_cells import TRIANGLES, CutCells, signed_area
+from optics.base.runtime import Backend, DrArray
+from optics.light.measuring.cell_grid import CellCorners, CellGrid, Corners
+from optics.light.measuring.corner_cells import CornerCells
+from optics.light.measuring.cut_cells import CutCells
 from optics.light.measuring.pixel_lines import PixelLines
+from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, WholeCells, sorted_cells
 from optics.scene.receivers import Screen
 from thbcad.checks import Floats
 
@@ -47,12 +50,15 @@ SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter pass
 class Places:
     """Where cells lie.
 
-    whole : of every cell, 4 times the number of the pixel in which triangles lie, plus 1 for the first of
-        them and 2 for the second.
-    cut : the numbers of the cells that may meet pixels with another triangle.
+    code : of every cell, as of `WholeCells`.
+    flux : half of that of every cell.
+    corner : the numbers of cells with other triangles, which lie around a corner between four pixels.
+    cut : the numbers of the cells that may meet pixels with any other triangle.
     """
 
-    whole: DrArray
+    code: DrArray
+    flux: DrArray
+    corner: DrArray
     cut: DrArray
 
 
@@ -110,37 +116,34 @@ class MappedCells:
 
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
-        dr, pixels = self._backend.dr, self._lines.pixels(self._light)
-        whole, cut, flux, lines = self._sorted(corners)
-        self._add_whole(pixels, whole, flux)
-        dr.eval(pixels.whole, lines.whole, whole, cut)
-        places = Places(whole, dr.compress(cut))
+        dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
+        code, corner, cut = sorted_cells(dr, self._lines, cells)
+        WholeCells(dr, self._lines, cells, code).add(pixels)
+        dr.eval(pixels.whole, code, cells.flux, corner, cut)
+        places = Places(code, cells.flux, dr.compress(corner), dr.compress(cut))
+        if dr.width(places.corner):
+            CornerCells(*self._some(corners, places, places.corner)).add(pixels)
         image = self._lines.light(pixels)
         if dr.width(places.cut):
-            # no pixel has more light than what all cells that meet its line may lay on one; each is rounded
-            halves = int(np.cumsum(lines.whole.numpy()).max()) + dr.width(places.cut)
-            differences = self._lines.differences(2 * halves * lines.quantum)
-            thin = dr.compress(self._cut(corners, places).add(differences))
-            if dr.width(thin):
-                rest = Places(whole, dr.gather(self._backend.Index, places.cut, thin))
-                self._cut(corners, rest).add_thin(differences)
-            image = image + self._lines.summed(differences)
+            image = image + CutCells(*self._some(corners, places, places.cut)).light()
         return image, places
 
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
         """Return the derivatives by a, b and the corners' flux of the sum of g times the image."""
         dr, weights = self._backend.dr, self._lines.integrated(g)
-        count = _triangles_in(places.whole, self._shares)
-        means = count * self._grid.at(weights[0], places.whole >> 2, count > 0)
-        by_corners = dr.zeros(self._double.Float, 2 * self._grid.size)
-        if dr.width(places.cut):
-            dr.eval(means)
-            self._cut(corners, places).pull_back(weights, means, by_corners)
-        parts = means * self._shares
-        dr.eval(parts)
+        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
+        means, slopes = whole.pull_back(weights[0])
+        parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
+        dr.eval(parts, slopes)
+        for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
+            if dr.width(cells):
+                kind(*self._some(corners, places, cells)).pull_back(weights, parts, by_corners)
         every = dr.arange(self._backend.Index, self._grid.size)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
-        return by_a, by_b, self._inverse * self._grid.around_corners(parts)
+        for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
+            by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)
+            by_b = by_b + dr.select((code & ALONG_B) > 0, slope, 0.0)
+        return by_a, by_b, self._inverse * sum(self._grid.around_corners(*[parts] * 4))
 
     def tangent(self, corners: Corners, places: Places, da: DrArray, db: DrArray, change: DrArray) -> DrArray:
         """Return the derivative of the image as corners move by (da, db) and their flux changes.
@@ -149,60 +152,27 @@ class MappedCells:
         """
         dr, passing = self._backend.dr, change * self._inverse
         dr.eval(passing)
-        flux = self._shares * sum(self._grid.of_corners(passing, *self._grid.cells()))
-        most = 2 * float(dr.sum(dr.abs(flux)).numpy()[0])
-        pixels = self._lines.pixels(most)
-        self._add_whole(pixels, places.whole, flux)
-        image = self._lines.light(pixels)
-        if dr.width(places.cut):
-            differences = self._cut(corners, places).swept(da, db, passing, most)
-            image = image + self._lines.summed(differences)
+        moves = self._cells(Corners(da, db, passing))
+        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
+        image = whole.swept(self._lines, moves)
+        for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
+            if dr.width(cells):
+                image = image + kind(*self._some(corners, places, cells)).swept(da, db, passing)
         return image
 
-    def _add_whole(self, pixels: OrderFreeSums, whole: DrArray, flux: DrArray) -> None:
-        """Add the triangles that lie in one pixel.  flux : half of that of every cell."""
-        pixels.add((_triangles_in(whole, flux) * flux,), whole >> 2, (whole & 3) > 0)
-
-    def _cut(self, corners: Corners, places: Places) -> CutCells:
-        whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
-        return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, whole)
-
-    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray, OrderFreeSums]:
-        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux; and half of
-        the most that cells which are cut lay on one pixel of a line, as steps from line to line."""
-        dr, Index = self._backend.dr, self._backend.Index
+    def _cells(self, corners: Corners) -> CellCorners:
+        """Return the corners of all cells."""
         cell, exists = self._grid.cells()
-        flux = self._shares * sum(self._grid.of_corners(corners.passing, cell, exists))
-        a, b = (self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b))
-        pixels = [[dr.floor(v) for v in along] for along in (a, b)]
-        meets = lit = exists & (flux > 0)  # not where a corner is not sound
-        for at, count in zip(pixels, self._lines.counts):
-            meets = (
-                meets & (reduce(dr.maximum, at) >= 0) & (reduce(dr.minimum, at) < self._double.Float(count))
-            )
-        first, second = (
-            reduce(lambda one, at: one & (at[0] == at[q]) & (at[0] == at[r]), pixels, lit)
-            for _, q, r in TRIANGLES
+        a, b, passing = (
+            self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b, corners.passing)
         )
-        i, j = (at[0] for at in pixels)
-        inside = (first | second) & self._lines.on_screen(i, j)
-        number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
-        bits = dr.select(first, Index(1), 0) | dr.select(second, Index(2), 0)
-        cut = meets & ~(first & second)
-        least = reduce(dr.minimum, (dr.abs(signed_area([(a[k], b[k]) for k in t])) for t in TRIANGLES))
-        part = dr.select(least > 1, flux / least, flux)
-        lines, last = self._lines.lines(self._light), self._double.Float(self._lines.counts[1] - 1)
-        lines.add((part,), Index(dr.clip(reduce(dr.minimum, pixels[1]), 0, last)), cut)
-        lines.add((-part,), Index(dr.clip(reduce(dr.maximum, pixels[1]), 0, last)) + 1, cut)
-        return dr.select(inside, 4 * number | bits, 0), cut, flux, lines
+        return CellCorners(a, b, self._shares * sum(passing))
 
-
-def _triangles_in(whole: DrArray, like: DrArray) -> DrArray:
-    """Return how many triangles of every cell lie in one pixel.
-
-    like : an array of the type of the result.
-    """
-    return type(like)((whole & 1) + ((whole >> 1) & 1))
+    def _some(self, corners: Corners, places: Places, cells: DrArray) -> tuple[Any, ...]:
+        """Return the arguments of `CutCells` for some cells, by their numbers."""
+        code = self._backend.dr.gather(self._backend.Index, places.code, cells)
+        flux = self._grid.at(places.flux, cells)
+        return self._double, self._grid, self._lines, cells, corners, self._shares, flux, code
 
 
 @cache

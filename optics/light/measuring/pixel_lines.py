@@ -18,29 +18,35 @@ class PixelLines:
     """
 
     def __init__(self, backend: Backend, padded: tuple[int, int]) -> None:
-        self._backend, (self._rows, self._columns) = backend, padded
+        self._backend, (self._rows, self.columns) = backend, padded
         Int = backend.dr.int32_array_t(backend.Index)
-        self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self._columns)
+        self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self.columns)
 
     def pixels(self, most: float) -> OrderFreeSums:
-        """Return no light in every pixel, by `number`.  most : as of `OrderFreeSums`."""
-        return OrderFreeSums(self._backend, (self._rows + 2) * self._columns, most)
-
-    def lines(self, most: float) -> OrderFreeSums:
-        """Return no light in every line and behind the last.  most : as of `OrderFreeSums`."""
-        return OrderFreeSums(self._backend, self._columns + 1, most)
+        """Return no light: of every pixel, by `number`, what lies in it, in the next one along a, in that
+        along b, and in that along both.  most : as of `OrderFreeSums`."""
+        return OrderFreeSums(self._backend, 4 * (self._rows + 2) * self.columns, most)
 
     def differences(self, most: float) -> OrderFreeSums:
         """Return no differences: of every pixel a pair, what begins in it and what ends behind it.
 
         most : of a step from pixel to pixel, the sum of what ends and begins, which alone may be larger.
         """
-        return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self._columns, most)
+        return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self.columns, most)
 
     def number(self, i: DrArray, j: DrArray) -> DrArray:
         """Return the number of a pixel; -1 and the number of pixels count to a line as well."""
         Index = self._backend.Index
         return Index(j) * Index(self.counts[0] + 2) + Index(i + 1)
+
+    def nearest(self, b: DrArray) -> DrArray:
+        """Return the number of the line at a whole number b, or nearest to it."""
+        return self._backend.Index(self._backend.dr.clip(b, 0, self._backend.Float(self.counts[1] - 1)))
+
+    def next(self, number: DrArray, along_a: DrArray) -> DrArray:
+        """Return the number of the next pixel along a or b."""
+        dr, Index = self._backend.dr, self._backend.Index
+        return number + dr.select(along_a, Index(1), Index(self.counts[0] + 2))
 
     def on_screen(self, a: DrArray, b: DrArray) -> DrArray:
         """Return whether a point lies on the pixels."""
@@ -70,14 +76,19 @@ class PixelLines:
 
     def light(self, pixels: OrderFreeSums) -> DrArray:
         """Return the image of light in pixels, flat, line by line."""
-        return self._backend.array(pixels.values().numpy().reshape(self._columns, self._rows + 2)[:, 1:-1])
+        parts = pixels.whole.numpy().reshape(self.columns, self._rows + 2, 4)
+        image = parts[:, :, 0].copy()
+        image[:, 1:] += parts[:, :-1, 1]
+        image[1:] += parts[:-1, :, 2]
+        image[1:, 1:] += parts[:-1, :-1, 3]
+        return self._backend.array(image[:, 1:-1] * pixels.quantum)
 
     def summed(self, differences: OrderFreeSums) -> DrArray:
         """Return the image of differences, flat, line by line.
 
         What rounding leaves in dark pixels is taken away, but for cells that are far narrower than a pixel.
         """
-        pairs = differences.whole.numpy().reshape(self._columns, self._rows + 2, 2)
+        pairs = differences.whole.numpy().reshape(self.columns, self._rows + 2, 2)
         steps = pairs[:, :, 0].copy()
         steps[:, 1:] += pairs[:, :-1, 1]
         image = np.cumsum(steps, axis=1)[:, 1:-1].astype(np.float64)
@@ -87,7 +98,7 @@ class PixelLines:
 
     def integrated(self, image: DrArray) -> tuple[DrArray, DrArray]:
         """Return by `number` the values of an image, and their sums up to the start of every pixel."""
-        values = np.pad(image.numpy().reshape(self._columns, self._rows), ((0, 0), (1, 1)))
+        values = np.pad(image.numpy().reshape(self.columns, self._rows), ((0, 0), (1, 1)))
         sums = np.zeros_like(values)
         np.cumsum(values[:, :-1], axis=1, out=sums[:, 1:])
         return self._backend.array(values), self._backend.array(sums)

@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from optics.base.runtime import DrArray
+from optics.light.measuring.cell_grid import highest, lowest
 
 Numbers: TypeAlias = "tuple[DrArray, ...]"
 
@@ -65,8 +66,8 @@ def walk(
 
     def body(t: DrArray, i: DrArray, j: DrArray, on: DrArray, *numbers: DrArray) -> Numbers:
         by_a, by_b = crossing(0, i), crossing(1, j)
-        first = dr.minimum(by_a, by_b)
-        end = dr.clip(first, t, 1.0)
+        first = lowest(dr, by_a, by_b)
+        end = lowest(dr, highest(dr, first, t), Float(1))
         numbers = visit(numbers, Pieces(i, j, end - t, 0.5 * (t + end), on))
         on = on & (first < 1)
         along_a = by_a <= by_b

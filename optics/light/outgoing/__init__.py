@@ -5,12 +5,8 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.light.outgoing.concentration import (
-        Concentration,
-        concentration_sentence,
-        fire_warning,
-        greatest_concentration,
-    )
+    from optics.light.outgoing.concentration import Concentration, greatest_concentration
+    from optics.light.outgoing.concentration_words import concentration_sentence, fire_warning
     from optics.light.outgoing.intensity_of_lens import OutgoingIntensity, outgoing_intensity
     from optics.light.outgoing.lit_points import CutCost, cut_cost, least_half_widths
     from optics.light.outgoing.rays_of_lens import outgoing_rays

@@ -1,4 +1,4 @@
-"""Where the light between a lens and its target is concentrated most, and whether it may start a fire.
+"""Where the light between a lens and its target is concentrated most.
 
 Without losses every ray keeps its flux.  Behind the rear it is straight, so that it meets the plane at z in
 x(z) = x + (z - z0) tan u.  The irradiance of sharp light is infinite on caustics.  What counts is its mean
@@ -17,6 +17,7 @@ Sunlight of 1 kW/m^2 is concentrated to as many kW/m^2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isqrt, pi, sqrt
@@ -36,6 +37,7 @@ from thbcad.lens import Lens
 
 SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
 CELLS = 512  # of sharp light in each direction; their square is the number of rays of other light
+COARSER = 2  # cells in each direction, with which planes are looked at before the last one
 RAYS_IN_DISK = 16, 400  # at the irradiance of the front: cells, and rays at random, whose noise is 5 %
 PARTS, MOST_PARTS = 4, 1 << 16  # of a cell in each direction; of all cells, where they are not more
 FAR = 10_000.0  # mm behind the rear, as far as light to the far field is followed
@@ -46,8 +48,6 @@ WIDER = 1.01  # blocks over a disk, from which on they are cut again
 BLOCKS = 512  # of the light in each direction, at most
 SEARCHED, SEARCHED_LAST = 4, 64  # of these, the brightest, for disks; on the plane that is found
 SUNLIGHT = 1.0  # kW/m^2, across the beam
-KW_PER_M2 = 1000.0  # in W/mm^2
-IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/sources.md)
 
 
 @dataclass(frozen=True)
@@ -107,29 +107,31 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     """
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
-    bundle = _leaving(system.shaping, lens, backend)
+    bundle, seen = _leaving(system.shaping, lens, backend)
     farthest = max(bundle.z0, min(system.path(lens).throw_of(-1), FAR))
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
-    def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
+    def on_plane(light: _Bundle, s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
         """Return (greatest mean irradiance on a disk, its diameter, s)."""
         disk = max(SMALLEST_DISK, bundle.disk, 2 * (s - bundle.depth) * sine / sqrt(1 - sine * sine))
-        return 4 * _most_in_disk(bundle, s - bundle.z0, disk, blocks) / (pi * disk**2), disk, float(s)
+        return 4 * _most_in_disk(light, s - light.z0, disk, blocks) / (pi * disk**2), disk, float(s)
 
-    found = [on_plane(s) for s in planes]
+    found = [on_plane(seen, s) for s in planes]
     for k in np.argsort([-light for light, _, _ in found])[:2]:
         ends = planes[max(k - 1, 0)], planes[min(k + 1, PLANES)]
         steps = {"maxiter": CLOSER}
-        closest = minimize_scalar(lambda s: -on_plane(s)[0], bounds=ends, method="bounded", options=steps)
-        found.append(on_plane(closest.x))
-    light, disk, behind = on_plane(max(found)[2], SEARCHED_LAST)
+        closest = minimize_scalar(
+            lambda s: -on_plane(seen, s)[0], bounds=ends, method="bounded", options=steps
+        )
+        found.append(on_plane(seen, closest.x))
+    light, disk, behind = on_plane(bundle, max(found)[2], SEARCHED_LAST)
     times = light / bundle.front
     far = system.source.from_afar
     return Concentration(times, light, SUNLIGHT * times if far else None, behind, disk, float(farthest))
 
 
-def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
-    """Return the light behind a lens without losses.
+def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[_Bundle, _Bundle]:
+    """Return the light behind a lens without losses, and the same in cells that are COARSER times as large.
 
     Raises UserError : there is none.
     """
@@ -146,17 +148,33 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
         height = ahead.points((last.x, last.y, last.z))[2]
         values = [first.x, first.y, height, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)
-    u, v, height, x, y, p, q, onto, out = (_corners(a.numpy(), cells) for a in values)
-    emitted = np.ravel(rays.flux if cells is None else cells.emitted)
-    lit, out = onto.all(axis=0) & (emitted > 0), out.all(axis=0) & (emitted > 0)
-    if not out.any() or np.count_nonzero(lit) < LEAST_RAYS:
+    traced = [a.numpy() for a in values]
+    if cells is None:
+        whole = _bundle([a[None, :] for a in traced], np.ravel(rays.flux), RAYS_IN_DISK[1])
+        return whole, whole
+    whole, coarse = (
+        _bundle([_corners(a, cells, step) for a in traced], _merged(cells.emitted, step), RAYS_IN_DISK[0])
+        for step in (1, COARSER)
+    )
+    return whole, replace(coarse, disk=whole.disk)
+
+
+def _bundle(traced: Sequence[Floats], emitted: Floats, in_disk: int) -> _Bundle:
+    """Return cells (4, n) or rays (1, n) as a _Bundle.
+
+    traced : what `_leaving` knows of them.  in_disk : that tell the irradiance.
+
+    Raises UserError : there are none.
+    """
+    u, v, height, x, y, p, q, onto, out = traced
+    lit, leaves = onto.all(axis=0) & (emitted > 0), out.all(axis=0) & (emitted > 0)
+    if not leaves.any() or np.count_nonzero(lit) < LEAST_RAYS:
         raise UserError("no light leaves the lens by front and rear; check the source and the lens")
     area = ConvexHull(np.stack([u[:, lit], v[:, lit]], axis=-1).reshape(-1, 2), qhull_options="QJ").volume
-    height, flux, z0 = height[:, out], emitted[out], float(height[:, out].max())
-    slope = np.stack([p, q])[:, :, out]
+    height, flux, z0 = height[:, leaves], emitted[leaves], float(height[:, leaves].max())
+    slope = np.stack([p, q])[:, :, leaves]
     slope /= np.sqrt(1 - (slope**2).sum(axis=0))
-    start = np.stack([x, y])[:, :, out] + z0 * slope
-    each = RAYS_IN_DISK[cells is None] * area / np.count_nonzero(lit)
+    start = np.stack([x, y])[:, :, leaves] + z0 * slope
     return _Bundle(
         start=start,
         slope=slope,
@@ -165,16 +183,20 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
         z0=z0,
         depth=float(np.average(height.mean(axis=0), weights=flux)),
         front=float(emitted[lit].sum()) / area,
-        disk=2 * sqrt(each / pi),
+        disk=2 * sqrt(in_disk * area / np.count_nonzero(lit) / pi),
     )
 
 
-def _corners(traced: Floats, cells: SourceCells | None) -> Floats:
-    """Return what is known of rays for every ray (1, n), or for the four corners of every cell (4, n)."""
-    if cells is None:
-        return traced[None, :]
-    at = traced.reshape(len(cells.s), len(cells.t))
+def _corners(traced: Floats, cells: SourceCells, step: int) -> Floats:
+    """Return what is known of rays for the four corners of every cell, (4, n).  step : of merged cells."""
+    at = traced.reshape(len(cells.s), len(cells.t))[::step, ::step]
     return np.stack([at[i : i - 1 or None, j : j - 1 or None].ravel() for i in (0, 1) for j in (0, 1)])
+
+
+def _merged(emitted: Floats, step: int) -> Floats:
+    """Return the flux of cells of which step^2 are merged, (n,)."""
+    nx, ny = (n // step for n in emitted.shape)
+    return emitted.reshape(nx, step, ny, step).sum(axis=(1, 3)).ravel()
 
 
 def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int, best: float = 0.0) -> float:
@@ -239,45 +261,3 @@ def _disk() -> Floats:
     at = (np.arange(side * fine) + 0.5) / fine - side / 2
     inside = np.hypot(at, at[:, None]) <= ACROSS / 2
     return inside.reshape(side, fine, side, fine).mean(axis=(1, 3))
-
-
-def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
-    """Return where light is concentrated most, and how much, in one sentence."""
-    light = system.units.in_plane.text(found.irradiance)
-    sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
-    first = _the(system.problem.face_names[0])
-    return (
-        f"greatest concentration of light: {found.times:.3g} times that on {first}, "
-        f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
-        f"without losses; searched up to {_length(found.searched)})"
-    )
-
-
-def _length(mm: float) -> str:
-    return f"{round(mm, 2) + 0.0:g} mm"  # no -0
-
-
-def _place(system: OpticalSystem) -> str:
-    """Return from where the way of light is counted."""
-    last = system.problem.faces_met[-1]
-    side = "before" if last.reflects or last.backwards else "behind"
-    return f"{side} {_the(system.problem.face_names[-1])}"
-
-
-def _the(face: str) -> str:
-    """Return what a sentence calls a face: one of several elements has a name of its own."""
-    return face if "." in face else f"the {face}"
-
-
-def fire_warning(system: OpticalSystem, found: Concentration) -> str:
-    """Return a warning where light may set fire to things, "" elsewhere."""
-    own = 0.0 if system.units.luminous else found.irradiance * KW_PER_M2
-    each = {"the source": own, f"sunlight of {SUNLIGHT:g} kW/m^2": found.sunlight or 0.0}
-    hot = [f"{heat:.3g} kW/m^2 with {light}" for light, heat in each.items() if heat >= IGNITING]
-    if not hot:
-        return ""
-    return (
-        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} {_place(system)} "
-        f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
-        "keep everything out of there, and cover the lens while nobody watches it"
-    )

@@ -55,7 +55,7 @@ def radius_option(automatic: str) -> Any:
 
 
 def conic_option(usual: float | None = None) -> Any:
-    """Return the option of a surface's conic constant.  usual : where nothing is said; None as the note says."""
+    """Return the option of a conic constant.  usual : where nothing is said; None as the note says."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
     left_out = "" if usual else '; left out it is 0, and auto beside radius = "auto"'
     return option(usual, size=(0, GREATEST_CONIC), note=note + left_out, auto=True)

@@ -7,6 +7,8 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import Floats
 
+BAND = 64  # rows that are turned together: those of large pictures do not fit into the processor's cache
+
 
 def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str = "crop") -> Floats:
     """Return the mean light on each of the target's pixels, (rows, columns).
@@ -23,9 +25,13 @@ def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str 
             width, height = float(columns), columns / aspect
     else:
         width, height = float(columns), float(rows)
-    by_row = _overlap(rows, height, pixels[1])
-    by_column = _overlap(columns, width, pixels[0])
-    return np.ascontiguousarray((by_column @ (by_row @ light).T).T)
+    if (columns, rows) == (width, height) == pixels:
+        return light
+    by_row, by_column = _overlap(rows, height, pixels[1]), _overlap(columns, width, pixels[0])
+    fitted, by_rows = np.empty(pixels[::-1]), by_row @ light
+    for start in range(0, pixels[1], BAND):
+        fitted[start : start + BAND] = (by_column @ by_rows[start : start + BAND].T).T
+    return fitted
 
 
 def _overlap(count: int, extent: float, pixels: int) -> csr_array:

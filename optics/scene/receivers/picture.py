@@ -15,6 +15,7 @@ from thbcad.checks import Floats
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
 MAX_SOURCE_PIXELS = 100_000_000  # 0.8 GB as linear light; Pillow itself refuses 179 million
 BAND_PIXELS = 1 << 20  # decoded together
+DEEPEST = 65535  # of whole numbers
 DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
 # Pillow's name and ours; none of them starts another program, as EPS does
 FORMATS = {
@@ -73,32 +74,36 @@ def _too_large(path: str | Path, size: str) -> str:
 
 def _linear(image: Image.Image, encoding: str) -> Floats:
     if image.mode in DEEP_MODES:
-        values = np.asarray(image, dtype=np.float64)
-        if values.max() > 65535:
+        values = np.asarray(image)
+        if values.max() > DEEPEST:
             raise ValueError("its whole numbers have more than 16 bits, which only floating point may have")
-        return _decoded(values / 65535, encoding)
+        if values.min() >= 0:
+            return _decoded(np.arange(DEEPEST + 1) / DEEPEST, encoding)[values]
+        return _decoded(values / DEEPEST, encoding)
     if image.mode == "F":
         return _decoded(np.asarray(image, dtype=np.float64), encoding)
+    levels = _decoded(np.arange(256) / 255, encoding)
     if image.mode == "1" or image.mode == "L":
-        return _decoded(np.asarray(image.convert("L"), dtype=np.float64) / 255, encoding)
-    return _luminance(np.asarray(image.convert("RGBA")), encoding)
+        return levels[np.asarray(image.convert("L"))]
+    return _luminance(np.asarray(image.convert("RGBA")), levels)
 
 
-def _luminance(colours: NDArray[np.uint8], encoding: str) -> Floats:
-    """Return the linear light of (rows, columns, 4) colours with transparency, band after band."""
+def _luminance(colours: NDArray[np.uint8], levels: Floats) -> Floats:
+    """Return the linear light of (rows, columns, 4) colours with transparency, band after band.
+
+    levels : linear light of each of the 256 numbers of a colour.
+    """
     light = np.empty(colours.shape[:2])
     step = max(1, BAND_PIXELS // colours.shape[1])
     for row in range(0, len(colours), step):
-        values = _decoded(colours[row : row + step] / 255, encoding, channels=3)
-        light[row : row + step] = values[..., :3] @ np.array(LUMINANCE) * values[..., 3]
+        band = colours[row : row + step]
+        light[row : row + step] = levels[band[..., :3]] @ np.array(LUMINANCE) * (band[..., 3] / 255)
     return light
 
 
-def _decoded(values: Floats, encoding: str, channels: int | None = None) -> Floats:
-    """Undo the sRGB curve (of the first `channels` channels)."""
+def _decoded(values: Floats, encoding: str) -> Floats:
+    """Undo the sRGB curve."""
     if encoding == "linear":
         return values
-    colour = values if channels is None else values[..., :channels]
-    low = colour <= 0.04045
-    decoded = np.where(low, colour / 12.92, ((np.maximum(colour, 0.04045) + 0.055) / 1.055) ** 2.4)
-    return decoded if channels is None else np.concatenate([decoded, values[..., channels:]], axis=-1)
+    low = values <= 0.04045
+    return np.where(low, values / 12.92, ((np.maximum(values, 0.04045) + 0.055) / 1.055) ** 2.4)

@@ -23,6 +23,7 @@ FAR = 1e9  # mm, of points of the far field
 GRAZING = 0.26  # cosine, some 75 degrees: no geometry is proposed where light comes in more aside
 EDGE_ON = 1e-9  # of a cosine: light that meets an element so, along its face, never meets it
 LITTLE = 0.01  # of the light
+MOST_PIXELS = 1024  # of a target in each direction, that are looked at: more are merged
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
@@ -200,7 +201,8 @@ def _fault(system: OpticalSystem) -> str:
 
 def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
     """Return points of the target that are to be lit, (3, n), its normals there, and shares of the light."""
-    target, screen = system.target, system.target.screen()
+    target = system.target
+    screen = target.screen(coarsening=-(-max(target.settings.pixels) // MOST_PIXELS))
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]

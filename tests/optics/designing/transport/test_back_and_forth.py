@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 from scipy.special import erf
 
 from optics.base.runtime import load_backend
-from optics.designing.transport import transport_map
+from optics.designing.transport import back_and_forth, transport_map
 from optics.designing.transport.back_and_forth import _gradient
 from optics.scene.sources import Profile
 from tests.cases import slow_unless
@@ -190,6 +190,15 @@ def test_any_grid_gives_finite_positions_inside_the_target(backend, shape):
     assert np.isfinite(found.tx).all()
     assert np.isfinite(found.ty).all()
     assert max(np.abs(found.tx).max(), np.abs(found.ty).max()) <= 1
+
+
+def test_steps_end_where_the_dual_value_stands_still(backend, monkeypatch):
+    """Uniform light needs no transport: of two steps of both potentials the second changes nothing."""
+    taken = []
+    carried = back_and_forth.push_forward
+    monkeypatch.setattr(back_and_forth, "push_forward", lambda *of: taken.append(1) or carried(*of))
+    transport_map(backend, np.ones, (80, 80), 1.0)
+    assert len(taken) == 4
 
 
 @pytest.mark.parametrize("sigma", [0.5, 0.8])

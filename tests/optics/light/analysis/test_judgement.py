@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import Check, grade
-from optics.light.analysis import contrast_error, delivery_checks, judged, loss_notes, rel_l2
+from optics.light.analysis import contrast_error, dark_note, delivery_checks, judged, loss_notes, rel_l2
 from optics.scene.photometry import units_of
 from optics.scene.problem import Verify
 
@@ -139,6 +139,15 @@ def test_much_lost_light_is_named(fate, sentence):
 def test_fresnel_losses_and_small_ones_are_not():
     fates = FATES | {"rear_reflected": 0.5, "on_target": 0.45, "off_target": 0.05}
     assert loss_notes({"fates_lm": fates}, units_of("lm")) == []
+
+
+def test_much_light_in_the_dark_names_the_key_that_charges_it():
+    """A tenth of the light on the target is too little for a note."""
+    (note,) = dark_note({"efficiency": 0.8, "lit_efficiency": 0.6})
+    assert note.startswith("25% of the light on the target is where none is asked for")
+    assert "optimizer.dark_flux_weight" in note
+    assert dark_note({"efficiency": 0.8, "lit_efficiency": 0.73}) == []
+    assert dark_note({"efficiency": 0.0, "lit_efficiency": 0.0}) == []
 
 
 def test_the_worst_of_all_checks_is_the_grade():

@@ -6,31 +6,10 @@ from math import atan, cos, erf, hypot, pi, prod, sqrt
 import numpy as np
 import pytest
 
-from optics.light.analysis import cell_irradiance, light_of_cells, measure, sequential
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.light.analysis import light_of_cells, sequential
 from tests.cases import slow_unless
-from tests.optics.cases import HOLLOW, rough, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.light.analysis.cases import POINT, WHOLE, Made
 
-POINT = HOLLOW | {
-    "lens.rear.freeform.spans": [4, 4],
-    "source.kind": "point",
-    "source.half_angle": 50.0,
-    "source.exponent": 2.5,
-    "source.distance": 2.0,
-    "source.flux": 3.0,
-    "target.half_width": [2000.0, 1500.0],
-    "target.pixels": [40, 30],
-}
-WHOLE = {
-    "beam": {},
-    "round beam": {"source.profile": "round"},
-    "curved front": {"lens.front.radius": 60.0, "source.half_width": [8.0, 8.0]},
-    "point": POINT,
-    "far field": {"target.distance": np.inf, "target.half_width": [30.0, 25.0]},
-    "point, far field": POINT | {"target.distance": np.inf, "target.half_width": [60.0, 55.0]},
-}
 RIMS = 6.3456, 7.9, 8.0, 9.4999, 9.5 * (1 - 4 / 61)  # mm, across and along borders of 61 cells
 PLATE = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
 STRAIGHT_ON = PLATE | {
@@ -57,23 +36,6 @@ CUT = {
         "lens.thickness": 15.0,
     },
 }
-
-
-class Made:
-    """A problem with a rough sag on its rear."""
-
-    def __init__(self, folder, changes, backend, height=0.1):
-        self.system, self.backend = OpticalSystem(load_problem(write_problem(folder, changes))), backend
-        space = self.system.lens.rear.sag.space
-        self.lens = self.system.lens.with_sags([THBSurface(space, rough(space, height))])
-        self.screen = self.system.target.screen()
-
-    def light(self, *counts):
-        cells = self.system.source.cells(counts)
-        return cell_irradiance(self.system.path(self.lens), self.screen, cells, self.backend)
-
-    def flux(self, image):
-        return image.sum() * self.screen.pixel_area
 
 
 @pytest.fixture(scope="module")
@@ -232,20 +194,3 @@ def test_strips_of_cells_make_up_the_image(made, monkeypatch, name):
     strips, by_strips = case.light(41, 43)
     np.testing.assert_allclose(strips, image, rtol=0, atol=1e-12 * image.max())
     assert by_strips.flux == pytest.approx(fates.flux, abs=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "within"), [("beam", 0.2), ("curved front", 0.2), ("point", 0.3), ("far field", 0.3)]
-)
-def test_the_error_that_is_told_is_the_error(made, name, within):
-    """Within 20 %, against four times as many cells in each direction.
-
-    How cells lie to the pixels moves either error by a tenth; in the far field, by more.
-    """
-    case = made(name)
-    result = measure(case.system, case.lens, case.backend)
-    counts = [4 * n + 1 for n in (401, 401)]
-    exact = case.light(*counts)[0] / case.screen.projection()
-    error = np.linalg.norm(result.irradiance - exact) / np.linalg.norm(result.target)
-    assert result.metrics["rel_l2_floor"] == pytest.approx(error, rel=within)

@@ -4,8 +4,8 @@ STEP files by OCCT: the same rays and corners of cells, laid on pixels alike."""
 import numpy as np
 import pytest
 
-from optics.light.analysis import closed_lens_light, light_of_cells, measure, metrics
-from optics.light.analysis.light_of_cells import traced_cells
+from optics.light.analysis import closed_lens_light, light_of_cells, measure
+from optics.light.analysis.light_of_cells import extrapolated, traced_cells
 from optics.light.tracing import (
     FATES,
     Fate,
@@ -43,7 +43,7 @@ LENSES = {
     "body": {"lens.outline": "round", "lens.body.draft": 5.0, "lens.clear_aperture": [9.4, 9.4]},
 }
 RAYS, REPLICATES = (12, 12), 2
-CELLS = 13  # each way, a prime
+CELLS, COARSER = 13, 7  # each way, primes: of the finest grid and of the next one
 LEAST = 1e-3  # of a ray's flux: weaker branches end, in place of the roulette, which is random
 
 
@@ -129,16 +129,17 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
         seen.append(rays)
         return trace_nonsequential(backend, solid, rays, target, threshold=LEAST)
 
-    of_cells = {"CELLS_PER_PIXEL": 1, "CELLS_PER_SPAN": 1, "LEAST_CELLS": CELLS}
     of_rays = {"RAYS": RAYS, "REPLICATES": REPLICATES, "PILOT": REPLICATES, "trace_nonsequential": certain}
-    for module, changes in (metrics, of_cells), (closed_lens_light, of_rays):
-        for name, value in changes.items():
-            monkeypatch.setattr(module, name, value)
+    for name, value in of_rays.items():
+        monkeypatch.setattr(closed_lens_light, name, value)
+    monkeypatch.setattr(light_of_cells, "_cells", lambda *_: CELLS)
     monkeypatch.setattr(light_of_cells, "BORDER_CELLS", 2 * CELLS)
     found = measure(system, lens, backend)
 
-    direct, fates = traced_cells(file.trace, file.screen, system.source.cells([CELLS] * 2), backend)
-    wanted, closed = direct, np.zeros(len(FATES))
+    (fine, fates), (coarse, _) = (
+        traced_cells(file.trace, file.screen, system.source.cells([n] * 2), backend) for n in (CELLS, COARSER)
+    )
+    wanted, closed = extrapolated(fine, coarse, (CELLS / COARSER) ** 2), np.zeros(len(FATES))
     for rays in seen:
         by_ray, (x, y, flux, _) = file.every(rays)
         points, straight = file.sequence(rays)

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from optics.light.analysis import light_of_rays, metrics
+from optics.light.analysis import light_of_rays
 from optics.light.analysis.metrics import compare, measure
 from optics.scene.problem import load_problem
 from optics.scene.sources import LambertianArea
@@ -112,30 +112,6 @@ def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypa
     assert result.metrics["estimator"] == "rays"
 
 
-def test_two_grids_of_cells_give_the_image_and_its_error(tmp_path, backend, monkeypatch):
-    """The finer one is the image; neither has lines in common with the other, nor with the optimiser's."""
-    first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
-    given, real, grids = iter([first, second]), metrics.cell_irradiance, []
-
-    def watched(path, screen, cells, backend):
-        grids.append(cells.emitted.shape)
-        return next(given), real(path, screen, cells, backend)[1]
-
-    monkeypatch.setattr(metrics, "cell_irradiance", watched)
-    result = measured(tmp_path, backend)
-    np.testing.assert_array_equal(result.irradiance, first)
-    fine, coarse = grids
-    numbers = [*fine, *coarse]
-    assert all(n >= 8 * 48 for n in fine)
-    assert all(n % k for n in numbers for k in range(2, n))
-    ratio = (fine[0] * fine[1] / (coarse[0] * coarse[1])) ** metrics.ORDER
-    apart = np.linalg.norm(first - second) / first.mean()
-    between = apart / np.linalg.norm(result.target / result.target.mean()) / result.metrics["rel_l2_floor"]
-    assert ratio - 1 < between < np.sqrt(ratio**2 + 1)
-    assert between == pytest.approx(ratio, rel=0.15)
-    assert result.metrics["estimator"] == "cells"
-
-
 @pytest.mark.slow
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
     whole = measured(tmp_path, backend, GLOWING)
@@ -163,18 +139,6 @@ def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
 def test_cells_know_no_seed(tmp_path, backend):
     first, other = (seeded(tmp_path, backend, {}, seed) for seed in (0, 1))
     np.testing.assert_allclose(other, first, rtol=0, atol=1e-13 * first.max())
-
-
-def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkeypatch):
-    """Against 4 times as many cells in each direction, within a small factor: this lens maps the beam almost
-    linearly, so that next to nothing is left, and that of higher order."""
-    usual = measured(tmp_path, backend)
-    for name in ("CELLS_PER_PIXEL", "CELLS_PER_SPAN"):
-        monkeypatch.setattr(metrics, name, 4 * getattr(metrics, name))
-    exact = measured(tmp_path, backend)
-    error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
-    assert 0.3 < usual.metrics["rel_l2_floor"] / error < 3
-    assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4
 
 
 @pytest.mark.parametrize("pixels", [[2, 2], [3, 2], [3, 3], [5, 40]])

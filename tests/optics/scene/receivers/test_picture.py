@@ -217,10 +217,11 @@ def test_damaged_pictures_give_light_or_a_user_error(tmp_path, suffix):
 
 
 def test_whole_ratios_give_block_means():
-    light = np.random.default_rng(1).uniform(0, 1, (24, 60))
-    expected = light.reshape(8, 3, 12, 5).mean(axis=(1, 3))
+    """Of more rows than are turned together."""
+    light = np.random.default_rng(1).uniform(0, 1, (240, 60))
+    expected = light.reshape(80, 3, 12, 5).mean(axis=(1, 3))
     for fit in ("crop", "pad", "stretch"):
-        np.testing.assert_allclose(fit_picture(light, (12, 8), 60 / 24, fit), expected, rtol=1e-14)
+        np.testing.assert_allclose(fit_picture(light, (12, 80), 60 / 240, fit), expected, rtol=1e-14)
 
 
 def test_more_pixels_than_the_picture_has_repeat_its_pixels():

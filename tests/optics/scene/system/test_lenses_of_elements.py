@@ -1,6 +1,7 @@
 """From a problem file to rays, surfaces and targets: every kind of source, one or two free surfaces."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from PIL import Image
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.sources import RayGrid, Rays, collimated_beam
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, reach
 from optics.scene.system.elements import freeforms
-from optics.scene.system.soundness import require_reachable
+from optics.scene.system.reach import require_reachable
 from tests.optics.cases import write_problem
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.flux": 3.0}
@@ -185,6 +186,21 @@ def test_a_target_beyond_the_greatest_deflection_is_refused_for_a_beam_behind_a_
     problem = loaded(tmp_path, WIDE)
     with pytest.raises(UserError, match=r"degrees aside from the beam"):
         require_reachable(OpticalSystem(problem))
+
+
+def test_a_target_of_many_pixels_is_judged_by_merged_ones(tmp_path, monkeypatch):
+    """12 x 12 in place of 48 x 48: within the part of the light that lies in a pixel at the edge."""
+
+    def refused():
+        with pytest.raises(UserError) as refusal:
+            require_reachable(OpticalSystem(loaded(tmp_path, WIDE | {"target.pixels": [48, 48]})))
+        share, degrees = re.match(r"(\d+)% .* up to ([\d.]+) degrees", str(refusal.value)).groups()
+        return float(share), float(degrees)
+
+    share, degrees = refused()
+    monkeypatch.setattr(reach, "MOST_PIXELS", 12)
+    assert refused() == (pytest.approx(share, abs=100 * 4 / 12), pytest.approx(degrees, abs=2))
+    assert refused() != (share, degrees)
 
 
 @pytest.mark.parametrize(

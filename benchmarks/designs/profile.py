@@ -1,0 +1,100 @@
+"""Where the seconds of a design go, each beside what the work cannot do without.
+
+Run: thbcad bench profile
+"""
+
+from __future__ import annotations
+
+import cProfile
+import pstats
+import re
+import subprocess
+import sys
+import tempfile
+import zlib
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks.checkout import EXAMPLES
+from benchmarks.rows.row import Row, median_seconds
+from optics.base.runtime import load_backend
+from optics.designing.optimisation import stages
+from optics.designing.starts import TransportStart
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+
+PEARL = EXAMPLES / "pearl.toml"
+RUNS = 5
+PACKAGES = "numpy, scipy.fft, scipy.interpolate, scipy.optimize, scipy.sparse, drjit"
+PHASE = re.compile(r"^(?P<name>[a-z -]+\d*)(?::.*)?, (?P<seconds>[\d.]+) s \(", re.MULTILINE)
+# numbers of a cell that are written and read again, on the way to the light and back: corners and their flux,
+# codes, slopes and what adjoints pass on; and on the way to the light alone
+THERE_AND_BACK, THERE = 16, 5
+
+
+def rows() -> list[Row]:
+    """Return the rows of the pearl; seconds are medians."""
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [_run(Path(folder) / "pearl") for _ in range(RUNS)]
+        text = (Path(folder) / "pearl" / "lens.step").read_text("ascii")
+        pictures = sum(p.stat().st_size for p in (Path(folder) / "pearl" / "figures").glob("*.png"))
+    system = OpticalSystem(load_problem(PEARL))
+    stage = stages(system, from_transport=True)[-1]
+    cells, numbers = stage.rays[0] * stage.rays[1], re.findall(r"[\d.]+E[+-]\d+|\d+\.\d*", text)
+    rate = _bytes_a_second()
+    evaluation = THERE_AND_BACK * 16 * cells / rate
+    least = {
+        "process and imports": (_imports(), f"a process that imports {PACKAGES}"),
+        "start surface": (_transforms(system), "its cosine transforms"),
+        f"level {stage.level}": (
+            stage.evaluations * evaluation,
+            f"memory: {stage.evaluations} times {THERE_AND_BACK} numbers a cell, written and read",
+        ),
+        "export": (_seconds(lambda: list(map(repr, map(float, numbers)))), f"{len(numbers)} numbers as text"),
+        "measure": (THERE * 16 * 1.3 * 1031**2 / rate, f"memory: {THERE} numbers a cell of three grids"),
+        "verify": (_seconds(lambda: list(map(float, numbers))), f"{len(numbers)} numbers from text"),
+        "figures": (_seconds(lambda: zlib.compress(bytes(3 * pictures))), "deflating their pixels"),
+    }
+    out = [Row("pearl: whole", median(sum(run.values()) for run in runs), "s")]
+    for name in runs[0]:
+        seconds, what = least.get(name, (0.0, ""))
+        reference = f"at least {seconds:.2g} s: {what}" if what else ""
+        out.append(Row(f"  {name}", median(run[name] for run in runs), "s", reference))
+    return out
+
+
+def _run(folder: Path) -> dict[str, float]:
+    """Return the seconds of each phase of a design, from the start of its process to its end."""
+    start = perf_counter()
+    words = ["-m", "optics", "design", str(PEARL), "--out", str(folder), "--force"]
+    done = subprocess.run([sys.executable, *words], check=True, capture_output=True, text=True)
+    whole = perf_counter() - start
+    phases = {found["name"]: float(found["seconds"]) for found in PHASE.finditer(done.stderr)}
+    return {"process and imports": whole - sum(phases.values())} | phases
+
+
+def _seconds(work: object) -> float:
+    return median_seconds(work, 3)  # type: ignore[arg-type]
+
+
+def _imports() -> float:
+    program = [sys.executable, "-c", f"import {PACKAGES}"]
+    return median_seconds(lambda: subprocess.run(program, check=True), 3)
+
+
+def _transforms(system: OpticalSystem) -> float:
+    """Return the seconds of the cosine transforms of a transport start."""
+    profile = cProfile.Profile()
+    profile.runcall(lambda: TransportStart(system, load_backend("double", 1)).fit(system.lens.rear.sag.space))
+    timed = pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
+    return sum(own for (_, _, name), (_, _, own, _, _) in timed if "dct" in name and "built-in" in name)
+
+
+def _bytes_a_second() -> float:
+    """Return how fast two cores write and read memory that no cache holds, as one does it."""
+    source = np.ones(1 << 25)
+    target = np.empty_like(source)
+    return 2 * source.nbytes / median_seconds(lambda: np.copyto(target, source), 7)

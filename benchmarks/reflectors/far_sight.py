@@ -1,0 +1,88 @@
+"""The last steps of a mirror, by a loss of the script's own that sees how far light must move.
+
+    L(c) = ||E - T||^2 / ||T||^2 + w [(D, A^-1 D) + (sum of D)^2],    D = (E - T) / sum of T,
+    A = -div(P grad),    P = T / sum of T
+
+With P as its weight the norm of H^-1 tends to the Wasserstein distance as E nears T.  It sees a little
+light that lies far away, where T is small, which the norm of pixels does not.  Sums are over the pixels, and
+lengths are those of the chart.
+
+Source: R. Peyre, Comparison between W2 distance and H^-1 norm, and localization of Wasserstein distance,
+ESAIM: COCV 24 (2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array, eye_array, kron, vstack
+
+import optics
+from thbcad.checks import Floats
+from thbcad.hierarchy import MultilevelBasis
+
+WEIGHT = 200.0  # of an rms distance: 1e-3 in u, v weighs like 1.4 % of light
+DARKEST = 1e-3  # of the greatest P, from which on A has it: no cell is cut off
+CELLS = 1024, 1024  # corners of the source's
+PROBES, LEAST = 8, 1e-6  # of the curvature; of its mean
+
+
+def far_sighted(design: optics.Design, steps: int) -> optics.Design:
+    """Return a design of own source and receiver after more steps, by this loss.
+
+    Its variables are the B-splines of all levels, scaled by the curvature of the first term (as
+    `Objective.curvature`): by coefficients alone light moves far only after many steps.
+    """
+    own, sag = design.system.own, design.lens.front.sag
+    system, basis = optics.System(design.asked, own.source, own.receiver), MultilevelBasis(sag.space)
+    model = system.model(sag.space, rays=CELLS, window="cells")
+    target, total = model.target, model.target.sum()
+    share, moved = 1 / np.sum(target**2), squared_distance(target, system.problem.target.half_width)
+
+    def loss(weights: Floats) -> tuple[float, Floats]:
+        light, pull = model.vjp(sag.coefficients + basis.coefficients(scale * weights))
+        off = light - target
+        distance, slope = moved(off / total)
+        value = share * float(np.sum(off**2)) + WEIGHT * distance
+        return value, scale * basis.adjoint(pull(2 * share * off + WEIGHT / total * slope))
+
+    rng, (_, pull) = np.random.default_rng(0), model.vjp(sag.coefficients)
+    signs = rng.choice((-1.0, 1.0), (PROBES, *target.shape))
+    curvature = np.mean([basis.adjoint(pull(each)) ** 2 for each in signs], axis=0)
+    scale = 1 / np.sqrt(np.maximum(curvature, LEAST * curvature.mean()))
+    scale /= np.sqrt(np.mean(scale**2))
+    found = optics.minimise(loss, np.zeros(basis.size), iterations=steps)
+    coefficients = sag.coefficients + basis.coefficients(scale * found.coefficients)
+    return replace(design, lens=system.lens(sag.space, coefficients))
+
+
+def squared_distance(target: Floats, half_width: Sequence[float]) -> Callable[[Floats], tuple[float, Floats]]:
+    """Return the function from D, (rows, columns), to (D, A^-1 D) + (sum of D)^2 and its gradient."""
+    from scipy.sparse.linalg import splu
+
+    share = target / target.sum()
+    rows, columns = share.shape
+    steps = [2 * half / n for half, n in zip(half_width, (columns, rows))]
+    along = [
+        diags_array([-np.ones(n - 1), np.ones(n - 1)], offsets=[0, 1], shape=(n - 1, n)) / step
+        for n, step in zip((columns, rows), steps)
+    ]
+    slopes = vstack([kron(eye_array(rows), along[0]), kron(along[1], eye_array(columns))], format="csc")
+    density = np.maximum(share, DARKEST * share.max())
+    weights = np.concatenate(
+        [((density[:, 1:] + density[:, :-1]) / 2).ravel(), ((density[1:] + density[:-1]) / 2).ravel()]
+    )
+    laplace = csc_array(slopes.T @ diags_array(weights) @ slopes)
+    # potentials are those over the first pixel's, in place of which the system has no solution
+    solved = splu(csc_array(laplace[1:, 1:]))
+
+    def moved(off: Floats) -> tuple[float, Floats]:
+        beside = off.sum()
+        even = off - share * beside
+        potential = np.concatenate([[0.0], solved.solve(even.ravel()[1:])]).reshape(off.shape)
+        potential -= np.sum(share * potential)
+        return float(np.sum(even * potential) + beside**2), 2 * (potential + beside)
+
+    return moved
