@@ -54,7 +54,7 @@ class HelperProcess:
     """
 
     def __init__(self, forked: bool = False) -> None:
-        self._process: subprocess.Popen[bytes] | ForkedProcess
+        self._process: subprocess.Popen[bytes]
         self._pipe, theirs = Pipe()
         alive, self._alive = Pipe(duplex=False)  # see `obey`
         paths = os.pathsep.join(map(os.path.abspath, sys.path))

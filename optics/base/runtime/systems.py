@@ -12,10 +12,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from glob import glob
 from multiprocessing import connection
 from pathlib import Path
-from threading import Lock, Thread, main_thread
-from time import monotonic, sleep
+from threading import Thread, main_thread
 from typing import Any, cast
 
 try:
@@ -146,57 +146,36 @@ def background_process(
 
 def forks_safely() -> bool:
     """Return whether a copy of this process would work: another thread's locks would stay locked in it."""
-    return POSIX and sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
+    return POSIX and sys.platform == "linux" and len(glob("/proc/self/task/*")) == 1
 
 
-class ForkedProcess:
+class ForkedProcess(subprocess.Popen[bytes]):
     """A copy of this process in the background, as `background_process` starts one, with what is loaded here.
 
     work : what it does, with the handles of the pipes; it holds no other file of this process.
     """
 
     def __init__(self, work: Callable[..., object], *pipes: Any) -> None:
-        self.returncode: int | None = None
-        self._reaping = Lock()
-        handles = [pipe.fileno() for pipe in pipes]
-        self.pid = os.fork()
-        if self.pid == 0:
-            try:
-                _leave_the_first(handles)
-                work(*handles)
-            finally:
-                os._exit(1)
+        self._work, self._handles = work, [pipe.fileno() for pipe in pipes]
+        super().__init__(["a copy of this process"])
 
-    def wait(self, timeout: float = float("inf")) -> int:
-        """Return the exit code, as `subprocess.Popen.wait` does."""
-        end = monotonic() + timeout
-        while True:
-            with self._reaping:
-                if self.returncode is None:
-                    pid, status = os.waitpid(self.pid, os.WNOHANG)
-                    if pid:
-                        self.returncode = os.waitstatus_to_exitcode(status)
-                if self.returncode is not None:
-                    return self.returncode
-            if monotonic() > end:
-                raise subprocess.TimeoutExpired("a copy of this process", timeout)
-            sleep(0.002)
-
-    def send_signal(self, number: int) -> None:
-        """Send a signal to the process, where it has not ended."""
-        with self._reaping:
-            if self.returncode is None:
-                os.kill(self.pid, number)
-
-    def kill(self) -> None:
-        """End the process without asking."""
-        self.send_signal(signal.SIGKILL)
+    def _execute_child(self, *_: Any) -> None:
+        """Copy this process, where Popen would start a program; signals and exit codes are as of one."""
+        if sys.platform != "win32":
+            self.pid = os.fork()
+            self._child_created = True
+            if self.pid == 0:
+                try:
+                    os.setpgid(0, 0)
+                    _leave_the_first(self._handles)
+                    self._work(*self._handles)
+                finally:
+                    os._exit(1)
 
 
 def _leave_the_first(handles: Sequence[int]) -> None:
     """Let a copy of a process share nothing with it but some handles and where messages go."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    os.setpgid(0, 0)
     sys.stderr = sys.__stderr__
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)
@@ -207,7 +186,7 @@ def _leave_the_first(handles: Sequence[int]) -> None:
                 os.close(handle)
 
 
-def interrupt(process: subprocess.Popen[bytes] | ForkedProcess, alive: Any) -> None:
+def interrupt(process: subprocess.Popen[bytes], alive: Any) -> None:
     """Interrupt a process as Ctrl-C does.  alive : the other end of the pipe that it obeys."""
     if POSIX:
         process.send_signal(signal.SIGINT)
