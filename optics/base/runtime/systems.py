@@ -175,7 +175,6 @@ class ForkedProcess(subprocess.Popen[bytes]):
 
 def _leave_the_first(handles: Sequence[int]) -> None:
     """Let a copy of a process share nothing with it but some handles and where messages go."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     sys.stderr = sys.__stderr__
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)
@@ -203,6 +202,8 @@ def obey(alive: int) -> None:
     """
     if POSIX and sys.platform == "linux":
         signal.signal(signal.SIGIO, signal.SIG_DFL)  # which ends the process
+        if callable(signal.getsignal(signal.SIGTERM)):  # a copy has the handler of the first process
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         fcntl.fcntl(alive, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(alive, fcntl.F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
     else:
