@@ -1,6 +1,6 @@
 """The last steps of a mirror, by a loss of the script's own that sees how far light must move.
 
-    L(c) = ||E - T||^2 / ||T||^2 + w [(D, A^-1 D) + (sum of D)^2],    D = (E - T) / sum of T,
+    L(c) = ||E - T||^2 / ||T||^2 + w (D, A^-1 D) + b (sum of D)^2,    D = (E - T) / sum of T,
     A = -div(P grad),    P = T / sum of T
 
 With P as its weight the norm of H^-1 tends to the Wasserstein distance as E nears T.  It sees a little
@@ -25,6 +25,7 @@ from thbcad.hierarchy import MultilevelBasis
 
 WEIGHT = 200.0  # of an rms distance: 1e-3 in u, v weighs like 1.4 % of light
 DARKEST = 1e-3  # of the greatest P, from which on A has it: no cell is cut off
+BESIDE = 1e4  # of light beside the window, which no slope brings back
 CELLS = 1024, 1024  # corners of the source's
 PROBES, LEAST = 8, 1e-6  # of the curvature; of its mean
 
@@ -45,8 +46,10 @@ def far_sighted(design: optics.Design, steps: int) -> optics.Design:
         light, pull = model.vjp(sag.coefficients + basis.coefficients(scale * weights))
         off = light - target
         distance, slope = moved(off / total)
-        value = share * float(np.sum(off**2)) + WEIGHT * distance
-        return value, scale * basis.adjoint(pull(2 * share * off + WEIGHT / total * slope))
+        beside = BESIDE * off.sum() / total
+        value = share * float(np.sum(off**2)) + WEIGHT * distance + beside * off.sum() / total
+        slope = 2 * share * off + (WEIGHT * slope + 2 * beside) / total
+        return value, scale * basis.adjoint(pull(slope))
 
     rng, (_, pull) = np.random.default_rng(0), model.vjp(sag.coefficients)
     signs = rng.choice((-1.0, 1.0), (PROBES, *target.shape))
@@ -59,7 +62,8 @@ def far_sighted(design: optics.Design, steps: int) -> optics.Design:
 
 
 def squared_distance(target: Floats, half_width: Sequence[float]) -> Callable[[Floats], tuple[float, Floats]]:
-    """Return the function from D, (rows, columns), to (D, A^-1 D) + (sum of D)^2 and its gradient."""
+    """Return the function from D, (rows, columns), to (D, A^-1 D) and its gradient, with T for
+    what lies beside."""
     from scipy.sparse.linalg import splu
 
     share = target / target.sum()
@@ -79,10 +83,9 @@ def squared_distance(target: Floats, half_width: Sequence[float]) -> Callable[[F
     solved = splu(csc_array(laplace[1:, 1:]))
 
     def moved(off: Floats) -> tuple[float, Floats]:
-        beside = off.sum()
-        even = off - share * beside
+        even = off - share * off.sum()
         potential = np.concatenate([[0.0], solved.solve(even.ravel()[1:])]).reshape(off.shape)
         potential -= np.sum(share * potential)
-        return float(np.sum(even * potential) + beside**2), 2 * (potential + beside)
+        return float(np.sum(even * potential)), 2 * potential
 
     return moved
