@@ -25,7 +25,9 @@ from typing import Any
 from optics.base.runtime.garbage import collect_and_give_back, collect_rarely
 from optics.base.runtime.lost_interrupts import lost_interrupts_again
 from optics.base.runtime.systems import (
+    ForkedProcess,
     background_process,
+    forks_safely,
     hear_interrupts,
     interrupt,
     interrupts_held,
@@ -33,7 +35,7 @@ from optics.base.runtime.systems import (
     pipe_end,
 )
 
-PROGRAM = "from optics.base.runtime import serve; serve()"
+PROGRAM = "import sys; from optics.base.runtime import serve; serve(*map(int, sys.argv[1:]))"
 PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
 TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
 
@@ -47,17 +49,23 @@ class HelperProcess:
 
     It ends when this process ends, however that ends, since its pipes close then: see `obey`.  Ctrl-C in
     a terminal does not reach it.
+
+    forked : begin with the packages that are loaded here, where that is safe; nothing else is shared.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, forked: bool = False) -> None:
+        self._process: subprocess.Popen[bytes]
         self._pipe, theirs = Pipe()
         alive, self._alive = Pipe(duplex=False)  # see `obey`
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
         # not before `serve` listens: Python's start would print what Ctrl-C stops
         with interrupts_held(), theirs, alive:
-            self._process = background_process(
-                [sys.executable, "-P", "-c", PROGRAM], os.environ | {"PYTHONPATH": paths}, theirs, alive
-            )
+            if forked and forks_safely():
+                self._process = ForkedProcess(serve, theirs, alive)
+            else:
+                self._process = background_process(
+                    [sys.executable, "-P", "-c", PROGRAM], os.environ | {"PYTHONPATH": paths}, theirs, alive
+                )
         self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
 
     def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
@@ -101,12 +109,12 @@ def answered(request: Future[Any], function: Callable[..., Any], *arguments: Any
 
 
 @contextmanager
-def process_for(work: str) -> Iterator[HelperProcess]:
-    """Yield the HelperProcess of this one for some work.
+def process_for(work: str, forked: bool = False) -> Iterator[HelperProcess]:
+    """Yield the HelperProcess of this one for some work.  forked : as of a new one.
 
     It is kept for the next time, unless what is done with it fails.
     """
-    process = _KEPT[work] = _KEPT.get(work) or HelperProcess()
+    process = _KEPT[work] = _KEPT.get(work) or HelperProcess(forked)
     try:
         yield process
     except BaseException:
@@ -119,14 +127,17 @@ def process_for(work: str) -> Iterator[HelperProcess]:
 _KEPT: dict[str, HelperProcess] = {}
 
 
-def serve() -> None:
-    """Answer the requests of the process that started this one, until that ends."""
-    obey(int(sys.argv[2]))
+def serve(requests: int, alive: int) -> None:
+    """Answer the requests of the process that started this one, until that ends.
+
+    requests, alive : handles of the pipes by which they come, and that closes when it ends.
+    """
+    obey(alive)
     collect_rarely()
     with (
         suppress(EOFError, OSError, KeyboardInterrupt),
         lost_interrupts_again(lambda: signal.SIGINT),
-        pipe_end(int(sys.argv[1])) as pipe,
+        pipe_end(requests) as pipe,
     ):
         signal.signal(signal.SIGINT, _stop)  # work in the background inherits no handler
         hear_interrupts()

@@ -10,8 +10,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from glob import glob
 from multiprocessing import connection
 from pathlib import Path
 from threading import Thread, main_thread
@@ -143,6 +144,47 @@ def background_process(
     return subprocess.Popen(words, env=environment, stdin=nowhere, stdout=nowhere, **options)
 
 
+def forks_safely() -> bool:
+    """Return whether a copy of this process would work: another thread's locks would stay locked in it."""
+    return POSIX and sys.platform == "linux" and len(glob("/proc/self/task/*")) == 1
+
+
+class ForkedProcess(subprocess.Popen[bytes]):
+    """A copy of this process in the background, as `background_process` starts one, with what is loaded here.
+
+    work : what it does, with the handles of the pipes; it holds no other file of this process.
+    """
+
+    def __init__(self, work: Callable[..., object], *pipes: Any) -> None:
+        self._work, self._handles = work, [pipe.fileno() for pipe in pipes]
+        super().__init__(["a copy of this process"])
+
+    def _execute_child(self, *_: Any) -> None:
+        """Copy this process, where Popen would start a program; signals and exit codes are as of one."""
+        if sys.platform != "win32":
+            self.pid = os.fork()
+            self._child_created = True
+            if self.pid == 0:
+                try:
+                    os.setpgid(0, 0)
+                    _leave_the_first(self._handles)
+                    self._work(*self._handles)
+                finally:
+                    os._exit(1)
+
+
+def _leave_the_first(handles: Sequence[int]) -> None:
+    """Let a copy of a process share nothing with it but some handles and where messages go."""
+    sys.stderr = sys.__stderr__
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nowhere, 0)
+    os.dup2(nowhere, 1)
+    for handle in map(int, os.listdir("/proc/self/fd")):
+        if handle > 2 and handle not in handles:
+            with suppress(OSError):  # that of the list
+                os.close(handle)
+
+
 def interrupt(process: subprocess.Popen[bytes], alive: Any) -> None:
     """Interrupt a process as Ctrl-C does.  alive : the other end of the pipe that it obeys."""
     if POSIX:
@@ -160,6 +202,8 @@ def obey(alive: int) -> None:
     """
     if POSIX and sys.platform == "linux":
         signal.signal(signal.SIGIO, signal.SIG_DFL)  # which ends the process
+        if callable(signal.getsignal(signal.SIGTERM)):  # a copy has the handler of the first process
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         fcntl.fcntl(alive, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(alive, fcntl.F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
     else:

@@ -58,12 +58,12 @@ class Written:
 
 
 @contextmanager
-def helpers() -> Iterator[tuple[HelperProcess, HelperProcess]]:
-    """Yield the processes that export solids and that draw figures.
+def helpers(forked: bool = False) -> Iterator[tuple[HelperProcess, HelperProcess]]:
+    """Yield the processes that export solids and that draw figures.  forked : as of a HelperProcess.
 
     OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
     """
-    with process_for(SOLIDS) as solids, process_for(FIGURES) as drawing:
+    with process_for(SOLIDS, forked) as solids, process_for(FIGURES, forked) as drawing:
         yield solids, drawing
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.base.runtime import UserError, check_lines, note, reading
+from optics.base.runtime import HelperProcess, UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import (
@@ -107,8 +107,11 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
 
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
+        # before there are threads, which forbid copies
+        solids, drawing = stack.enter_context(helpers(forked=True))
+        if not (options.resume or options.earlier):  # what these refuse waits for no package
+            _load(solids, drawing)
         if lens is not None:
-            solids, drawing = stack.enter_context(helpers())
             design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
             written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
             return _outcome(written, system)
@@ -121,8 +124,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         if options.earlier:
             earlier = ResultFolder(options.earlier)
             state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())
-        solids, drawing = stack.enter_context(helpers())  # not for what is refused
-        solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
+        if state is not None:
+            _load(solids, drawing)
         figures = DesignFigures(drawing, ready.system)
 
         if options.live:
@@ -139,6 +142,12 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         written = write_result(design, run.folder, run.clock, solids, figures)
         run.live.done()
     return _outcome(written, system)
+
+
+def _load(solids: HelperProcess, drawing: HelperProcess) -> None:
+    """Let the helper processes load their packages, while this one has other work."""
+    solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
+    drawing.ask("optics.base.runtime", "load", "optics.reporting.figures", "solid_views")
 
 
 def _outcome(written: Written, system: OpticalSystem) -> Outcome:

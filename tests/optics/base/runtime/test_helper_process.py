@@ -280,6 +280,53 @@ def test_it_ends_when_the_first_process_is_killed(seconds):
     assert gone(pid)
 
 
+FORKED = """
+import os, sys
+import decimal
+from optics.base.runtime import process_for
+secret = open(os.devnull)
+with process_for("other", True), process_for("test", True) as process:
+    loaded = "sorted(m for m in __import__('sys').modules if m == 'decimal')"
+    print(process.ask("builtins", "eval", loaded).result())
+    print(len(process.ask("os", "listdir", "/proc/self/fd").result()))
+    pid, group = (process.ask("os", name, *of).result() for name, of in (("getpid", ()), ("getpgid", (0,))))
+    print(pid == group != os.getpgid(0), process.ask("os", "getppid").result() == os.getpid())
+    print(process.ask("builtins", "print", "no output of the first").result(), flush=True)
+    print(pid, flush=True)
+    process.ask("time", "sleep", 1000)
+    sys.stdin.read()
+    raise SystemExit(7)
+"""
+
+
+@pytest.fixture
+def first():
+    """A process with a helper that is a copy of it, where processes can be copied."""
+    if sys.platform != "linux":
+        pytest.skip("only Linux tells a process that it has one thread")
+    with subprocess.Popen(
+        [sys.executable, "-c", FORKED], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as first:
+        yield first
+        first.kill()
+
+
+def test_a_copy_has_what_is_loaded_here_and_holds_two_pipes_and_no_other_file(first):
+    lines = [first.stdout.readline().rstrip() for _ in range(4)]
+    # three of its own, two pipes, and that of the list
+    assert lines == ["['decimal']", "6", "True True", "None"]
+
+
+@pytest.mark.parametrize("how", ["killed", "failed"])
+def test_a_copy_ends_with_the_first_process(first, how):
+    pid = [first.stdout.readline() for _ in range(5)][-1]
+    if how == "killed":
+        first.kill()
+    first.communicate("")
+    assert first.returncode == (-signal.SIGKILL if how == "killed" else 7)
+    assert gone(int(pid))
+
+
 HELP = """
 import sys, time
 from pathlib import Path

@@ -41,7 +41,7 @@ def golden(tmp_path_factory):
 def no_helpers(monkeypatch):
     """Helper processes that answer nothing: for runs that end before they are needed."""
     idle = SimpleNamespace(ask=lambda *_: Future())
-    monkeypatch.setattr("optics.interface.api.helpers", lambda: nullcontext((idle, idle)))
+    monkeypatch.setattr("optics.interface.api.helpers", lambda forked: nullcontext((idle, idle)))
 
 
 @pytest.fixture

@@ -63,7 +63,7 @@ def kept(tmp_path_factory):
     kept = SimpleNamespace(problem=write_problem(root, NEW), values={})
 
     @contextmanager
-    def recorded():
+    def recorded(forked):
         with process_for("all") as process:
             kept.answers = Answers(process)
             yield kept.answers, kept.answers
@@ -93,7 +93,7 @@ def replayed(kept, monkeypatch):
     """Runs of the problem that compute nothing: call it with the options behind `design PROBLEM`."""
 
     @contextmanager
-    def answers():
+    def answers(forked):
         yield kept.answers, kept.answers
 
     def shaped(system, backend, engine, state, start, listener):
