@@ -33,7 +33,7 @@ The column `basis` says whether the value was measured, or extrapolated by the l
 Where there are such columns, `quantity` is what the `estimator` computes, and `error` is its relative error.
 Of a value that is itself an error, `error` is that of the light it was measured against.
 """
-LEAST_SHOWN, MOST_QUOTED = 3, 5  # rows of a benchmark on the page of all, besides missed limits
+SHOWN = 3  # rows of a benchmark on the page of all: quoted ones first; missed limits besides
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ def overview_page(stored: Sequence[tuple[StoredRows, str]], quoted: Collection[t
     parts = [INTRODUCTION]
     for one, sentence in stored:
         rows = list(one.named())
-        chosen = [r for r in rows if (one.name, r[0]) in quoted][:MOST_QUOTED]
+        chosen = [r for r in rows if (one.name, r[0]) in quoted][:SHOWN]
         limited = [r for r in rows if r[1]["limit"] is not None and r not in chosen]
-        chosen += limited[: max(0, LEAST_SHOWN - len(chosen))]
+        chosen += limited[: max(0, SHOWN - len(chosen))]
         chosen += [r for r in limited if _missed(r[1]) and r not in chosen]
         when = f"Measured on {one.date}, {one.machine['processor']}.\n"
         parts += [f"## {one.name}\n", f"{sentence}\n", when]
-        parts.append(_table(OVERVIEW, [], chosen or rows[:LEAST_SHOWN]))
+        parts.append(_table(OVERVIEW, [], chosen or rows[:SHOWN]))
         parts.append(f"[All {len(rows)} rows](data/{one.name}.json).\n")
     return "\n".join(parts)
 
