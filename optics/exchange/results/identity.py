@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +68,17 @@ def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator
         value = others.get(key, getattr(table, field.name))
         if is_dataclass(value):
             yield from _set(value, others, f"{key}.")
-        elif value != field.default:
+        elif value != _left_out(table, field):
             yield key, value
+
+
+def _left_out(table: Any, field: Field[Any]) -> Any:
+    """Return what a key of a table stands for where nothing is said of it, which others may decide."""
+    return (
+        field.default
+        if field.default is not None
+        else getattr(replace(table, **{field.name: None}), field.name)
+    )
 
 
 def data_of(problem: Problem) -> list[tuple[str, Any, str]]:
