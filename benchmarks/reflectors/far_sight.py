@@ -25,7 +25,7 @@ from thbcad.hierarchy import MultilevelBasis
 
 WEIGHT = 200.0  # of an rms distance: 1e-3 in u, v weighs like 1.4 % of light
 DARKEST = 1e-3  # of the greatest P, from which on A has it: no cell is cut off
-BESIDE = 1e4  # of light beside the window, which no slope brings back
+BESIDE = 200.0  # of light beside the window; more of it leaves the pixels less close
 CELLS = 1024, 1024  # corners of the source's
 PROBES, LEAST = 8, 1e-6  # of the curvature; of its mean
 
