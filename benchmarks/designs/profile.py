@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
-import zlib
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -30,9 +30,8 @@ PEARL = EXAMPLES / "pearl.toml"
 RUNS = 5
 PACKAGES = "numpy, scipy.fft, scipy.interpolate, scipy.optimize, scipy.sparse, drjit"
 PHASE = re.compile(r"^(?P<name>[a-z -]+\d*)(?::.*)?, (?P<seconds>[\d.]+) s \(", re.MULTILINE)
-# numbers of a cell that are written and read again, on the way to the light and back: corners and their flux,
-# codes, slopes and what adjoints pass on; and on the way to the light alone
-THERE_AND_BACK, THERE = 16, 5
+# of 8 bytes for a cell, written and read again: corners and their flux, codes, slopes, what adjoints pass on
+NUMBERS = 16
 
 
 def rows() -> list[Row]:
@@ -40,26 +39,22 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         runs = [_run(Path(folder) / "pearl") for _ in range(RUNS)]
         text = (Path(folder) / "pearl" / "lens.step").read_text("ascii")
-        pictures = sum(p.stat().st_size for p in (Path(folder) / "pearl" / "figures").glob("*.png"))
     system = OpticalSystem(load_problem(PEARL))
     stage = stages(system, from_transport=True)[-1]
     cells, numbers = stage.rays[0] * stage.rays[1], re.findall(r"[\d.]+E[+-]\d+|\d+\.\d*", text)
-    rate = _bytes_a_second()
-    evaluation = THERE_AND_BACK * 16 * cells / rate
+    evaluation = 2 * 8 * NUMBERS * cells / _bytes_a_second()
     least = {
         "process and imports": (_imports(), f"a process that imports {PACKAGES}"),
         "start surface": (_transforms(system), "its cosine transforms"),
         f"level {stage.level}": (
             stage.evaluations * evaluation,
-            f"memory: {stage.evaluations} times {THERE_AND_BACK} numbers a cell, written and read",
+            f"memory: {stage.evaluations} times {NUMBERS} numbers a cell, written and read",
         ),
         "export": (
             _seconds(lambda: list(map(repr, map(float, numbers)))),
             f"{len(numbers)} numbers as text",
         ),
-        "measure": (THERE * 16 * 1.3 * 1031**2 / rate, f"memory: {THERE} numbers a cell of three grids"),
         "verify": (_seconds(lambda: list(map(float, numbers))), f"{len(numbers)} numbers from text"),
-        "figures": (_seconds(lambda: zlib.compress(bytes(3 * pictures))), "deflating their pixels"),
     }
     out = [Row("pearl", median(sum(run.values()) for run in runs), "s")]
     for name in runs[0]:
@@ -82,13 +77,13 @@ def _run(folder: Path) -> dict[str, float]:
     return {"process and imports": whole - sum(phases.values())} | phases
 
 
-def _seconds(work: object) -> float:
-    return median_seconds(work, 3)  # type: ignore[arg-type]
+def _seconds(work: Callable[[], object]) -> float:
+    return median_seconds(work, 3)
 
 
 def _imports() -> float:
     program = [sys.executable, "-c", f"import {PACKAGES}"]
-    return median_seconds(lambda: subprocess.run(program, check=True), 3)
+    return _seconds(lambda: subprocess.run(program, check=True))
 
 
 def _transforms(system: OpticalSystem) -> float:
@@ -100,7 +95,7 @@ def _transforms(system: OpticalSystem) -> float:
 
 
 def _bytes_a_second() -> float:
-    """Return how fast two cores write and read memory that no cache holds, as one does it."""
+    """Return how fast one core reads and writes memory that no cache holds."""
     source = np.ones(1 << 25)
     target = np.empty_like(source)
     return 2 * source.nbytes / median_seconds(lambda: np.copyto(target, source), 7)

@@ -64,7 +64,7 @@ class Scene:
 
 
 SCENES = {
-    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [64]}),
+    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [76]}),
     "mirror, beam at 45 degrees, top hat": Scene("mirror", 0.005, BESIDE | TOP_HAT),
     "mirror, point, pearl": Scene(
         "lamp_reflector", 0.035, NEAR | PEARL | {"element.M1.face.freeform.max_level": "auto"}

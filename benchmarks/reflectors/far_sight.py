@@ -62,8 +62,10 @@ def far_sighted(design: optics.Design, steps: int) -> optics.Design:
 
 
 def squared_distance(target: Floats, half_width: Sequence[float]) -> Callable[[Floats], tuple[float, Floats]]:
-    """Return the function from D, (rows, columns), to (D, A^-1 D) and its gradient, with T for
-    what lies beside."""
+    """Return the function from D, (rows, columns), to (D, A^-1 D) and its gradient.
+
+    What lies beside the pixels is taken as spread like T.
+    """
     from scipy.sparse.linalg import splu
 
     share = target / target.sum()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import prod, sqrt
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
@@ -174,20 +174,10 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
     """
     norm = np.linalg.norm(target)
     fine = np.linalg.norm(target - gaussian_filter(target, WIDE, mode="nearest"))
-    jumps = np.linalg.norm(_of_neighbours(np.maximum, target) - _of_neighbours(np.minimum, target))
+    jumps = np.linalg.norm(maximum_filter(target, 3) - minimum_filter(target, 3))
     if jumps <= JUMP * norm:
         return 0.0
     return float(min(SCALE * fine / jumps * start_error**POWER, start_error))
-
-
-def _of_neighbours(most: np.ufunc, image: Floats) -> Floats:
-    """Return the greatest or least of the 3 x 3 pixels around each, (rows, columns)."""
-    for axis in (0, 1):
-        at = np.moveaxis(image, axis, 0)
-        image = np.moveaxis(np.concatenate([at[:1], most(at[1:], at[:-1]), at[-1:]]), 0, axis)
-        at = np.moveaxis(image, axis, 0)
-        image = np.moveaxis(most(at[1:], at[:-1]), 0, axis)
-    return image
 
 
 def _is_known(system: OpticalSystem) -> bool:

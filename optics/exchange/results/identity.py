@@ -74,11 +74,9 @@ def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator
 
 def _left_out(table: Any, field: Field[Any]) -> Any:
     """Return what a key of a table stands for where nothing is said of it, which others may decide."""
-    return (
-        field.default
-        if field.default is not None
-        else getattr(replace(table, **{field.name: None}), field.name)
-    )
+    if field.default is not None:
+        return field.default
+    return getattr(replace(table, **{field.name: None}), field.name)
 
 
 def data_of(problem: Problem) -> list[tuple[str, Any, str]]:
