@@ -62,7 +62,7 @@ def transport_start(
     start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):
         return start
-    note(start.note(start.traced) + "; the design starts from the base surface instead")
+    note(start.note() + "; the design starts from the base surface instead")
     return None
 
 

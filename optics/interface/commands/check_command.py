@@ -11,7 +11,6 @@ from optics.base.runtime import speaking_of
 from optics.designing.etendue import etendue_notes
 from optics.designing.optimisation import Stage, can_cross
 from optics.designing.prediction import (
-    STEEP,
     Expectation,
     blur_limits,
     blur_sentence,
@@ -20,7 +19,7 @@ from optics.designing.prediction import (
     foreseen_misses,
     resolved,
 )
-from optics.designing.starts import spot_lens
+from optics.designing.starts import STEEP, spot_lens
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
@@ -111,15 +110,15 @@ def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> lis
     notes = [expectation.note] if expectation.note else []
     if any(can_cross(system)) and not chosen:
         notes.append(
-            "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+            "z_freedom is larger than the least thickness; a penalty keeps front and rear of a design apart"
         )
     if not system.reflects and expectation.reflected > STEEP:
-        options = " or ".join(expectation.nearest)
+        options, shared = " or ".join(expectation.nearest), ", or let both surfaces bend it"
         remedy = f"at most {STEEP:.0%} are with {options}" if options else system.problem.target.gentler
         notes.append(
             f"{expectation.reflected:.0%} of the light is reflected at "
             f"{system.problem.surface_names[-1] or 'the rear'}, which bends it far, and "
-            f"{expectation.totally:.1%} totally; {remedy}, or let both surfaces bend it"
+            f"{expectation.totally:.1%} totally; {remedy}{shared * (len(system.freeforms) == 1)}"
         )
     etendue = etendue_notes(system)
     if etendue.background and not etendue.limits:
