@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
-from optics.designing.optimisation import Stage, last_level, stages, transmitted_flux
+from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.freedom_note import design_fit, freedom_note, gentler_geometries
+from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
@@ -23,7 +23,6 @@ from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
 
-MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
 # half of 4096 pixels in place of 0.174 changes the one to expect of the design from 0.0202 to 0.0195
 MOST_PIXELS = 2048
@@ -94,11 +93,9 @@ def expected(
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
-    # the start is traced on the mesh of the finest level, or the last before it that is quick
-    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
-    fit = start.fit(system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0))))
+    fit = start.finest_fit()
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
-    first = None if system.problem.optimizer.start == "flat" else design_fit(system, start)
+    first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     from_transport = first is not None and _follows_map(start, first)
     traced = system.shaping
     plan = stages(traced, from_transport)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation import first_sags, transmitted_flux
+from optics.designing.optimisation import first_fit, transmitted_flux
 from optics.designing.starts import STEEP, TransportFit, TransportStart
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
@@ -42,11 +42,6 @@ def freedom_note(
     return start.note(*fits, remedies=[o for way in ways if (o := _tried(system, backend, way))])
 
 
-def design_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
-    """Return the fit on the first mesh of a design, some of whose functions stay in all the others."""
-    return start.fit(first_sags(system, from_transport=True)[-1].space)
-
-
 def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:
     """Return the options of the nearest geometries in which the surface loses little light."""
     return nearest_geometry(system, lambda other: can_be_lit(other) and start.lost(other) <= SURELY * STEEP)
@@ -67,7 +62,7 @@ def _tried(system: OpticalSystem, backend: Backend, changes: dict[str, Any]) -> 
             start = TransportStart(other, backend)
         except UserError:
             return ""
-        fits = [design_fit(other, start)]
+        fits = [first_fit(other, start), start.finest_fit()]
         if start.steep() or transmitted_flux(other, backend) < PASSING * transmitted_flux(system, backend):
             return ""
         if not start.note(*fits):

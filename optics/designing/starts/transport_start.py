@@ -37,6 +37,7 @@ from thbcad.surfaces import THBSurface
 TRACED = 2  # level of the fit that tells whether a sag is within its bounds
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
+MOST_SPANS = 224  # in a direction, of the finest mesh that is fitted whole: the map has 512 cells
 # degrees, half of a far field from which on its angles are no chart for transport (pearl, 40 degrees: the
 # start's rel_l2 is 0.18 by angles and 0.09 by the slopes that they need; at 15 degrees both end alike)
 WIDE = 20.0
@@ -126,6 +127,13 @@ class TransportStart:
             kept, crosses = THBSurface(space, kept.coefficients / 2), True
         cut = float(np.mean(size > self._bound))
         return TransportFit(kept, float(size.max()), cut, crosses, sag)
+
+    def finest_fit(self) -> TransportFit:
+        """Return the fit on the whole mesh of the last level, or of the last before it that is quick."""
+        freeforms = self._system.freeforms
+        quick = (MOST_SPANS // max(freeforms[-1].spans)).bit_length() - 1
+        level = min(max(f.finest for f in freeforms), max(quick, 0))
+        return self.fit(self._lens.sags[-1].space.uniform(level))
 
     def _clear(self, sag: THBSurface) -> bool:
         """Whether the lens with a sag can exist."""
@@ -217,18 +225,16 @@ class TransportStart:
             return ""
         problem, largest = self._system.problem, max(fit.asked for fit in self._with_traced(fits))
         optic, asked = problem.optic, f"the transport map asks for a sag of +-{largest:.3g} mm"
-        gentler = problem.target.gentler + ", or let both surfaces bend it" * (
-            len(self._system.freeforms) == 1
-        )
-        options = " or ".join(remedies)
+        shared = ", or let both surfaces bend it" * (len(self._system.freeforms) == 1)
+        options, gentler = " or ".join(remedies), problem.target.gentler
         flat = ", or --set optimizer.start=flat, which does without the map" * self._system.source.emitter
         if self.steep():
             return (
                 f"{asked}, but no z_freedom helps, since so steep a surface would lose "
-                f"{self.lost(self._system):.0%} of the light: {options or gentler}{flat}"
+                f"{self.lost(self._system):.0%} of the light: {options or gentler}{shared}{flat}"
             )
         if self.overlap(*fits) >= 0:
-            other = f"choose another {optic.key(self._system.shaped)}.radius, {gentler}"
+            other = f"choose another {optic.key(self._system.shaped)}.radius, {gentler}{shared}"
             return f"{asked}, which would bring rear and front together: {options or other}{flat}"
         if largest > max(self._surface.half_width):
             wide = f"{asked}, more than the {optic.noun} is wide"
