@@ -13,7 +13,7 @@ from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
 from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries
+from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries, is_gentle
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
@@ -42,7 +42,8 @@ class Expectation:
         and taken by stops, bodies, a plane screen and the clear aperture.  reflected, totally : the same at
         the rear, and that of it which no steeper light could leave.
     blocking : what each of these would block alone, by its name.
-    nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more.
+    nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more,
+        and the map tells so.
     least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
@@ -119,7 +120,9 @@ def expected(
         blocking=blocking(system, lens, backend, coarsening) if fates.blocked else {},
         reflected=reflected,
         totally=fates.total_internal / flux,
-        nearest=gentler_geometries(system, start) if system.shaped == "rear" and reflected > STEEP else [],
+        nearest=gentler_geometries(system, start)
+        if system.shaped == "rear" and reflected > STEEP and not is_gentle(system, start)
+        else [],
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),

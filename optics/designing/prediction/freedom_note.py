@@ -44,7 +44,15 @@ def freedom_note(
 
 def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:
     """Return the options of the nearest geometries in which the surface loses little light."""
-    return nearest_geometry(system, lambda other: can_be_lit(other) and start.lost(other) <= SURELY * STEEP)
+    return nearest_geometry(system, lambda other: can_be_lit(other) and is_gentle(other, start))
+
+
+def is_gentle(system: OpticalSystem, start: TransportStart) -> bool:
+    """Return whether the surface of the map loses surely less than STEEP of the light in a system.
+
+    start : of this system, or of one that has its target elsewhere.
+    """
+    return start.lost(system) <= SURELY * STEEP
 
 
 def _thicker(system: OpticalSystem, start: TransportStart, fits: Sequence[TransportFit]) -> float:
