@@ -225,7 +225,8 @@ class TransportStart:
             return ""
         problem, largest = self._system.problem, max(fit.asked for fit in self._with_traced(fits))
         optic, asked = problem.optic, f"the transport map asks for a sag of +-{largest:.3g} mm"
-        shared = ", or let both surfaces bend it" * (len(self._system.freeforms) == 1)
+        one = len(self._system.freeforms) == 1 and not self._system.reflects
+        shared = ", or let both surfaces bend it" * one
         options, gentler = " or ".join(remedies), problem.target.gentler
         flat = ", or --set optimizer.start=flat, which does without the map" * self._system.source.emitter
         if self.steep():
@@ -239,8 +240,10 @@ class TransportStart:
         if largest > max(self._surface.half_width):
             wide = f"{asked}, more than the {optic.noun} is wide"
             return f"{wide}: are the units right, is the target within reach?"
+        # beside the light more freedom than that may bring the surfaces together
+        why = "more" if largest > self._bound else "less"
         return (
-            f"{asked}, more than z_freedom allows: for better light "
+            f"{asked}, {why} than z_freedom allows: for better light "
             f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={self.freedom(*fits):g}{flat}"
         )
 
