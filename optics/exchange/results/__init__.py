@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         sha256_of,
         writable_folder,
         write_live_page,
+        write_record,
     )
     from .result_folder import FIGURES, FILES, SCENE, ResultFolder, lens_of, level_files, shape_file
     from .result_writer import ResultWriter
