@@ -151,7 +151,7 @@ def write_result(
     system, lens = design.system, design.lens
     writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
-    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.moved))
+    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.started_from_transport))
     making = figures.process.ask("optics.scene.system", "manufactured", system.plain, lens)
     figures.draw_levels(system, design.levels)
     clock.lap("export")

@@ -161,13 +161,13 @@ def _page(study: _Study) -> str:
 
 
 def _of_lenses(study: _Study) -> list[PageSection]:
-    from optics.reporting.figures import made_lens_figures_of  # matplotlib
+    from optics.reporting.figures import monte_carlo_figures_of  # matplotlib
 
     if study.made is None:
         return []
     head = ("part", "share in the expected rise of rel_l2^2")
     rows = [(name, f"{share:.1%}") for name, share in study.made.shares().items()]
-    pictures = made_lens_figures_of(study.made)
+    pictures = monte_carlo_figures_of(study.made)
     return [PageSection("Lenses with all errors at once", study.of_made(), head, rows, pictures)]
 
 
