@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         write_live_page,
         write_record,
     )
-    from .result_files import FIGURES, FILES, SCENE, level_files, shape_file
+    from .result_files import SCENE, level_files, shape_file
     from .result_folder import ResultFolder, lens_of
     from .result_writer import ResultWriter
 

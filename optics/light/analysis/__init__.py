@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         unit_mean,
     )
     from optics.light.analysis.optic_words import passing_share, passing_words
-    from optics.light.analysis.phase_space import PhaseSpace, jacobian_determinants
+    from optics.light.analysis.phase_space import PhaseSpace
     from optics.light.analysis.photometric_metrics import photometric_lines, uniformity_metrics
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
