@@ -99,6 +99,11 @@ class Tracer:
         pairs = zip(every, self._path.surfaces)
         return [hits for hits, s in pairs if hits is not None and s.shape.sag is not None], landing
 
+    def landed(self) -> Landing:
+        """Return the Landing of the path's own sags, without derivatives."""
+        with self._backend.dr.suspend_grad():
+            return self.trace()[1]
+
     def trace_all(self, coefficients: Coefficients | None = None) -> tuple[list[Hits | None], Landing]:
         """Return (Hits of every surface, Landing).
 
