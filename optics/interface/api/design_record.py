@@ -37,7 +37,7 @@ class DesignRecord:
 
     problem : with a number for every "auto".  asked : the same as it was asked for.
     history : a row for every evaluation.  notes : sentences on what limits the result.
-    wall_s : seconds by phase.  moved : the design started from an optimal-transport map.
+    wall_s : seconds by phase.  started_from_transport : it began at an optimal-transport map.
     interrupted : Ctrl-C ended the work, and this is the best lens so far.
     levels : of this run, where `run.keep` asks for them.
     """
@@ -48,7 +48,7 @@ class DesignRecord:
     history: tuple[Row, ...] = ()
     notes: Notes = field(default_factory=Notes)
     wall_s: Mapping[str, float] = field(default_factory=dict)
-    moved: bool = False
+    started_from_transport: bool = False
     interrupted: bool = False
     levels: tuple[LevelRecord, ...] = ()
 

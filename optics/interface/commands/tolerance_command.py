@@ -10,7 +10,7 @@ from typing import Any
 
 from optics.base.runtime import Phase, Progress, UserError, note
 from optics.designing.progress import drawing
-from optics.exchange.results import HASHES, hashes, require_own, run_id, writable_folder
+from optics.exchange.results import require_own, run_id, writable_folder, write_record
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
@@ -18,7 +18,7 @@ from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
 from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
-from thbcad.io import json_text, write_text
+from thbcad.io import write_text
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
@@ -92,7 +92,7 @@ def tolerance(options: Namespace) -> Outcome:
 
     data = study.data()
     write_text(folder / PAGE, _page(study))
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
+    write_record(folder / RECORD, data, (PAGE,))
     rows = [HEAD, *effect_rows(study.budget)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
@@ -161,13 +161,13 @@ def _page(study: _Study) -> str:
 
 
 def _of_lenses(study: _Study) -> list[PageSection]:
-    from optics.reporting.figures import made_lens_figures_of  # matplotlib
+    from optics.reporting.figures import monte_carlo_figures_of  # matplotlib
 
     if study.made is None:
         return []
     head = ("part", "share in the expected rise of rel_l2^2")
     rows = [(name, f"{share:.1%}") for name, share in study.made.shares().items()]
-    pictures = made_lens_figures_of(study.made)
+    pictures = monte_carlo_figures_of(study.made)
     return [PageSection("Lenses with all errors at once", study.of_made(), head, rows, pictures)]
 
 
