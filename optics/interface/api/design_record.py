@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from optics.base.runtime import Backend
+from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, universal_bound
 from optics.designing.optimisation import Row
 from optics.designing.prediction import blur_limits, blur_sentence
@@ -51,6 +51,13 @@ class DesignRecord:
     started_from_transport: bool = False
     interrupted: bool = False
     levels: tuple[LevelRecord, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, OpticalSystem):
+            raise UserError(
+                f"a design needs the system of its problem, got {type(self.system).__name__}; "
+                "optics.Design.of_lens(problem, lens) makes both of a lens"
+            )
 
     @property
     def problem(self) -> Problem:

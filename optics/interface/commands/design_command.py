@@ -214,7 +214,10 @@ def _design_lines(
     folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
 ) -> list[str]:
     """Return what is printed of a design.  judged : lines on its beam and uniformity."""
-    fit = []
+    fit, misses = [], []
+    if checked["grade"] == "light misses":
+        problem = shlex.quote(str(folder.problem))
+        misses = [f"thbcad check {problem} names what binds, and docs/possible_light.md what helps"]
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
     return [
@@ -227,5 +230,6 @@ def _design_lines(
         f"{metrics['wall_s']['total']:.1f} s",
         *judged,
         metrics["verdict"],
+        *misses,
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]

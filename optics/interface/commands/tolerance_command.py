@@ -17,7 +17,7 @@ from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, lim
 from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
-from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
+from optics.tolerancing.perturbations import HEAD, RISE, ToleranceBudget, effect_rows, shop_sentences
 from thbcad.io import write_text
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
@@ -48,15 +48,21 @@ class _Study:
         data["form_error"] = {"sentences": self.of_form()} | ({} if self.form is None else self.form.data())
         return data | ({} if self.made is None else {"monte_carlo": self.made.data()})
 
-    def of_reflections(self) -> list[str]:
+    def beside_the_report(self) -> list[str]:
         """Return how the light that is traced here differs from that of the report, where it does."""
-        metrics = self.design.metrics
-        if metrics["paths"] != "all":
-            return []
-        return [
-            f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
-            f"{metrics['rel_l2_debiased']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
-        ]
+        metrics, here, sentences = self.design.metrics, f"{self.budget.rel_l2:.2%}", []
+        if metrics["paths"] == "all":
+            sentences.append(
+                f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
+                f"{metrics['rel_l2_debiased']:.2%}, by front and rear alone {here}."
+            )
+        if self.budget.noise:
+            sentences.append(
+                "Rays are counted here, and their noise raises rel_l2: the report has "
+                f"{metrics['rel_l2_sequential']:.2%} by front and rear without noise, here it is {here} with "
+                f"it. Limit the rise, such as --limit {RISE:g}, not rel_l2 itself."
+            )
+        return sentences
 
     def of_form(self) -> list[str]:
         if self.form is None:
@@ -97,11 +103,11 @@ def tolerance(options: Namespace) -> Outcome:
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
     lines = [
+        *study.beside_the_report(),
         *shop_sentences(study.budget),
         "",
         *table,
         "",
-        *study.of_reflections(),
         *study.of_made(),
         *study.of_form(),
     ]
@@ -150,7 +156,7 @@ def _page(study: _Study) -> str:
     for effect in ranked[:WORST]:
         name = effect.tolerance.name
         pictures.append((f"change of the light by {name}", change_figure(effect, screen)))
-    sentences = [*study.of_reflections(), *shop_sentences(budget)]
+    sentences = [*study.beside_the_report(), *shop_sentences(budget)]
     sections = [
         PageSection("What the shop must hold", sentences, pictures=pictures),
         *_of_lenses(study),
