@@ -44,11 +44,12 @@ def check(options: Namespace) -> Outcome:
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         missed = foreseen_misses(system, expectation, limits, backend)
         data["missed"] = missed
+        asked = "picture" if system.problem.target.kind == "image" else "light asked for"
         lines = [
             f"{system.problem.title}: the problem is valid"
             + (", but its limits may not be kept" if missed else ""),
             *missed,
-            f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
+            f"{asked} {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
             f"{data['dark_share']:.0%} of them dark",
             *_side_lines(system),
             f"before optimisation: least thickness {least.value:.4g} mm {position(least)}",

@@ -102,7 +102,11 @@ def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     """Return why there is no uniformity, and how many rays would tell it; "" where there is."""
     rays, noise = metrics.get("rays"), uniformity.get("noise", 0.0)
     if uniformity["min_over_mean"] is None and rays and noise > NOISE:
-        return f"{uniformity['reason']}; about {rays * (noise / NOISE) ** 2:.1e} rays would tell"
+        wanted = rays * (noise / NOISE) ** 2
+        return (
+            f"{uniformity['reason']}; about {wanted:.1e} rays in place of {rays:.1e} would tell: more "
+            "target.pixels are measured by more rays"
+        )
     return str(uniformity["reason"])
 
 

@@ -154,6 +154,7 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
         out := capsys.readouterr().out,
     )
     assert "rel_l2: not predicted off the axis, or on a curve; the start has" in out
+    assert "\nlight asked for " in out  # a top hat is no picture
     assert said is not None
     assert 20 < int(said[1]) < 60
     assert 0 < float(said[2]) < int(said[1])
