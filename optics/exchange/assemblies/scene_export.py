@@ -1,5 +1,6 @@
 """A scene as one STEP file: its elements where they lie, and source and screen as thin parts on request."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -53,15 +54,32 @@ def export_scene(
     """
     try:
         bodies = _bodies(system, lens, staged)
-        parts = [
-            (files[product.name].read_bytes() if product.name in files else part, product, pose)
-            for part, product, pose in bodies
-        ]
-        written = scene_step(parts, system.product, system.problem.export.schema)
+        written = _assembled(system, bodies, files)
     except ValueError as error:
         raise UserError(f"cannot write the STEP file of the scene: {error}") from None
     write_bytes(path, written)
     return _checks(bodies, path)
+
+
+def scene_text_check(system: OpticalSystem, lens: Lens, path: Path, files: Mapping[str, Path]) -> Check:
+    """Return the check that the file of a scene holds the very entities of the files of its elements.
+
+    files : of all elements by name.
+
+    Raises OSError : a file cannot be read.
+    """
+    wanted = _assembled(system, _bodies(system, lens, staged=False), files)
+    mine, theirs = (Counter(text.split(b";")) for text in (path.read_bytes(), wanted))
+    off = max((mine - theirs).total(), (theirs - mine).total())
+    return Check.none_of("scene: entities that differ from the files of its elements, in their places", off)
+
+
+def _assembled(system: OpticalSystem, bodies: Sequence[Body], files: Mapping[str, Path]) -> bytes:
+    parts = [
+        (files[product.name].read_bytes() if product.name in files else part, product, pose)
+        for part, product, pose in bodies
+    ]
+    return scene_step(parts, system.product, system.problem.export.schema)
 
 
 def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:

@@ -13,6 +13,7 @@ from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import Crossed, occt_through
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import fixed_face
+from optics.exchange.verification.same_design import fresh_export_checks
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers, occt_checks
 from optics.exchange.verification.step_file import (
@@ -23,7 +24,7 @@ from optics.exchange.verification.step_file import (
     text_solid_checks,
 )
 from optics.exchange.verification.trace_comparison import compared
-from optics.scene.problem import Verify
+from optics.scene.problem import Problem
 from optics.scene.system import MadePart, OpticalSystem
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
@@ -57,12 +58,14 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     return [*_own_checks(file, system.made(lens)), fates, landing]
 
 
-def other_part_checks(part: MadePart, file: StepFile, limits: Verify) -> list[Check]:
-    """Return the Checks of the STEP file of a fixed element, by its text and by OCCT, under its name.
+def other_part_checks(part: MadePart, file: StepFile, problem: Problem) -> list[Check]:
+    """Return the Checks of the STEP file of a fixed element, against a fresh export, by its text and by OCCT,
+    under its name.
 
     Raises OSError, ValueError : as `text_and_occt_checks`.
     """
-    checks = [*_own_checks(file, part.made), *occt_checks(part.made, file, limits)]
+    fresh, _ = fresh_export_checks(part, problem.export.schema, file)
+    checks = [*fresh, *_own_checks(file, part.made), *occt_checks(part.made, file, problem.verify)]
     return [replace(check, name=f"{part.name}: {check.name}") for check in checks]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from optics.base.runtime import Check
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.problem import Freeform, Front, Problem, Rear, base_of
-from optics.scene.system import OpticalSystem
+from optics.scene.system import MadePart
 from thbcad.cad.exchange import step_bytes
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
@@ -97,13 +97,13 @@ OTHER_TEXT = (
 )
 
 
-def fresh_export_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> tuple[list[Check], list[str]]:
-    """Return the Checks of the solid and the words of a file against a fresh export, and a note where the
-    texts differ all the same.
+def fresh_export_checks(part: MadePart, schema: str, file: StepFile) -> tuple[list[Check], list[str]]:
+    """Return the Checks of the solid and the words of a file against a fresh export of an element, and a note
+    where the texts differ all the same.
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    fresh = step_bytes(system.made(lens), system.product, system.problem.export.schema)
+    fresh = step_bytes(part.made, part.product, schema)
     if file.path.read_bytes() == fresh:
         return same_checks(file.text, file.text), []
     checks = same_checks(file.text, brep_of_text(fresh.decode("latin-1")))

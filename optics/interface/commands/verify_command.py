@@ -15,7 +15,13 @@ from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
-from optics.scene.system import OpticalSystem, manufactured, other_limit_checks, other_parts
+from optics.scene.system import (
+    OpticalSystem,
+    designed_part,
+    manufactured,
+    other_limit_checks,
+    other_parts,
+)
 from thbcad.doors import pip_command
 from thbcad.io import write_bytes, write_text
 from thbcad.lens import Lens
@@ -187,7 +193,8 @@ def _folder_checks(
     file = StepFile(folder.step)
     with reading(file.path):
         file.read_lens()
-    checks, notes = fresh_export_checks(system, lens, file)
+    designed = designed_part(system, lens)
+    checks, notes = fresh_export_checks(designed, problem.export.schema, file)
     checks += prescription_checks(problem, lens, given=not folder.read_history())
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
@@ -195,12 +202,15 @@ def _folder_checks(
         own = StepFile(folder.path / part.file)
         with reading(own.path):
             own.read_lens()
-        checks += other_part_checks(part, own, problem.verify)
+        checks += other_part_checks(part, own, problem)
     if system.others:
-        from optics.exchange.assemblies import scene_checks  # few runs ask
+        from optics.exchange.assemblies import scene_checks, scene_text_check  # few runs ask
 
+        files = {part.name: folder.path / part.file for part in other_parts(system)}
+        files[designed.name] = folder.step
         with reading(folder.path / SCENE):
             checks += scene_checks(system, lens, folder.path / SCENE)
+            checks.append(scene_text_check(system, lens, folder.path / SCENE, files))
     checks += limit_checks(problem, manufactured(system, lens)) + other_limit_checks(system)
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")

@@ -135,7 +135,8 @@ class Obstruction:
         for (body, pose, _), mask in zip(self._bodies, may):
             chosen = dr.compress(mask)
             if dr.width(chosen):
-                table = [*rays.origin, *rays.direction, reach]
+                # parallel light has numbers for directions
+                table = [Float(part) for part in (*rays.origin, *rays.direction, reach)]
                 dr.eval(table)
                 parts = [dr.gather(Float, dr.select(mask, part, 0), chosen).numpy() for part in table]
                 met = body.takes(pose, np.array(parts[:3]), np.array(parts[3:6]), parts[6])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from optics.scene.problem import Optic, Placed
+from optics.scene.problem import FaceMet, Optic, Placed
 from optics.scene.system.elements import pose_of
 from optics.scene.system.geometry_search import nearest_geometry
 from optics.scene.system.optical_system import OpticalSystem
@@ -28,27 +28,36 @@ POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
 def require_clear_of_lens(system: OpticalSystem) -> None:
-    """Refuse a target that cuts the lens: its rectangle meets lines through the box around the lens.
+    """Refuse a target that cuts an element: the box that the designed one may fill, or the solid of another.
 
     Raises UserError : names the box.
     """
-    lens, receiver = system.lens, system.target.receiver.seen_from(system.pose)
-    low, high = lens_heights(system.problem.optic, lens)
-    x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
-    box = np.array([[-x, x], [-y, y], [low, high]])
-    half_width, cuts = np.array(system.target.settings.half_width), False
+    for optic, lens in system.elements(system.lens):
+        low, high = lens_heights(optic, lens)
+        x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
+        points = _target_within(system, optic, np.array([[-x, x], [-y, y], [low, high]]))
+        if points.size if optic is system.problem.optic else _holds(lens, points).any():
+            raise UserError(
+                f"the target cuts {_named(optic)}, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, "
+                f"z = {low:.4g} to {high:.4g} mm{_own_frame(system)}; move target.position away, or turn it "
+                "by target.tilt"
+            )
+
+
+def _target_within(system: OpticalSystem, optic: Optic, box: Floats) -> Floats:
+    """Return points of the target within the box (3, 2) around an element, in its frame, (3, n): those of a
+    grid, and those on lines through the box."""
+    receiver = system.target.receiver.seen_from(pose_of(optic))
+    half_width = np.array(system.target.settings.half_width)
+    grid = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in half_width))
+    points = np.stack(np.broadcast_arrays(*receiver.points(*grid))).reshape(3, -1)
+    found = [points[:, ((points >= box[:, :1]) & (points <= box[:, 1:])).all(axis=0)]]
     for start, direction, length in _lines(box):
         landed = receiver.land(start, direction)
         within = (np.abs([landed.u, landed.v]) <= half_width[:, None]).all(axis=0)
-        cuts |= bool((landed.met & within & (landed.length >= 0) & (landed.length <= length)).any())
-    grid = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in half_width))
-    points = np.stack(np.broadcast_arrays(*receiver.points(*grid))).reshape(3, -1)
-    if cuts or ((points >= box[:, :1]) & (points <= box[:, 1:])).all(axis=0).any():
-        raise UserError(
-            f"the target cuts {_named(system.problem.optic)}, which may fill |x| <= {x:.4g}, |y| <= {y:.4g}, "
-            f"z = {low:.4g} to {high:.4g} mm{_own_frame(system)}; move target.position away, or turn it by "
-            "target.tilt"
-        )
+        cuts = landed.met & within & (landed.length >= 0) & (landed.length <= length)
+        found.append((start + np.where(cuts, landed.length, 0.0) * direction)[:, cuts])
+    return np.concatenate(found, axis=1)
 
 
 def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
@@ -176,8 +185,8 @@ def can_be_lit(system: OpticalSystem) -> bool:
     if not system.target.far_field:
         require_clear_of_lens(system)
     if not _shaped_last(system):
-        return True
-    points, normals, _ = _asked(system)
+        return not _fault(system)
+    points, normals, _ = _asked(system, system.problem.optic)
     way = points - np.array([[0.0], [0.0], [0.0 if system.reflects else system.lens.thickness]])
     least = GRAZING * np.linalg.norm(way, axis=0)
     clear = ((way * normals).sum(axis=0) > least) & (np.abs(way[2]) > least)
@@ -191,40 +200,44 @@ def _shaped_last(system: OpticalSystem) -> bool:
 
 def _fault(system: OpticalSystem) -> str:
     """Return what light does not reach, and a remedy in words; "" where it reaches all."""
-    if not _shaped_last(system):
-        return ""
-    points, normals, share = _asked(system)
-    return _unlit(system, points, normals, share) or (
-        _too_far(system, points, share) if system.parallel else ""
-    )
+    last = system.problem.faces_met[-1]
+    lens = next(lens for optic, lens in system.elements(system.lens) if optic is last.optic)
+    points, normals, share = _asked(system, last.optic)
+    fault = _unlit(system, last, lens, points, normals, share)
+    parallel = system.parallel and _shaped_last(system)
+    return fault or (_too_far(system, points, share) if parallel else "")
 
 
-def _asked(system: OpticalSystem) -> tuple[Floats, Floats, Floats]:
-    """Return points of the target that are to be lit, (3, n), its normals there, and shares of the light."""
+def _asked(system: OpticalSystem, optic: Optic) -> tuple[Floats, Floats, Floats]:
+    """Return points of the target that are to be lit, (3, n), its normals there, both in the frame of an
+    element, and shares of the light."""
     target = system.target
     screen = target.screen(coarsening=-(-max(target.settings.pixels) // MOST_PIXELS))
     light = target.irradiance(screen, 1.0)
     rows, columns = np.nonzero(light)
     u, v = screen.centres[0][columns], screen.centres[1][rows]
-    receiver = target.receiver.seen_from(system.pose)
+    receiver = target.receiver.seen_from(pose_of(optic))
     normals = np.stack(np.broadcast_arrays(*receiver.normal(u, v)))
     points = FAR * normals if target.far_field else np.stack(np.broadcast_arrays(*receiver.points(u, v)))
     return points, normals, light[rows, columns] / light.sum()
 
 
-def _unlit(system: OpticalSystem, points: Floats, normals: Floats, share: Floats) -> str:
-    """Return what is wrong with points (3, n) that no light of the rear meets from before.
+def _unlit(
+    system: OpticalSystem, last: FaceMet, lens: Lens, points: Floats, normals: Floats, share: Floats
+) -> str:
+    """Return what is wrong with points (3, n) that no light of the last face meets from before.
 
-    share : of the light, (n,).
+    last : the face, whose element has this lens.  share : of the light, (n,).
     """
-    lens, (low, high) = system.lens, lens_heights(system.problem.optic, system.lens)
+    low, high = lens_heights(last.optic, lens)
     rear = (*((-h, h) for h in lens.rear.half_width), (low, high))
     nearest = sum(np.minimum(a * n, b * n) for (a, b), n in zip(rear, normals))  # of the corners
-    sign, end = (-1, high) if system.reflects else (1, low)
+    back = last.reflects != last.backwards
+    sign, end = (-1, high) if back else (1, low)
     before, behind = sign * (points[2] - end) <= 0, (points * normals).sum(axis=0) <= nearest
-    named = _named(system.problem.optic)
+    named = _named(last.optic)
     if before.any():
-        towards = "-z" if system.reflects else "+z"
+        towards = "-z" if back else "+z"
         return (
             f"{_percent(share[before])} of the light is asked for beside {named} or behind where "
             f"light leaves it, beyond z = {end:.4g} mm{_own_frame(system)}: it goes towards {towards}; "

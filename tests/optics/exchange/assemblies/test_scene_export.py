@@ -1,12 +1,15 @@
 """The scene of a row of elements as an assembly: parts, places and numbers are those of the system."""
 
+import re
+
 import numpy as np
 import pytest
 
-from optics.exchange.assemblies import export_scene, scene_checks
-from optics.scene.system import OpticalSystem, scene_parts
+from optics.exchange.assemblies import export_scene, scene_checks, scene_text_check
+from optics.exchange.verification import StepFile, other_part_checks
+from optics.scene.system import OpticalSystem, other_parts, scene_parts
 from tests.optics.scene.problem.cases import ROW, load_text
-from thbcad.cad.exchange import read_scene
+from thbcad.cad.exchange import read_scene, step_bytes
 
 CURVED = {"target.surface": "cylinder", "target.radius": 30.0}
 
@@ -55,3 +58,30 @@ def test_a_file_that_was_cut_does_not_reach_occt(row, tmp_path):
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(ValueError, match="is not a whole STEP file"):
         scene_checks(row, row.lens, path)
+
+
+def test_a_scene_that_is_not_that_of_the_files_of_its_elements_is_told(row, tmp_path):
+    """OCCT closes the gap of an edge that runs backwards; splines and places are those in memory."""
+    parts, path = scene_parts(row, row.lens), tmp_path / "scene.step"
+    files = {part.name: tmp_path / part.file for part in parts}
+    for part in parts:
+        files[part.name].write_bytes(step_bytes(part.made, part.product))
+    assert wrong(export_scene(row, row.lens, path, files=files)) == []
+    assert scene_text_check(row, row.lens, path, files).ok
+    whole = path.read_text("ascii")
+    changed = re.sub(r"(ORIENTED_EDGE\('',\*,\*,#\d+,)\.T\.", r"\1.F.", whole, count=1)
+    path.write_text(changed, "ascii")
+    assert wrong(scene_checks(row, row.lens, path)) == []
+    assert scene_text_check(row, row.lens, path, files).value == 1
+
+
+def test_a_fixed_element_whose_file_names_another_glass_is_told(row, tmp_path):
+    part, path = other_parts(row)[0], tmp_path / "M1.step"
+    text = step_bytes(part.made, part.product).decode("ascii")
+    path.write_text(text, "ascii")
+    assert wrong(other_part_checks(part, StepFile(path), row.problem)) == []
+    changed = text.replace("refractive index 1.5", "refractive index 1.7")
+    assert changed != text
+    path.write_text(changed, "ascii")
+    (told,) = wrong(other_part_checks(part, StepFile(path), row.problem))
+    assert told.startswith(f"{part.name}: text of the file: words that are not those of the problem")

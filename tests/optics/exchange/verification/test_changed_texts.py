@@ -12,7 +12,7 @@ from optics.exchange.verification.lone_file import WITHOUT_LENS, bare_checks, te
 from optics.exchange.verification.same_design import OTHER_TEXT, fresh_export_checks, same_checks
 from optics.exchange.verification.step_checks import verify
 from optics.exchange.verification.step_file import StepFile
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, designed_part
 from tests.cases import examples
 from tests.optics.exchange.verification.cases import SPLINES, shaped
 from tests.optics.exchange.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
@@ -101,7 +101,7 @@ def test_every_number_of_the_solid_counts(good, data):
 def test_a_file_written_otherwise_passes_every_check(good, tmp_path, backend, name):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_bytes(REWRITES[name](good.text, np.random.default_rng(1)).encode("ascii"))
-    checks, notes = fresh_export_checks(good.system, good.lens, file)
+    checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
     checks += text_and_occt_checks(good.system, good.lens, file, backend)
     checks += verify(good.system, good.lens, file, backend)
     assert failed([*checks, *bare_checks(file).checks]) == []
@@ -111,7 +111,7 @@ def test_a_file_written_otherwise_passes_every_check(good, tmp_path, backend, na
 def test_a_file_as_it_was_written_needs_no_note(good, tmp_path):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(good.text)
-    checks, notes = fresh_export_checks(good.system, good.lens, file)
+    checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
     assert (failed(checks), notes) == ([], [])
 
 

@@ -174,6 +174,18 @@ def test_a_screen_in_the_beam_takes_the_shadow_of_its_plate(backend):
     assert fates.total == pytest.approx(1, abs=1e-12)
 
 
+def test_a_screen_before_a_plane_front_takes_its_own_area_of_a_beam(backend):
+    """Rays along z are not searched for at a plane front, and have numbers for directions."""
+    lens = element("L1", (0, 0, 0), (0, 0, 0), (25, 25), free=True, kind="lens")
+    system = scene([lens], (0, 0, -100), (180, 0, 0), half=(5, 4))
+    faces = ["L1.front", "L1.rear:reflect", "L1.front"]
+    system = OpticalSystem(system.problem.with_(path=[{"faces": faces}]))
+    _, fates = cell_irradiance(
+        system.shaded_path(system.lens), system.target.screen(), system.source.cells((40, 40)), backend
+    )
+    assert fates.by_name["L1.front blocked"] == pytest.approx(4 * 5 * 4 / 40**2, abs=1e-9)
+
+
 def test_a_body_behind_the_source_takes_nothing(backend):
     """The beam is traced from well before the first surface on, but comes from its source."""
     mirror = element("M1", (0, 0, 0), (0, 0, 0), (25, 25), free=True)

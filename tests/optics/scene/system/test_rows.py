@@ -114,6 +114,24 @@ def test_a_row_that_light_cannot_go_through_is_one_sentence(elements, words):
 
 
 @pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ({"position": (0, 2, 60)}, "the target cuts element.M1"),
+        ({"position": (0, -40, 60), "tilt": (90, 0, 0)}, "light is asked for beside element.M1 or behind"),
+        ({"tilt": (90, 0, 0)}, "where the target shows element.M1 its back"),
+        ({"position": (0, 1, 2), "tilt": (0, 0, 0)}, "the target cuts element.L1"),
+    ],
+)
+def test_a_target_that_light_of_the_last_fixed_element_never_meets_is_refused(target, words):
+    """Light would be followed backwards to a target in a mirror's blank, or before the mirror."""
+    mirror = MIRROR | {"face": MIRROR["face"] | {"freeform": None}}
+    lens = LENS | {"rear": LENS["rear"] | {"freeform": {"spans": (4, 4), "z_freedom": 0.1}}}
+    solvable_system(row(lens, mirror))
+    with pytest.raises(UserError, match=re.escape(words)):
+        solvable_system(row(lens, mirror, target=target))
+
+
+@pytest.mark.parametrize(
     "changes",
     [
         {"source.divergence": 0.3},
