@@ -22,6 +22,7 @@ from threading import Event
 from types import FrameType
 from typing import Any
 
+from optics.base.runtime.errors import NumericalError
 from optics.base.runtime.garbage import collect_and_give_back, collect_rarely
 from optics.base.runtime.lost_interrupts import lost_interrupts_again
 from optics.base.runtime.systems import (
@@ -40,8 +41,8 @@ PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one se
 TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
 
 
-class ProcessEnded(RuntimeError):
-    """A process ended before it answered."""
+class ProcessEnded(NumericalError, RuntimeError):
+    """A process ended before it answered; as a rule the system ended it where memory lacked."""
 
 
 class HelperProcess:
@@ -97,7 +98,10 @@ class HelperProcess:
             value, error = self._pipe.recv()
         except (EOFError, OSError):
             code = self._process.wait()
-            raise ProcessEnded(f"a helper process ended with code {code} in {asked}") from None
+            raise ProcessEnded(
+                f"a helper process ended with code {code} in {asked}, as where memory lacks or somebody ends "
+                "it; free memory, or use fewer pixels, rays or levels, and run the command again"
+            ) from None
         if error is not None:
             raise error
         return value

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isinf
+
 from optics.base.runtime import plain_number
 from optics.designing.prediction.expectation import Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
@@ -131,6 +133,8 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
 
 
 def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:
+    if isinf(size):
+        return "so far that none arrives"
     return f"{_length(system, size)} ({plain_number(size / expected.pixel, 2)} pixels)"
 
 

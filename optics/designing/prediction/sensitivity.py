@@ -12,7 +12,7 @@ In the far field D is 1, and the result is in degrees.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import degrees, pi
+from math import degrees, inf, pi
 
 import numpy as np
 
@@ -35,7 +35,8 @@ class Sensitivity:
     """Shifts of the light on the target, mm, in the far field degrees: means by flux.
 
     index, index_most : by INDEX, mean and greatest; 0 of a mirror.  ripple : by a slope as steep as that of
-    RIPPLE with the period PERIOD.  decentre : by DECENTRE of the source against the lens.
+    RIPPLE with the period PERIOD.  decentre : by DECENTRE of the source against the lens.  inf : no light
+    arrives both ways.
     """
 
     index: float
@@ -57,6 +58,8 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
             return 0.0, 0.0
         points, flux = _landed(backend, other, rays)
         both = (flux > 0) & (landed[1] > 0)
+        if not both.any():
+            return inf, inf
         shift = np.hypot(*(points - landed[0])[:, both])
         return float(np.average(shift, weights=landed[1][both])), float(shift.max())
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray, UserError
 from optics.designing.starts.rear_light import DARK, LEAST_WEIGHT, Floats, RearLight, centres
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
@@ -28,6 +28,8 @@ def light_on(
     """Return the light of a source, taken without extent, as it meets a surface of a path, in its own frame.
 
     counts : (nx, ny) cells over the rectangle of the surface.
+
+    Raises UserError : no light meets it.
     """
     dr, half = backend.dr, path.surfaces[surface].shape.half_width
     cells = source.without_extent().cells([CELLS_PER_CELL * n for n in counts])
@@ -40,6 +42,12 @@ def light_on(
             return _picture(screen, mapped(hits.x, hits.y, flux * share, hits.found))
 
         emitted = laid(1.0)
+        if not emitted.any():
+            raise UserError(
+                "the source that a start is found for, of several the brightest, sends no light to the "
+                "surface that is shaped; turn it there by source.tilt, or move it, or make another brighter "
+                "by source.weight"
+            )
         dark = emitted <= DARK * emitted.mean()
         nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
         # means of directions by flux: no light that is laid down may be negative

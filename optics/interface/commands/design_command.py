@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.base.runtime import HelperProcess, UserError, check_lines, note, reading
+from optics.base.runtime import HelperProcess, ProcessEnded, UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import (
@@ -80,7 +80,7 @@ def design(options: Namespace) -> Outcome:
             return _designed(run, system, options, lens)
         except BaseException as error:
             ended = "the run has ended without a result; the terminal says why"
-            if isinstance(error, KeyboardInterrupt):
+            if isinstance(error, KeyboardInterrupt | ProcessEnded | OSError):
                 ended = _what_is_kept(run)
                 run.notes(ended)
             live.stop(ended)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
@@ -84,7 +85,7 @@ def assignment(text: str, kind: type[Record]) -> tuple[str, Any]:
     names = key.limits["choices"] or ()
     if key.hint is str or value in names or (key.limits["auto"] and value == AUTO):
         return name, value
-    raise UserError(f"{name} must be {_wanted(key)}, got {value!r}")
+    raise UserError(f"{name} must be {_wanted(replace(key, name=name))}, got {value!r}")
 
 
 def _wanted(key: Key) -> str:

@@ -19,6 +19,10 @@ def require_sources(source: Source) -> None:
         raise UserError("source.weight is 0 of every source; make one greater")
     if not source.lone and not source.flux:
         raise UserError("source.flux must be given beside source.position, source.array or other sources")
+    if any(0 < each.total < LEAST_FLUX for each in source.each):
+        raise UserError(
+            f"source.flux times source.weight must be 0 or at least {LEAST_FLUX:g}; make source.weight larger"
+        )
     for k, other in enumerate(source.others, 2):
         with speaking_of(f"source {other.name or k} of the list"):
             _require_source(other)

@@ -22,6 +22,7 @@ from optics.scene.system.stops import require_places
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 NOTHING = Own()
+SAME_FLUX = 1e-9  # relative, of rounding
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
@@ -46,6 +47,11 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
         target, blur of a row of elements.
     """
     require_limits(problem)
+    if own.source and not np.isclose(own.source.flux, problem.flux, rtol=SAME_FLUX, atol=0.0):
+        raise UserError(
+            f"the flux of the script's source, {own.source.flux:g}, must be that of the problem, "
+            f"{problem.flux:g}, by which shares of light are counted; give both the same"
+        )
     told = source_of(problem).told
     system = OpticalSystem(problem.with_(**told) if told else problem, own=own)
     _ = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
+from optics.base.runtime import UserError
 from optics.scene.problem import OneSource, Placed, Problem
 from optics.scene.receivers import Receiver
 from optics.scene.sources import (
@@ -34,10 +35,23 @@ class Own:
     """Classes of a script, that no problem file names, in place of what the problem describes.
 
     source : a `LightSource`, of the flux that the problem says.  receiver : in the frame of the scene.
+
+    Raises UserError : objects of other classes.
     """
 
     source: LightSource | None = None
     receiver: Receiver | None = None
+
+    def __post_init__(self) -> None:
+        for name, own, wanted in (
+            ("source", self.source, LightSource),
+            ("receiver", self.receiver, Receiver),
+        ):
+            if not (own is None or isinstance(own, wanted)):
+                raise UserError(
+                    f"{name} must be an object of a class of {wanted.__module__.rpartition('.')[0]}."
+                    f"{wanted.__name__}, got {own!r}; derive one, or leave it out"
+                )
 
     def __bool__(self) -> bool:
         return self.source is not None or self.receiver is not None

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from optics.base.runtime import UserError, answered, process_for
+from optics.base.runtime import NumericalError, UserError, answered, process_for
 from tests.cases import ROOT
 from tests.without_posix import without_posix
 
@@ -377,3 +377,11 @@ def test_without_posix_a_helper_process_tidies_up_and_ends_with_the_first(tmp_pa
     first.kill()
     assert first.communicate()[1] == ""
     assert gone(pid)
+
+
+def test_a_process_that_dies_is_a_failure_with_a_remedy_and_no_internal_error():
+    with (
+        pytest.raises(NumericalError, match=r"ended with code -9 .* free memory"),
+        process_for("test") as process,
+    ):
+        process.ask("os", "kill", process.ask("os", "getpid").result(), signal.SIGKILL).result()

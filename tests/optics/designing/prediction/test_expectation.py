@@ -160,3 +160,10 @@ def test_a_lens_is_turned_or_its_target_moved_until_the_rear_reflects_little(bac
         assert 0.07 < found(problem.with_(**{key: keys[key]})).reflected < 0.1
     assert set(keys) == {"element.L1.tilt", "target.position"}
     assert 10 < keys["element.L1.tilt"][1] < 25
+
+
+def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path, backend):
+    """By 110 m of way it moves light by more than the hole is wide."""
+    iris = {"name": "iris", "shape": "ellipse", "half_width": (10, 10), "position": (0, 0, 1.1e5)}
+    plate = loaded(tmp_path, WIDE | {"lens.rear.radius": np.inf, "target.distance": 1.2e5, "stop": [iris]})
+    assert sensitivity(plate, plate.lens, backend).ripple == np.inf

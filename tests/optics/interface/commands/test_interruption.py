@@ -1,5 +1,6 @@
 """Ctrl-C: what is left of a run, and how it goes on."""
 
+import errno
 import json
 import re
 import shlex
@@ -10,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from optics.base.runtime import ProcessEnded
 from optics.designing.optimisation import Interrupted
 from optics.interface.commands import main
 from optics.interface.commands.design_command import resuming
@@ -200,3 +202,17 @@ def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, ca
         assert main([*arguments, *more]) == 130
         assert f"--out {tmp_path / 'out'}" in (said := capsys.readouterr().err)
         assert "to go on: thbcad design" in said
+
+
+@pytest.mark.usefixtures("no_helpers")
+@pytest.mark.parametrize(
+    ("fault", "code"), [(ProcessEnded("a helper ended"), 3), (OSError(errno.ENOSPC, "No space left"), 2)]
+)
+def test_a_run_that_a_helper_or_the_disk_ends_says_how_it_goes_on(tmp_path, capsys, monkeypatch, fault, code):
+    def failed(*arguments):
+        raise fault
+
+    monkeypatch.setattr("optics.interface.api.write_result", failed)
+    problem = write_problem(tmp_path, {"optimizer.start": "flat", "optimizer.iterations": [1]})
+    assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == code
+    assert re.search(r"so far.*; to go on: thbcad design .* --resume\n", capsys.readouterr().err)

@@ -257,6 +257,7 @@ def test_an_assignment_is_a_key_and_a_value_of_toml_or_a_bare_word_for_a_text(te
             "target.distance=far",
             "target.distance must be a number, such as target.distance=2.5, got 'far'",
         ),
+        ("element.M1.reflectance=gold", "such as element.M1.reflectance=2.5, got"),
         ("target.half_width=100,100", "such as target.half_width=[1.5, 1.5]"),
         ("target.pixels=100x100", "such as target.pixels=[1, 1]"),
         ("optimizer.fresnel=yes", "true or false"),

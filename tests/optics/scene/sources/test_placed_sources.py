@@ -1,5 +1,7 @@
 """Sources anywhere, arrays and lists: rotations by scipy, sums of single sources."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -83,6 +85,7 @@ def test_a_list_of_a_file_is_read_and_one_key_of_it_changes(tmp_path):
     [
         ([placed(0), placed(1, unit="lm")], "source.unit must be that of the first source"),
         ([placed(0, weight=0.0)], "source.weight is 0 of every source"),
+        ([placed(0, weight=1e-300)], "must be 0 or at least 1e-12"),
         ([placed(0), placed(1, file="x.ray")], "source.file is read by the kinds"),
         (
             {"kind": "collimated", "half_width": (9, 9), "tilt": (5, 0, 0), "divergence": 1.0},
@@ -105,3 +108,23 @@ def test_sources_that_cannot_be_added_are_refused_in_a_sentence(sources, words):
 def test_a_source_is_placed_by_position_tilt_or_array():
     assert not OneSource(**POINT).placed
     assert OneSource(**POINT, tilt=(1, 0, 0)).placed
+
+
+def test_a_start_is_refused_where_the_brightest_source_sends_no_light_to_the_lens():
+    """Another source lights it, so that nothing else tells."""
+    away = problem([placed(-3, flux=2.0, tilt=(180, 0, 0)), placed(4)])
+    system = optics.System(away)
+    with pytest.raises(UserError, match="of several the brightest, sends no light"):
+        system.transport_start(system.space())
+
+
+@pytest.mark.parametrize(
+    ("own", "words"), [("sun", "an object of a class"), (2.0, "must be that of the problem")]
+)
+def test_a_source_of_a_script_is_a_light_source_of_the_flux_of_the_problem(own, words):
+    """Else shares of light are counted by another flux: an efficiency of 184 %."""
+    plain = problem(POINT | {"distance": 20.0})
+    source = source_of(plain)
+    optics.System(plain, source=source)
+    with pytest.raises(UserError, match=words):
+        optics.System(plain, source=own if isinstance(own, str) else replace(source, flux=own))
