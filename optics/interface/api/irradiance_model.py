@@ -78,7 +78,7 @@ class Model:
         Raises UserError : coefficients of another shape or space, or numbers that are not finite.
         """
         with DEVICE:
-            return self._shown(self._light.image(vectors(coefficients, self._spaces)))
+            return self._shown(self._light.light(vectors(coefficients, self._spaces)).image)
 
     def vjp(self, coefficients: Coefficients) -> tuple[Floats, Pull]:
         """Return the irradiance, and the function that maps dL/dE to dL/dc.

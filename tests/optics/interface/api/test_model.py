@@ -256,3 +256,29 @@ def test_copies_of_systems_and_models_make_the_same_light(tmp_path, name, way):
     np.testing.assert_array_equal(other(c), model(c))
     np.testing.assert_array_equal(part.loss(c)[0], model.loss(c)[0])
     np.testing.assert_array_equal(whole.model(space, RAYS, window)(c), model(c))
+
+
+def test_a_call_and_a_derivative_are_of_one_irradiance_where_the_rim_of_a_fixed_lens_cuts_cells():
+    """Corners beside the rim lie on what goes on beyond it, in both."""
+    half, face = (
+        (25.0, 25.0),
+        {"radius": -400.0, "conic": -1.0, "freeform": {"spans": (4, 4), "z_freedom": 1.0}},
+    )
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 5.0}
+    lens = {"kind": "lens", "name": "L1", "position": (0, 60, 0), "tilt": (-90, 0, 0), "thickness": 5.0}
+    lens |= {
+        "index": 1.5,
+        "front": {"half_width": (12, 12)},
+        "rear": {"half_width": (12, 12), "freeform": None},
+    }
+    problem = optics.Problem(
+        source=optics.Source(kind="collimated", half_width=(19.5, 13.5), distance=80.0),
+        element=(mirror | {"face": face | {"half_width": half}}, lens),
+        target=optics.Target(
+            kind="tophat", position=(0, 120, 0), tilt=(-90, 0, 0), half_width=(20, 20), pixels=(24, 24)
+        ),
+    )
+    system = optics.System(problem)
+    space = system.space()
+    model = system.model(space, (33, 33), "cells")
+    np.testing.assert_array_equal(model(np.zeros(space.dim)), model.vjp(np.zeros(space.dim))[0])
