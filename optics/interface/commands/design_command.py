@@ -80,7 +80,8 @@ def design(options: Namespace) -> Outcome:
             return _designed(run, system, options, lens)
         except BaseException as error:
             ended = "the run has ended without a result; the terminal says why"
-            if isinstance(error, KeyboardInterrupt | ProcessEnded | OSError):
+            kept = isinstance(error, ProcessEnded | OSError) and folder.has_run_of(problem)
+            if kept or isinstance(error, KeyboardInterrupt):
                 ended = _what_is_kept(run)
                 run.notes(ended)
             live.stop(ended)
