@@ -139,7 +139,8 @@ def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float,
         return ""
     if not gap:
         return "no number of rays tells a value from its limit that equals it"
-    return f"about {rays * (RESOLVED * error / gap) ** 2:.1e} rays in place of {rays:.1e} would decide; {MORE_RAYS}"
+    wanted = rays * (RESOLVED * error / gap) ** 2
+    return f"about {wanted:.1e} rays in place of {rays:.1e} would decide; {MORE_RAYS}"
 
 
 def judged(
