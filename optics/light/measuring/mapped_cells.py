@@ -90,7 +90,7 @@ class MappedCells:
         (sx, ox), (sy, oy) = self._screen.pixel_map()
         sx, ox, sy, oy = (self._backend.dr.opaque(Float, number) for number in (sx, ox, sy, oy))
         operation = cell_operation(self._backend.dr.CustomOp)
-        return self._backend.dr.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
+        return self._backend.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 
     def corners(self, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> Corners:
         """Return corners in double precision.
