@@ -1,4 +1,4 @@
-"""The limits of extended sources: both rungs, run time, certified gap and errors beside limits, on one core.
+"""The limits of extended sources: both bounds, run time, certified gap and errors beside limits, on one core.
 
 Run on one core: OPENBLAS_NUM_THREADS=1 thbcad bench etendue
 """
@@ -84,7 +84,7 @@ def picture(pixels: int) -> NDArray[np.float64]:
 
 
 def _universal() -> list[Row]:
-    """Return the rung that holds for every lens in the envelope."""
+    """Return the bound that holds for every lens in the envelope."""
     found = []
     for name in ("extended", "extended_two"):
         system = load_system(EXAMPLES / f"{name}.toml")
@@ -134,7 +134,7 @@ def _caps() -> list[Row]:
 
 
 def _one_blur() -> list[Row]:
-    """Return the rung of one blur everywhere, a model, for the rear of the base lens."""
+    """Return the bound of one blur everywhere, a model, for the rear of the base lens."""
     found = []
     for name in ("extended", "extended_two"):
         system = load_system(EXAMPLES / f"{name}.toml")

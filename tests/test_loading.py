@@ -235,7 +235,7 @@ def test_help_and_a_new_problem_load_neither_numpy_nor_scipy(argument, printed):
 
 def test_what_a_helper_process_exported_is_read_without_opencascade():
     program = (
-        "import sys; from optics.exchange.verification import ExportedStep, light_checks, text_volume_check; "
+        "import sys; from optics.exchange.verification import ExportedStep, light_checks, text_solid_checks; "
         "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
     )
     loaded = run("-c", program).stdout.split()

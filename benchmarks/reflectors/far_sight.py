@@ -1,7 +1,7 @@
 """The last steps of a mirror, by a loss of the script's own that sees how far light must move.
 
-    L(c) = ||E - T||^2 / ||T||^2 + w (D, A^-1 D) + b (sum of D)^2,    D = (E - T) / sum of T,
-    A = -div(P grad),    P = T / sum of T
+    L(c) = ||E - T||^2 / ||T||^2 + w (D, A^-1 D) + b B^2 + a B,    D = (E - T) / sum of T,
+    A = -div(P grad),    P = T / sum of T,    B = -sum of D, the share of light beside the window
 
 With P as its weight the norm of H^-1 tends to the Wasserstein distance as E nears T.  It sees a little
 light that lies far away, where T is small, which the norm of pixels does not.  Sums are over the pixels, and
@@ -22,23 +22,36 @@ from scipy.sparse import csc_array, diags_array, eye_array, kron, vstack
 import optics
 from thbcad.checks import Floats
 from thbcad.hierarchy import MultilevelBasis
+from thbcad.surfaces import THBSurface
 
 WEIGHT = 200.0  # of an rms distance: 1e-3 in u, v weighs like 1.4 % of light
 DARKEST = 1e-3  # of the greatest P, from which on A has it: no cell is cut off
-BESIDE = 200.0  # of light beside the window; more of it leaves the pixels less close
+BESIDE = 200.0  # of light beside the window, squared; more of it leaves the pixels less close
+AT_ALL = 0.3  # of the same: with the square alone a few rays go far out
+FINEST = 4  # spans of half a pixel where light is brightest; finer ones gather light within pixels
 CELLS = 1024, 1024  # corners of the source's
 PROBES, LEAST = 8, 1e-6  # of the curvature; of its mean
 
 
-def far_sighted(design: optics.Design, steps: int) -> optics.Design:
+def far_sighted(design: optics.Design, steps: tuple[int, int]) -> optics.Design:
     """Return a design of own source and receiver after more steps, by this loss.
+
+    steps : on its own mesh, and on the mesh of level FINEST everywhere.
+    """
+    own, sag = design.system.own, design.lens.front.sag
+    system = optics.System(design.asked, own.source, own.receiver)
+    coarse = _shaped(system, THBSurface(sag.space, sag.coefficients), steps[0])
+    fine = _shaped(system, coarse.uniform(FINEST), steps[1])
+    return replace(design, lens=system.lens(fine.space, fine.coefficients))
+
+
+def _shaped(system: optics.System, sag: THBSurface, steps: int) -> THBSurface:
+    """Return a sag after steps by this loss.
 
     Its variables are the B-splines of all levels, scaled by the curvature of the first term (as
     `Objective.curvature`): by coefficients alone light moves far only after many steps.
     """
-    own, sag = design.system.own, design.lens.front.sag
-    system, basis = optics.System(design.asked, own.source, own.receiver), MultilevelBasis(sag.space)
-    model = system.model(sag.space, rays=CELLS, window="cells")
+    basis, model = MultilevelBasis(sag.space), system.model(sag.space, rays=CELLS, window="cells")
     target, total = model.target, model.target.sum()
     share, moved = 1 / np.sum(target**2), squared_distance(target, system.problem.target.half_width)
 
@@ -46,9 +59,9 @@ def far_sighted(design: optics.Design, steps: int) -> optics.Design:
         light, pull = model.vjp(sag.coefficients + basis.coefficients(scale * weights))
         off = light - target
         distance, slope = moved(off / total)
-        beside = BESIDE * off.sum() / total
-        value = share * float(np.sum(off**2)) + WEIGHT * distance + beside * off.sum() / total
-        slope = 2 * share * off + (WEIGHT * slope + 2 * beside) / total
+        beside = -off.sum() / total
+        value = share * float(np.sum(off**2)) + WEIGHT * distance + beside * (BESIDE * beside + AT_ALL)
+        slope = 2 * share * off + (WEIGHT * slope - 2 * BESIDE * beside - AT_ALL) / total
         return value, scale * basis.adjoint(pull(slope))
 
     rng, (_, pull) = np.random.default_rng(0), model.vjp(sag.coefficients)
@@ -57,8 +70,7 @@ def far_sighted(design: optics.Design, steps: int) -> optics.Design:
     scale = 1 / np.sqrt(np.maximum(curvature, LEAST * curvature.mean()))
     scale /= np.sqrt(np.mean(scale**2))
     found = optics.minimise(loss, np.zeros(basis.size), iterations=steps)
-    coefficients = sag.coefficients + basis.coefficients(scale * found.coefficients)
-    return replace(design, lens=system.lens(sag.space, coefficients))
+    return THBSurface(sag.space, sag.coefficients + basis.coefficients(scale * found.coefficients))
 
 
 def squared_distance(target: Floats, half_width: Sequence[float]) -> Callable[[Floats], tuple[float, Floats]]:

@@ -69,7 +69,7 @@ class Case:
     sphere: bool = False
     height: float = 78.0
     changes: Mapping[str, object] = field(default_factory=dict)
-    far_steps: int = 0
+    far_steps: tuple[int, int] | None = None
 
     @property
     def source(self) -> StereographicPoint:
@@ -112,11 +112,10 @@ class Case:
         return light, floors
 
 
-FINE = {"element.M1.face.freeform.max_level": 5, "optimizer.iterations": [300]}
 # with few pixels to a coefficient, light gathers within them
 DISK = {"element.M1.face.freeform.max_level": 3, "target.pixels": [128, 128]}
 # begun by the loss of pixels, which leaves light far away where little is asked for
-BEGUN = FINE | {"target.pixels": [128, 128], "optimizer.iterations": [60]}
+BEGUN = DISK | {"optimizer.iterations": [60]}
 # borders of pixels at those of the square, and more lit pixels than coefficients; cubics on this mesh end
 # near 1e-6 of the radius, with cells left coarse or not
 ALIGNED = {
@@ -136,13 +135,16 @@ CASES = {
     "1: square to disk": Case("r < 5 / 6", changes=DISK),
     "2: square to wide Gaussian": Case("exp(-0.18 * r^2)", height=83.0, changes=SHALLOW),
     "3: square to square": Case("max(abs(x), abs(y)) < 5 / 6", sphere=True, changes=ALIGNED),
-    "4: disk to Gaussian": Case("exp(-5.76 * r^2)", 0.02, True, height=85.0, changes=BEGUN, far_steps=500),
+    "4: disk to Gaussian": Case(
+        "exp(-5.76 * r^2)", 0.02, True, height=85.0, changes=BEGUN, far_steps=(100, 200)
+    ),
     "5: disk to two Gaussians": Case(
         "exp(-5.76 * hypot(x - 5 / 12, y - 5 / 12)^2) + exp(-5.76 * hypot(x - 5 / 12, y + 5 / 12)^2)",
         0.02,
         True,
         height=75.0,
-        changes=FINE,
+        changes=BEGUN,
+        far_steps=(30, 100),
     ),
 }
 

@@ -93,6 +93,10 @@ def test_nouns_need_knot_vectors_and_spaces(bad):
         (lambda: least_squares(KV, GRID), "space must be a THBSpace, got KnotVector"),
         (lambda: fit(KV, GRID, 1.0), "space must be a THBSpace, got KnotVector"),
         (lambda: fit(SPACE, 3.0, 1.0), "a function of u and v is needed, got float"),
+        (
+            lambda: fit(SPACE, ([0.5], [0.5], [1.0]), 1.0),
+            "got tuple; fit and least_squares take points as Sam",
+        ),
         (lambda: value_range(None), "graph must be a BSplineSurface, got NoneType"),
         (lambda: value_range([SHEET, 3]), "graph must be a BSplineSurface, got int"),
         (lambda: least_radii(NET[0]), "graph must be a BSplineSurface, got float64"),

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .curves import Style
     from .drawing_files import DRAWINGS, drawing_bytes, write_drawing
     from .lens_drawing import lens_sheet, strokes_of_views
     from .panels import Grid, Panel

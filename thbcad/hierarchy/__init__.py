@@ -6,7 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from .domains import MAX_LEVEL, Cells
-    from .hierarchical_mesh import HierarchicalMesh, common_refinement
+    from .hierarchical_mesh import common_refinement
     from .levels import DyadicAxis
     from .mesh_picture import mesh_lines, space_rows
     from .multilevel_basis import MultilevelBasis

@@ -134,7 +134,10 @@ def evaluate(function: Function, u: Floats, v: Floats) -> Floats:
     Raises ValueError : what is no function; values of another shape, complex or not finite.
     """
     if not callable(function):
-        raise ValueError(f"a function of u and v is needed, got {type(function).__name__}")
+        raise ValueError(
+            f"a function of u and v is needed, got {type(function).__name__}; fit and least_squares take "
+            "points as Samples(u, v, values)"
+        )
     values = floats(function(u, v))
     if values.shape[:1] != u.shape or values.ndim > 2:
         raise ValueError(

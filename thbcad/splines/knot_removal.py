@@ -56,23 +56,15 @@ def thinned(
     return vectors, scale * table.reshape(*(kv.dim for kv in vectors), *net.shape[count:])
 
 
-def removal_errors(kv: KnotVector, coefficients: Floats) -> Floats:
-    """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans -
-    1,).
+def removal_errors(kv: KnotVector, net: Net) -> Floats:
+    """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, of every
+    column c of the net, (spans - 1, m); Euclidean norm over its components.
 
     P of one inserted knot z has two bidiagonal entries a_i, 1 - a_i per row, and one vector y with y P = 0:
 
         a_i = (z - t_i) / (t_(i+p+1) - t_i),   y_(i+1) (1 - a_(i+1)) = -y_i a_i;   error = |y c| / sum_i
         |y_i|.
-
-    coefficients : (dim,) or (dim, d); Euclidean norm over d.
     """
-    scale = _power_of_two(coefficients)
-    return scale * _defects(kv, coefficients.reshape(kv.dim, 1, -1) / scale)[:, 0]
-
-
-def _defects(kv: KnotVector, net: Net) -> Floats:
-    """Return the `removal_errors` of every column of the net, (spans - 1, m)."""
     p, t = kv.degree, kv.knots
     last = np.searchsorted(t, kv.breaks[1:-1], "right") - 1
     rows = last[:, None] + np.arange(-p - 1, 1)
@@ -94,7 +86,7 @@ def _thinned(kv: KnotVector, net: Net, tolerance: float) -> _Fit:
     phase = 0
     idle = 0
     while idle < 2:
-        errors = _defects(best.kv, best.net).max(axis=1)
+        errors = removal_errors(best.kv, best.net).max(axis=1)
         half = np.arange(phase, best.kv.spans - 1, 2)
         order = best.kv.breaks[1:-1][half[np.argsort(errors[half], kind="stable")]]
         fewer = _most(kv, net, tolerance, best, order)
@@ -129,7 +121,7 @@ def _swept(kv: KnotVector, net: Net, tolerance: float, best: _Fit) -> _Fit:
     before = None
     while best is not before:
         before = best
-        errors = _defects(best.kv, best.net)
+        errors = removal_errors(best.kv, best.net)
         for k in np.argsort(errors.max(axis=1), kind="stable"):
             z = before.kv.breaks[k + 1 : k + 2]
             worst = net[:, [errors[k].argmax()]]

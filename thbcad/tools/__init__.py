@@ -7,11 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from .cusps import Cusps, ball_cusps as ball_cusps, nose_cusps
     from .draft_angles import Draft, draft as draft
-    from .spiral_bounds import (
-        greatest_acceleration as greatest_acceleration,
-        greatest_section_curvature,
-        greatest_slope_along_cut,
-    )
+    from .spiral_bounds import greatest_acceleration as greatest_acceleration, greatest_slope_along_cut
     from .spiral_motion import (
         Gaps,
         SpiralCut as SpiralCut,

@@ -93,6 +93,10 @@ class Backend:
                 raise KeyboardInterrupt from None
             raise
 
+    def opaque(self, number: float) -> DrArray:
+        """Return a number that does not become part of the kernels, which then serve every lens."""
+        return self.dr.opaque(self.Float, float(number))
+
     def release(self) -> None:
         """Give memory back to the system that Dr.Jit keeps for arrays to come."""
         self.dr.flush_malloc_cache()

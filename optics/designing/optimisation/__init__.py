@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.optimisation.bounded_variables import BoundedVariables
+    from optics.designing.optimisation.first_state import first_fit
     from optics.designing.optimisation.indicators import mark, vertex_knots
     from optics.designing.optimisation.level_objective import (
         PROBES,
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.re_aim import ROUNDS, re_aimed
     from optics.designing.optimisation.stage_plan import MARGIN, Stage, last_level, stage_seconds, stages
     from optics.designing.optimisation.stage_search import Interrupted
-    from optics.designing.optimisation.state import Row, State, earlier_state, first_sags
+    from optics.designing.optimisation.state import Row, State, earlier_state
     from optics.designing.optimisation.symmetry import Mirrors, mirror_axes, symmetry_axes
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -62,8 +62,16 @@ def transport_start(
     start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):
         return start
-    note(start.note(start.traced) + "; the design starts from the base surface instead")
+    note(
+        start.note(first_fit(system, start), start.finest_fit())
+        + "; the design starts from the base surface instead"
+    )
     return None
+
+
+def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
+    """Return the fit on the first mesh of a design, some of whose functions stay in all that follow."""
+    return start.fit(first_sags(system, from_transport=True)[-1].space)
 
 
 def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:

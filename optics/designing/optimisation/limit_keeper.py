@@ -98,9 +98,10 @@ class LimitKeeper:
             if cut > CUT * min(self._bounds):
                 shaped = self._system.shaped
                 thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
+                key = self._system.problem.optic.key("thickness")
                 self._note(
                     f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom "
-                    f"cuts off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
+                    f"cuts off {cut:.2g} mm of the sag: for better light --set {key}={thickness:.4g}"
                 )
             return start, penalty.keys
         best = self._sags

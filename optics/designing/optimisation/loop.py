@@ -152,7 +152,7 @@ def shape_lens(
         except KeyboardInterrupt:
             raise Interrupted(state) from None
     if start and fit and not start.within(fit):
-        listener.note(start.note(fit))
+        listener.note(start.note(fit, start.finest_fit()))
     shaped, lens = with_sags(system, state.sags)
     if crossing or system.problem.limits != Limits():
         for optic, shape in shaped.free_elements(lens):

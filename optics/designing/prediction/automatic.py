@@ -21,7 +21,7 @@ from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import transmitted_flux
-from optics.designing.prediction.expectation import gentler_geometries
+from optics.designing.prediction.freedom_note import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
 from optics.scene.keys import AUTO

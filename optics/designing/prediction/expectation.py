@@ -11,25 +11,23 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
-from optics.designing.optimisation import Stage, first_sags, last_level, stages, transmitted_flux
+from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
+from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries, is_gentle
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
-from optics.designing.starts import RearLight, TransportStart
+from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
 from optics.light.blur import blur_of
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
-from optics.scene.system import OpticalSystem, can_be_lit, nearest_geometry
+from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
 
-MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
 # half of 4096 pixels in place of 0.174 changes the one to expect of the design from 0.0202 to 0.0195
 MOST_PIXELS = 2048
 WIDE = 2.8  # pixels, of the Gaussian that takes the detail of a picture away
 SCALE, POWER = 0.092, 0.27
-STEEP = 0.1  # of the light, reflected at the rear: some 0.04 are where it meets a usual index at right angles
-SURELY = 0.9  # of that: the map to another place, and its height, are a little different
 JUMP = 1e-3  # of the norm: smaller jumps between pixels are none
 SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
 
@@ -44,7 +42,8 @@ class Expectation:
         and taken by stops, bodies, a plane screen and the clear aperture.  reflected, totally : the same at
         the rear, and that of it which no steeper light could leave.
     blocking : what each of these would block alone, by its name.
-    nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more.
+    nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more,
+        and the map tells so.
     least : half-widths of front and rear, mm, in their outline, that would lose no light of that start.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
@@ -95,11 +94,10 @@ def expected(
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
-    # the start is traced on the mesh of the finest level, or the last before it that is quick
-    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
-    fit = start.fit(system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0))))
+    fit = start.finest_fit()
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
-    from_transport = _follows_map(system, start)
+    first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
+    from_transport = first is not None and _follows_map(start, first)
     traced = system.shaping
     plan = stages(traced, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
@@ -115,14 +113,16 @@ def expected(
         mass=mass(volume, density) if density else None,
         sag=fit.asked,
         freedom=system.freeforms[-1].freedom,
-        note="" if system.problem.optimizer.start == "flat" else start.note(fit),
+        note=freedom_note(system, backend, start, [fit, first]) if first else "",
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,
         blocking=blocking(system, lens, backend, coarsening) if fates.blocked else {},
         reflected=reflected,
         totally=fates.total_internal / flux,
-        nearest=gentler_geometries(system, start) if system.shaped == "rear" and reflected > STEEP else [],
+        nearest=gentler_geometries(system, start)
+        if system.shaped == "rear" and reflected > STEEP and not is_gentle(system, start)
+        else [],
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
@@ -155,11 +155,6 @@ def _refusal(system: OpticalSystem, lens: Lens) -> str:
     return ""
 
 
-def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:
-    """Return the options of the nearest geometries in which the surface loses little light."""
-    return nearest_geometry(system, lambda other: can_be_lit(other) and start.lost(other) <= SURELY * STEEP)
-
-
 def predicted_rel_l2(target: Floats, start_error: float) -> float:
     """Return the rel_l2 that a design will reach on a picture, from it and the traced error of its start.
 
@@ -185,13 +180,9 @@ def _is_known(system: OpticalSystem) -> bool:
     return system.parallel and not system.blurred and system.target.receiver.across_axis
 
 
-def _follows_map(system: OpticalSystem, start: TransportStart) -> bool:
+def _follows_map(start: TransportStart, first: TransportFit) -> bool:
     """Return whether the design starts from the whole transport map."""
-    if system.problem.optimizer.start == "flat":
-        return False
-    if start.traced is not None and not start.within(start.traced):
-        return False
-    return start.follows(start.fit(first_sags(system, from_transport=True)[-1].space))
+    return (start.traced is None or start.within(start.traced)) and start.follows(first)
 
 
 def _size(lens: Lens) -> tuple[float, float, float]:

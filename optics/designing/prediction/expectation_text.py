@@ -10,6 +10,7 @@ from optics.scene.system import OpticalSystem
 
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
+NET = "a knot span of the finest mesh"
 
 
 def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
@@ -57,12 +58,13 @@ def _by(size: tuple[float, float]) -> str:
 
 
 def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
-    sizes = {"a pixel": expected.pixel, "a knot span of the finest mesh": expected.net}
+    sizes = {"a pixel": expected.pixel, NET: expected.net}
     if expected.blur is not None:
         sizes[_blurring(system)] = expected.blur
     what = max(sizes, key=lambda name: sizes[name])
     others = ", ".join(f"{name} {_length(system, size)}" for name, size in sizes.items() if name != what)
-    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others})"
+    finer = "; a higher freeform.max_level makes it finer" if what == NET else ""
+    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others}){finer}"
 
 
 def _blurring(system: OpticalSystem) -> str:

@@ -43,11 +43,8 @@ def light_before(
         screen = blurred.wide
     if system.source.extended:
         side = round(sqrt(RAYS))
-        rays = system.source.rays((side, side))
-        tracer = Tracer(backend, path, rays)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
-        return tracer.fates(landing, screen.half_width), None
+        tracer = Tracer(backend, path, system.source.rays((side, side)))
+        return tracer.fates(tracer.landed(), screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
     irradiance, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
     if blurred:

@@ -9,6 +9,7 @@ traced again on each new shape (`shaped_along`).  Fresnel's losses are made up f
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,7 @@ from thbcad.surfaces import THBSurface
 TRACED = 2  # level of the fit that tells whether a sag is within its bounds
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
+MOST_SPANS = 224  # in a direction, of the finest mesh that is fitted whole: the map has 512 cells
 # degrees, half of a far field from which on its angles are no chart for transport (pearl, 40 degrees: the
 # start's rel_l2 is 0.18 by angles and 0.09 by the slopes that they need; at 15 degrees both end alike)
 WIDE = 20.0
@@ -48,6 +50,7 @@ ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a li
 MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
+STEEP = 0.1  # of the light, lost where it is bent: some 0.04 are where it meets a usual index at right angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +60,14 @@ class TransportFit:
     asked : mm, the greatest |c| that the slopes ask for where there is light.
     cut : share of the coefficients that z_freedom cuts off.
     crosses : the sag within z_freedom would cross the front; it is scaled down.
+    whole : the sag before any of this.
     """
 
     sag: THBSurface
     asked: float
     cut: float
     crosses: bool
+    whole: THBSurface
 
 
 class TransportStart:
@@ -115,15 +120,28 @@ class TransportStart:
         sag = fit_slopes(space, light.x, light.y, zx, zy, self._weight)
         seen = seen_functions(space, light.x, light.y)
         size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
-        kept = np.clip(sag.coefficients, -self._bound, self._bound)
+        kept = within_bound(sag, self._bound)
         for _ in range(HALVINGS):
-            try:
-                require_sound(_with_last(self._lens, THBSurface(space, kept)))
+            if self._clear(kept):
                 break
-            except ValueError:
-                kept, crosses = kept / 2, True
+            kept, crosses = THBSurface(space, kept.coefficients / 2), True
         cut = float(np.mean(size > self._bound))
-        return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
+        return TransportFit(kept, float(size.max()), cut, crosses, sag)
+
+    def finest_fit(self) -> TransportFit:
+        """Return the fit on the whole mesh of the last level, or of the last before it that is quick."""
+        freeforms = self._system.freeforms
+        quick = (MOST_SPANS // max(freeforms[-1].spans)).bit_length() - 1
+        level = min(max(f.finest for f in freeforms), max(quick, 0))
+        return self.fit(self._lens.sags[-1].space.uniform(level))
+
+    def _clear(self, sag: THBSurface) -> bool:
+        """Whether the lens with a sag can exist."""
+        try:
+            require_sound(_with_last(self._lens, sag))
+        except ValueError:
+            return False
+        return True
 
     def misfit(self, sag: THBSurface) -> Floats:
         """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
@@ -183,24 +201,59 @@ class TransportStart:
         """Whether the sag of a fit sends most of the light where the map wants it."""
         return fit.cut <= MOST_CUT and not fit.crosses
 
-    def note(self, fit: TransportFit) -> str:
-        """Return a sentence for the user where z_freedom or the thickness is too small for the map, or ""."""
-        if self.within(fit):
+    def freedom(self, *fits: TransportFit) -> float:
+        """Return the z_freedom, mm, that takes the whole sags of some fits, and that of `traced`."""
+        return float(f"{ROOM * max(fit.asked for fit in self._with_traced(fits)) / INSIDE:.3g}")
+
+    def overlap(self, *fits: TransportFit) -> float:
+        """Return by how much front and rear would cross with that freedom, mm; negative where they do not."""
+        bound = INSIDE * self.freedom(*fits)
+        lenses = (_with_last(self._lens, within_bound(f.whole, bound)) for f in self._with_traced(fits))
+        return max(-lens.least_thickness().lower for lens in lenses)
+
+    def steep(self) -> bool:
+        """Whether the surface of the map would lose so much light that more of its sag does not help."""
+        return self.lost(self._system) > STEEP
+
+    def note(self, *fits: TransportFit, remedies: Sequence[str] = ()) -> str:
+        """Return a sentence on what helps where a design does not take the sags of some fits, or of `traced`,
+        as they are, or "".
+
+        remedies : options `--set KEY=VALUE` that help where no z_freedom does so alone.
+        """
+        if all(self.within(fit) for fit in self._with_traced(fits)):
             return ""
-        asked, optic = f"the transport map asks for a sag of +-{fit.asked:.3g} mm", self._system.problem.optic
-        if fit.asked > max(self._surface.half_width):
+        problem, largest = self._system.problem, max(fit.asked for fit in self._with_traced(fits))
+        optic, asked = problem.optic, f"the transport map asks for a sag of +-{largest:.3g} mm"
+        one = len(self._system.freeforms) == 1 and not self._system.reflects
+        shared = ", or let both surfaces bend it" * one
+        options, gentler = " or ".join(remedies), problem.target.gentler
+        flat = ", or --set optimizer.start=flat, which does without the map" * self._system.source.emitter
+        if self.steep():
+            return (
+                f"{asked}, but no z_freedom helps, since so steep a surface would lose "
+                f"{self.lost(self._system):.0%} of the light: {options or gentler}{shared}{flat}"
+            )
+        if self.overlap(*fits) >= 0:
+            other = f"choose another {optic.key(self._system.shaped)}.radius, {gentler}{shared}"
+            return f"{asked}, which would bring rear and front together: {options or other}{flat}"
+        if largest > max(self._surface.half_width):
             wide = f"{asked}, more than the {optic.noun} is wide"
             return f"{wide}: are the units right, is the target within reach?"
-        if fit.crosses:
-            return (
-                f"{asked}, which would bring rear and front together; raise {optic.key('thickness')} for "
-                "better light"
-            )
-        flat = ", or --set optimizer.start=flat, which does without the map" * self._system.source.emitter
+        # beside the light more freedom than that may bring the surfaces together
+        why = "more" if largest > self._bound else "less"
         return (
-            f"{asked}, more than z_freedom allows: for better light "
-            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}{flat}"
+            f"{asked}, {why} than z_freedom allows: for better light "
+            f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={self.freedom(*fits):g}{flat}"
         )
+
+    def _with_traced(self, fits: Sequence[TransportFit]) -> list[TransportFit]:
+        return [*fits, *([self.traced] if self.traced else [])]
+
+
+def within_bound(sag: THBSurface, bound: float) -> THBSurface:
+    """Return a sag with its coefficients cut off at a bound, mm."""
+    return THBSurface(sag.space, np.clip(sag.coefficients, -bound, bound))
 
 
 def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:

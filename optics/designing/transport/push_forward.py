@@ -27,8 +27,8 @@ def push_forward(backend: Backend, psi: Floats, light: Floats, spacing: Sequence
     potential, part = backend.array(np.pad(psi, 1, mode="edge")), backend.array(light / SAMPLES**2)
     # sizes are opaque, so that every grid runs the same compiled kernel
     columns, stride = dr.opaque(Index, ny), dr.opaque(Index, ny + 2)
-    most = [dr.opaque(Float, n - 1.0) for n in (nx, ny)]
-    scale = [dr.opaque(Float, 0.5 / h**2) for h in spacing]
+    most = [backend.opaque(n - 1.0) for n in (nx, ny)]
+    scale = [backend.opaque(0.5 / h**2) for h in spacing]
     cell = dr.arange(Index, nx * ny)
     i = cell // columns
     j = cell - i * columns

@@ -45,8 +45,7 @@ class Distances:
 
 def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
     """Return where rays along a path land.  backend : of double precision."""
-    with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, path, rays).trace()
+    landing = Tracer(backend, path, rays).landed()
     backend.dr.eval(landing.x, landing.y, landing.flux)
     flux = landing.flux.numpy()
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])

@@ -105,7 +105,7 @@ class MeshedLens:
     ) -> None:
         self._mitsuba, self._target = current_mitsuba(), target
         self._backend = mitsuba_backend(self._mitsuba, "single")
-        self._index = self._backend.dr.opaque(self._backend.Float, index)
+        self._index = self._backend.opaque(index)
         self._outlines = outlines
         self._scenes = [_scene(self._mitsuba, face) for face in (nodes.front, nodes.rear)]
 

@@ -7,7 +7,6 @@ through between two triangles: without them those on the grid lines do, and cost
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,11 +44,8 @@ class MeshTracer:
         self._mitsuba, self._mesh, self._receiver = current_mitsuba(), mesh, receiver
         self._soft_rim, self._fresnel = soft_rim, fresnel
         self.backend = mitsuba_backend(self._mitsuba, "single")
-        dr, Float = self.backend.dr, self.backend.Float
-        self._index = {
-            "front": dr.opaque(Float, 1 / mesh.lens.index),
-            "rear": dr.opaque(Float, mesh.lens.index),
-        }
+        opaque, index = self.backend.opaque, mesh.lens.index
+        self._index = {"front": opaque(1 / index), "rear": opaque(index)}
         robust = {"type": "scene", "embree_use_robust_intersections": True}
         shapes = mesh.shapes(self._mitsuba, tuple(mesh.surfaces))
         self._scenes = {
@@ -70,7 +66,7 @@ class MeshTracer:
         dx, dy, dz = (self.backend.array(row) for row in rays.direction)
         self._origin, self._direction = (ox, oy, oz), (dx, dy, dz)
         self._behind = None if "front" in mesh.free else self._through_front({})
-        dr.eval(self._behind)
+        self.backend.dr.eval(self._behind)
 
     def trace(self, coefficients: Sequence[Floats]) -> tuple[list[Jet], Landing]:
         """Return (leaves, Landing), differentiable in the leaves.
@@ -89,8 +85,7 @@ class MeshTracer:
         point, (dx, dy, dz), flux, hit = self._through("rear", jets, origin, direction, entering)
         forward = dz > 0
         dz = dr.select(forward, dz, 1)
-        number = partial(dr.opaque, self.backend.Float)
-        landed = self._receiver.land(point, (dx, dy, dz), dr, number)
+        landed = self._receiver.land(point, (dx, dy, dz), dr, self.backend.opaque)
         return Landing(
             x=landed.u,
             y=landed.v,

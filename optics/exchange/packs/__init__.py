@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .contents import Pack, packed
+    from .contents import packed
     from .readme import texts
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
         sha256_of,
         writable_folder,
         write_live_page,
+        write_record,
     )
-    from .result_folder import FIGURES, FILES, SCENE, ResultFolder, lens_of, level_files, shape_file
+    from .result_files import SCENE, level_files, shape_file
+    from .result_folder import ResultFolder, lens_of
     from .result_writer import ResultWriter
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -9,9 +9,10 @@ import json
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from optics.base.runtime import UserError, is_text
-from thbcad.io import write_text
+from thbcad.io import json_text, write_text
 
 HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
 NAMED = 3  # files in a sentence
@@ -28,6 +29,11 @@ def sha256_of(path: Path) -> str:
 def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """Return the SHA-256 of files by name; a record keeps it under `HASHES`."""
     return {name: sha256_of(folder / name) for name in sorted(names)}
+
+
+def write_record(path: Path, data: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Write a record: data, and the hashes of the files beside it that it speaks of."""
+    write_text(path, json_text({**data, HASHES: hashes(path.parent, names)}))
 
 
 def recorded(record: Path) -> dict[str, str]:

@@ -15,14 +15,8 @@ from typing import Any
 from optics.designing.optimisation import Row
 from optics.exchange.results.identity import data_of, fingerprint, run_id
 from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
-from optics.exchange.results.result_folder import (
-    CLAIMS,
-    RECORD,
-    ResultFolder,
-    is_level_file,
-    is_result_file,
-    shape_file,
-)
+from optics.exchange.results.result_files import CLAIMS, RECORD, is_level_file, is_result_file, shape_file
+from optics.exchange.results.result_folder import ResultFolder
 from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem

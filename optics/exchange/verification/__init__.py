@@ -24,7 +24,6 @@ if TYPE_CHECKING:
         optical_form,
         state_checks,
         text_solid_checks,
-        text_volume_check,
         volume_check,
     )
     from .trace_comparison import light_checks

@@ -9,7 +9,7 @@ from math import inf, nan
 import numpy as np
 
 from optics.base.runtime import Check
-from optics.exchange.verification.step_file import optical_form
+from optics.exchange.verification.step_file import middle_of, optical_form
 from thbcad.cad.exchange import SolidState, solid_volume
 from thbcad.io import MILLIMETRE, Brep, NotMeasured, areas, image_distance, turned_faces, volume
 from thbcad.lens import OpticalForm, optical_places
@@ -107,5 +107,4 @@ def _middle(form: OpticalForm | None) -> float:
         return nan
     if isinstance(form, PlacedConic):
         return form.vertex
-    u, v = ((kv.start + kv.stop) / 2 for kv in (form.kv_u, form.kv_v))
-    return float(form([u], [v])[0, 2])
+    return float(middle_of(form)[2])

@@ -132,14 +132,10 @@ def has_closed_form(made: Made) -> bool:
     return isinstance(made, Lens) or not made.rounded
 
 
-def text_volume_check(solid: Brep, made: Made) -> Check:
-    """Return the Check of the volume by quadrature over the text against a lens or its body in memory."""
-    return volume_check(solid, made.volume(), EXACT_VOLUME if isinstance(made, Lens) else FITTED_VOLUME)
-
-
 def text_solid_checks(solid: Brep, made: Made) -> list[Check]:
     """Return the Checks of what the text says of a whole solid: its volume, and the lenses of a plate."""
-    volumes = [text_volume_check(solid, made)] if has_closed_form(made) else []
+    limit = EXACT_VOLUME if isinstance(made, Lens) else FITTED_VOLUME
+    volumes = [volume_check(solid, made.volume(), limit)] if has_closed_form(made) else []
     if isinstance(made, Lens):
         return volumes
     from thbcad.moulds import Plate  # lenses need none of its proofs
@@ -198,7 +194,7 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     if places is not None:
         return places
     forms = {k: optical_form(solid, face) for k, face in enumerate(solid.faces)}
-    centres = {k: _centre(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
+    centres = {k: middle_of(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
     if len(centres) > 2:
         raise ValueError(f"the file holds {len(centres)} {MISCOUNTED}")
     ends = np.concatenate([edge.ends for edge in solid.edges])
@@ -215,8 +211,8 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     return order[0], order[-1]
 
 
-def _centre(spline: BSplineSurface) -> Floats:
-    """Return the point at the middle of the parameters, (3,), mm."""
+def middle_of(spline: BSplineSurface) -> Floats:
+    """Return the point at the middle of the parameters of a spline, (3,), mm."""
     u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
     return spline([u], [v])[0]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from optics.base.runtime import UserError
 from thbcad.checks import Floats, floats, require_real
 from thbcad.hierarchy import THBSpace
-from thbcad.surfaces import THBSurface
 
+T = TypeVar("T")
 Coefficients: TypeAlias = Floats | tuple[Floats, ...]  # front first
 Spaces: TypeAlias = THBSpace | tuple[THBSpace, ...]
 NAMES = {1: ("free surface",), 2: ("front", "rear")}
@@ -48,14 +48,9 @@ def vectors(coefficients: object, spaces: Sequence[THBSpace], what: str = "coeff
     return [_vector(row, s, f"{what} of the {n}") for row, s, n in zip(rows, spaces, NAMES[len(rows)])]
 
 
-def packed(rows: Sequence[Floats]) -> Coefficients:
-    """Return one vector as it is, several as a tuple."""
+def packed(rows: Sequence[T]) -> T | tuple[T, ...]:
+    """Return one vector or surface as it is, several as a tuple."""
     return rows[0] if len(rows) == 1 else tuple(rows)
-
-
-def packed_surfaces(sags: Sequence[THBSurface]) -> THBSurface | tuple[THBSurface, ...]:
-    """Return one surface as it is, several as a tuple."""
-    return sags[0] if len(sags) == 1 else tuple(sags)
 
 
 def image_of(values: ArrayLike, shape: tuple[int, int], what: str) -> Floats:

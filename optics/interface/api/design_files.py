@@ -5,7 +5,7 @@ Beside the measurement, other processes export the solid and read it back, and d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -127,18 +127,17 @@ def verified(design: DesignRecord) -> Claims:
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         export = _Exports(solids, system, lens, Path(folder).joinpath)
-        checks = _checks(design, manufactured(system, lens), export)
-        return verification(checks) | {"left_out": _left_out(design, export)}
+        return _verification(design, _checks(design, manufactured(system, lens), export), export)
 
 
-def _left_out(design: DesignRecord, export: _Exports) -> list[str]:
-    """Return what the checks leave out: that bodies of a scene shade light, too."""
+def _verification(design: DesignRecord, checks: Sequence[Check], export: _Exports) -> Claims:
+    """Return checks as in verify.json, and what they leave out: bodies of a scene that shade light, too."""
     left_out, fates = export.own.left_out, design.measurement.metrics[design.system.units.key("fates")]
     shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
-    if not shaded or not design.system.shaded_path(design.lens).bodies:
-        return left_out
-    share = shaded / sum(fates.values())
-    return [*left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
+    if shaded and design.system.shaded_path(design.lens).bodies:
+        share = shaded / sum(fates.values())
+        left_out = [*left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
+    return verification(checks) | {"left_out": left_out}
 
 
 def write_result(
@@ -151,7 +150,7 @@ def write_result(
     system, lens = design.system, design.lens
     writer = ResultWriter(folder, system, lens, design.history)
     export = _Exports(solids, system, lens, writer.staged)
-    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.moved))
+    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.started_from_transport))
     making = figures.process.ask("optics.scene.system", "manufactured", system.plain, lens)
     figures.draw_levels(system, design.levels)
     clock.lap("export")
@@ -166,11 +165,10 @@ def write_result(
     checks = _checks(design, product, export)
     writer.place_steps(export.files)
     clock.lap("verify")
-    pictures = figures.pictures
     light = measurement.irradiance, measurement.target
     for name, data in light_files(*light, system.target.screen(), system.density, measurement.colour).items():
         writer.write(name, data)
-    for name, (_, png) in pictures.items():
+    for name, (_, png) in figures.pictures.items():
         writer.write(f"figures/{name}.png", png)
     for names, level, (_, png) in zip(level_files(len(design.levels)), design.levels, figures.levels()):
         for name, data in zip(names, (*level_contents(level), png)):
@@ -183,9 +181,7 @@ def write_result(
 
     verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
-    checked = writer.write_claims(
-        "verify.json", verification(checks) | {"left_out": _left_out(design, export)}
-    )
+    checked = writer.write_claims("verify.json", _verification(design, checks, export))
     page = Report(
         problem=design.problem,
         metrics=metrics,

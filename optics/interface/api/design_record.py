@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from optics.base.runtime import Backend
+from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, universal_bound
 from optics.designing.optimisation import Row
 from optics.designing.prediction import blur_limits, blur_sentence
@@ -37,7 +37,7 @@ class DesignRecord:
 
     problem : with a number for every "auto".  asked : the same as it was asked for.
     history : a row for every evaluation.  notes : sentences on what limits the result.
-    wall_s : seconds by phase.  moved : the design started from an optimal-transport map.
+    wall_s : seconds by phase.  started_from_transport : it began at an optimal-transport map.
     interrupted : Ctrl-C ended the work, and this is the best lens so far.
     levels : of this run, where `run.keep` asks for them.
     """
@@ -48,9 +48,16 @@ class DesignRecord:
     history: tuple[Row, ...] = ()
     notes: Notes = field(default_factory=Notes)
     wall_s: Mapping[str, float] = field(default_factory=dict)
-    moved: bool = False
+    started_from_transport: bool = False
     interrupted: bool = False
     levels: tuple[LevelRecord, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, OpticalSystem):
+            raise UserError(
+                f"a design needs the system of its problem, got {type(self.system).__name__}; "
+                "optics.Design.of_lens(problem, lens) makes both of a lens"
+            )
 
     @property
     def problem(self) -> Problem:

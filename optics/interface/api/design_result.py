@@ -78,7 +78,7 @@ class Design(DesignRecord):
             history=state.history,
             notes=notes,
             wall_s=wall_s,
-            moved=state.started_from_transport,
+            started_from_transport=state.started_from_transport,
             interrupted=interrupted,
             levels=tuple(levels),
         )
@@ -112,7 +112,7 @@ class Design(DesignRecord):
             lens=lens,
             history=history,
             notes=Notes(map(str, record.get("notes", ()))),
-            moved=_started_from_transport(system, history),
+            started_from_transport=_started_from_transport(system, history),
             levels=read_levels(results.path, levels, system),
         )
         loaded.__dict__["measurement"] = _read_measurement(results.path, system, loaded.lens)

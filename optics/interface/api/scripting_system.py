@@ -11,13 +11,7 @@ import numpy as np
 from optics.base.runtime import UserError
 from optics.designing.optimisation import MARGIN, penalised_objective, transmitted_flux, window_named
 from optics.designing.starts import TransportStart
-from optics.interface.api.coefficient_vectors import (
-    Coefficients,
-    Spaces,
-    packed_surfaces,
-    space_rows,
-    vectors,
-)
+from optics.interface.api.coefficient_vectors import Coefficients, Spaces, packed, space_rows, vectors
 from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
 from optics.interface.api.prepared_problem import prepared, shaping_by
 from optics.light.analysis import Measurement, measure
@@ -118,7 +112,7 @@ class System:
         spaces = space_rows(space, self._level_0)
         with DEVICE:
             last = self._transport.fit(spaces[-1]).sag
-        return packed_surfaces([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), last])
+        return packed([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), last])
 
     def lens(self, space: Spaces, coefficients: Coefficients) -> Lens:
         """Return the lens with these sags.

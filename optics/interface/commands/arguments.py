@@ -241,8 +241,8 @@ def _etendue_options(command: CommandParser) -> None:
         "of the light on the target (default: one pass through two uncoated faces)",
         type=float,
     )
-    command.option("--measure", "RESULT", "also measure the images of the source that a designed lens throws")
-    command.out("FILE.png", "picture of target, both rungs and the source's image")
+    command.option("--measure", "RESULT", "also measure the images of the source by a designed lens")
+    command.out("FILE.png", "picture of target, both bounds and the source's image")
 
 
 # by name: what the command does, and what adds its options

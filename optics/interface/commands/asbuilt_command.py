@@ -5,16 +5,15 @@ from __future__ import annotations
 from argparse import Namespace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from optics.exchange.results import HASHES, hashes, remove_files, require_own, writable_folder
+from optics.exchange.results import remove_files, require_own, writable_folder, write_record
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import loss_notes
 from optics.tolerancing.metrology import FileFrame, Way, as_built_data, as_built_lines
-from thbcad.io import json_text, write_files, write_lens, write_text
+from thbcad.io import write_files, write_lens
 
 RECORD = "asbuilt.json"
 FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
@@ -40,13 +39,8 @@ def asbuilt(options: Namespace) -> Outcome:
     built = design.as_built(options.measured, frame, options.surface, way)
     from optics.reporting.figures import height_error_figure, made_light_figure  # matplotlib
 
-    arrays: dict[str, Any] = {
-        "made": built.measurement.irradiance,
-        "designed": built.nominal.irradiance,
-        "target": built.measurement.target,
-    }
-    packed = BytesIO()
-    np.savez_compressed(packed, **arrays)
+    made, packed = built.measurement, BytesIO()
+    np.savez_compressed(packed, made=made.irradiance, designed=built.nominal.irradiance, target=made.target)
     contents = {
         "irradiance.npz": packed.getvalue(),
         "light.png": made_light_figure(built, design.system.target.screen()),
@@ -60,10 +54,10 @@ def asbuilt(options: Namespace) -> Outcome:
 
         write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)
 
-    notes = loss_notes(built.measurement.metrics, design.system.units)
+    notes = loss_notes(made.metrics, design.system.units)
     verdict = built.verdict(design.problem.verify, notes)
     data = as_built_data(built) | verdict.data()
     files = (*FILES, STEP) if options.step else FILES
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    write_record(folder / RECORD, data, files)
     lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
     return Outcome(data, lines, OF_GRADES[verdict.grade])

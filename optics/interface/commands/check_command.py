@@ -11,7 +11,6 @@ from optics.base.runtime import speaking_of
 from optics.designing.etendue import etendue_notes
 from optics.designing.optimisation import Stage, can_cross
 from optics.designing.prediction import (
-    STEEP,
     Expectation,
     blur_limits,
     blur_sentence,
@@ -20,7 +19,7 @@ from optics.designing.prediction import (
     foreseen_misses,
     resolved,
 )
-from optics.designing.starts import spot_lens
+from optics.designing.starts import STEEP, spot_lens
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
@@ -28,6 +27,8 @@ from optics.light.outgoing import fire_warning
 from optics.scene.keys import AUTO
 from optics.scene.limits import position
 from optics.scene.system import OpticalSystem, advice, skip_lines
+
+SMALL = 1.0  # mm: lenses and targets of less may have been given in metres
 
 
 def check(options: Namespace) -> Outcome:
@@ -43,11 +44,12 @@ def check(options: Namespace) -> Outcome:
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         missed = foreseen_misses(system, expectation, limits, backend)
         data["missed"] = missed
+        asked = "picture" if system.problem.target.kind == "image" else "light asked for"
         lines = [
             f"{system.problem.title}: the problem is valid"
             + (", but its limits may not be kept" if missed else ""),
             *missed,
-            f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
+            f"{asked} {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
             f"{data['dark_share']:.0%} of them dark",
             *_side_lines(system),
             f"before optimisation: least thickness {least.value:.4g} mm {position(least)}",
@@ -108,23 +110,39 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
 
 def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> list[str]:
     """Return sentences about what does not suit the problem.  chosen : whether z_freedom was left to us."""
-    notes = [expectation.note] if expectation.note else []
+    notes = [*_unit_notes(system), *filter(None, [expectation.note])]
     if any(can_cross(system)) and not chosen:
         notes.append(
-            "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+            "z_freedom is larger than the least thickness; a penalty keeps front and rear of a design apart"
         )
     if not system.reflects and expectation.reflected > STEEP:
-        options = " or ".join(expectation.nearest)
-        remedy = f"at most {STEEP:.0%} are with {options}" if options else system.problem.target.gentler
-        notes.append(
+        sentence = (
             f"{expectation.reflected:.0%} of the light is reflected at "
             f"{system.problem.surface_names[-1] or 'the rear'}, which bends it far, and "
-            f"{expectation.totally:.1%} totally; {remedy}, or let both surfaces bend it"
+            f"{expectation.totally:.1%} totally"
         )
+        options, shared = " or ".join(expectation.nearest), ", or let both surfaces bend it"
+        remedy = f"at most {STEEP:.0%} are with {options}" if options else system.problem.target.gentler
+        # a note on the sag names what helps both
+        shared = f"; {remedy}" + shared * (len(system.freeforms) == 1)
+        notes.append(sentence + shared * (not expectation.note))
     etendue = etendue_notes(system)
     if etendue.background and not etendue.limits:
         notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
     return [*notes, *advice(system), *etendue.limits]
+
+
+def _unit_notes(system: OpticalSystem) -> list[str]:
+    """Return a sentence of lens and target where they are so small that their lengths may be in metres."""
+    target = system.target.settings
+    widths = {system.problem.optic.noun: 2 * max(getattr(system.lens, system.shaped).half_width)}
+    if not target.far_field:
+        widths["target"] = 2 * max(target.half_width)
+    return [
+        f"the {name} is {width:g} mm wide; every length is in mm: is it meant to be so small?"
+        for name, width in widths.items()
+        if width < SMALL
+    ]
 
 
 def _by(size: Sequence[int]) -> str:

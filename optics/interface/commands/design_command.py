@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import sys
+import webbrowser
 from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -22,7 +25,6 @@ from optics.exchange.results import (
     write_checkpoint,
     write_live_page,
 )
-from optics.interface.commands.live_option import show_in_browser
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import changes_of, result_path, system_of
 from optics.interface.relighting import given_lens
@@ -35,6 +37,9 @@ from thbcad.lens import Lens
 
 if TYPE_CHECKING:
     from optics.interface.api import Written
+
+
+SCREENS = "DISPLAY", "WAYLAND_DISPLAY"  # environment variables: a browser can be shown on it
 
 
 @dataclass(frozen=True)
@@ -150,6 +155,16 @@ def _load(solids: HelperProcess, drawing: HelperProcess) -> None:
     drawing.ask("optics.base.runtime", "load", "optics.reporting.figures", "solid_views")
 
 
+def show_in_browser(page: Path) -> None:
+    """Say on stderr where a page lies, and open it where a person sits before a screen.
+
+    Without a screen a browser would take over the terminal.
+    """
+    note(f"watch it in a browser: {page.resolve().as_uri()}")
+    if sys.stderr.isatty() and (sys.platform in ("darwin", "win32") or any(map(os.environ.get, SCREENS))):
+        webbrowser.open(page.resolve().as_uri())
+
+
 def _outcome(written: Written, system: OpticalSystem) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
@@ -199,7 +214,10 @@ def _design_lines(
     folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
 ) -> list[str]:
     """Return what is printed of a design.  judged : lines on its beam and uniformity."""
-    fit = []
+    fit, misses = [], []
+    if checked["grade"] == "light misses":
+        problem = shlex.quote(str(folder.problem))
+        misses = [f"thbcad check {problem} names what binds, and docs/possible_light.md what helps"]
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
     return [
@@ -212,5 +230,6 @@ def _design_lines(
         f"{metrics['wall_s']['total']:.1f} s",
         *judged,
         metrics["verdict"],
+        *misses,
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]

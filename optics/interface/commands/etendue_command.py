@@ -146,7 +146,7 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
 
 
 def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
-    """Return the bound for images as a designed lens throws them, for --json and as lines."""
+    """Return the bound for images as a designed lens projects them, for --json and as lines."""
     start = perf_counter()
     lens = ResultFolder(result).read_lens()
     half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2

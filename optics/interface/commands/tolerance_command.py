@@ -10,15 +10,15 @@ from typing import Any
 
 from optics.base.runtime import Phase, Progress, UserError, note
 from optics.designing.progress import drawing
-from optics.exchange.results import HASHES, hashes, require_own, run_id, writable_folder
+from optics.exchange.results import require_own, run_id, writable_folder, write_record
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
 from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
-from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
-from thbcad.io import json_text, write_text
+from optics.tolerancing.perturbations import HEAD, RISE, ToleranceBudget, effect_rows, shop_sentences
+from thbcad.io import write_text
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
@@ -48,15 +48,21 @@ class _Study:
         data["form_error"] = {"sentences": self.of_form()} | ({} if self.form is None else self.form.data())
         return data | ({} if self.made is None else {"monte_carlo": self.made.data()})
 
-    def of_reflections(self) -> list[str]:
+    def beside_the_report(self) -> list[str]:
         """Return how the light that is traced here differs from that of the report, where it does."""
-        metrics = self.design.metrics
-        if metrics["paths"] != "all":
-            return []
-        return [
-            f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
-            f"{metrics['rel_l2_debiased']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
-        ]
+        metrics, here, sentences = self.design.metrics, f"{self.budget.rel_l2:.2%}", []
+        if metrics["paths"] == "all":
+            sentences.append(
+                f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
+                f"{metrics['rel_l2_debiased']:.2%}, by front and rear alone {here}."
+            )
+        if self.budget.noise:
+            sentences.append(
+                "Rays are counted here, and their noise raises rel_l2: the report has "
+                f"{metrics['rel_l2_sequential']:.2%} by front and rear without noise, here it is {here} with "
+                f"it. Limit the rise, such as --limit {RISE:g}, not rel_l2 itself."
+            )
+        return sentences
 
     def of_form(self) -> list[str]:
         if self.form is None:
@@ -92,16 +98,16 @@ def tolerance(options: Namespace) -> Outcome:
 
     data = study.data()
     write_text(folder / PAGE, _page(study))
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
+    write_record(folder / RECORD, data, (PAGE,))
     rows = [HEAD, *effect_rows(study.budget)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
     lines = [
+        *study.beside_the_report(),
         *shop_sentences(study.budget),
         "",
         *table,
         "",
-        *study.of_reflections(),
         *study.of_made(),
         *study.of_form(),
     ]
@@ -150,7 +156,7 @@ def _page(study: _Study) -> str:
     for effect in ranked[:WORST]:
         name = effect.tolerance.name
         pictures.append((f"change of the light by {name}", change_figure(effect, screen)))
-    sentences = [*study.of_reflections(), *shop_sentences(budget)]
+    sentences = [*study.beside_the_report(), *shop_sentences(budget)]
     sections = [
         PageSection("What the shop must hold", sentences, pictures=pictures),
         *_of_lenses(study),
@@ -161,13 +167,13 @@ def _page(study: _Study) -> str:
 
 
 def _of_lenses(study: _Study) -> list[PageSection]:
-    from optics.reporting.figures import made_lens_figures_of  # matplotlib
+    from optics.reporting.figures import monte_carlo_figures_of  # matplotlib
 
     if study.made is None:
         return []
     head = ("part", "share in the expected rise of rel_l2^2")
     rows = [(name, f"{share:.1%}") for name, share in study.made.shares().items()]
-    pictures = made_lens_figures_of(study.made)
+    pictures = monte_carlo_figures_of(study.made)
     return [PageSection("Lenses with all errors at once", study.of_made(), head, rows, pictures)]
 
 

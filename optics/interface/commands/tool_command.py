@@ -7,11 +7,11 @@ from dataclasses import fields
 from pathlib import Path
 
 from optics.base.runtime import check_lines, verification
-from optics.exchange.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
+from optics.exchange.results import ResultFolder, remove_files, require_own, writable_folder, write_record
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.reporting.report import check_page
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
-from thbcad.io import json_text, write_files, write_text
+from thbcad.io import write_files
 
 RECORD, PAGE = "tool.json", "tool.html"
 PICTURES = ("tool_front.png", "tool_rear.png")
@@ -34,5 +34,5 @@ def tool(options: Namespace) -> Outcome:
     files = {name: picture for name, _, picture in figures} | {PAGE: page.encode()}
     write_files({folder / name: content for name, content in files.items()})
     remove_files(folder, {*PICTURES} - {*files})
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    write_record(folder / RECORD, data, files)
     return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], OF_GRADES[checked["grade"]])

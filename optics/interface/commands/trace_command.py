@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from optics.base.runtime import UserError, load_backend
-from optics.exchange.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.exchange.results import ResultFolder, require_own, writable_folder, write_record
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import (
     conservation,
@@ -25,7 +25,7 @@ from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
-from thbcad.io import json_text, write_bytes, write_text
+from thbcad.io import write_bytes
 
 MOST_RAYS = 1 << 15  # per direction
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
@@ -69,7 +69,7 @@ def trace(options: Namespace) -> Outcome:
         data |= crosstalk(system, lens, exact)
     for name, content in contents.items():
         write_bytes(folder / name, content)
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    write_record(folder / RECORD, data, files)
     left_out = []
     if not system.lens_on_axis:
         left_out = ["phase space is left out: it is shown of a lens on the axis"]

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, note, reading, verification
-from optics.exchange.results import HASHES, SCENE, ResultFolder, hashes, require_own, writable_folder
+from optics.exchange.results import SCENE, ResultFolder, require_own, writable_folder, write_record
 from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
 from optics.scene.system import OpticalSystem, manufactured, other_limit_checks, other_parts
 from thbcad.doors import pip_command
-from thbcad.io import json_text, write_bytes, write_text
+from thbcad.io import write_bytes, write_text
 from thbcad.lens import Lens
 
 
@@ -41,19 +41,10 @@ class LightRequest:
     folder: Path
 
     @property
-    def picture(self) -> str:
-        """The file of the picture."""
-        return f"light_{self.tracer}.png"
-
-    @property
-    def page(self) -> str:
-        """The file of the page that shows picture and numbers."""
-        return f"light_{self.tracer}.html"
-
-    @property
-    def record(self) -> str:
-        """The file of the numbers, and of the hashes of the others."""
-        return f"light_{self.tracer}.json"
+    def names(self) -> tuple[str, str, str]:
+        """The files of the picture, of a page that shows it with the numbers, and of the numbers."""
+        picture, page, record = (f"light_{self.tracer}.{suffix}" for suffix in ("png", "html", "json"))
+        return picture, page, record
 
     def answered(self, system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> FileLight:
         """Trace the file, write picture and numbers, and return the FileLight.
@@ -75,14 +66,14 @@ class LightRequest:
         found = compare_light(system, lens, tracer, self.rays, backend)
         checks = light_comparison_checks(found, system.problem.verify)
         checked, lines = verification(checks), light_comparison_lines(found)
+        image, page, record = self.names
         picture = two_lights_figure(found.theirs, found.ours, found.screen, system.density, self.tracer)
-        write_bytes(self.folder / self.picture, picture)
+        write_bytes(self.folder / image, picture)
         title = f"{system.problem.title}: the light of lens.step by {self.tracer}"
         caption = f"The light that {self.tracer} makes of the file, the lens's own, and their difference."
-        write_text(self.folder / self.page, check_page(title, checked, lines, [(caption, picture)]))
+        write_text(self.folder / page, check_page(title, checked, lines, [(caption, picture)]))
         data = found.metrics | checked
-        written = {HASHES: hashes(self.folder, [self.picture, self.page])}
-        write_text(self.folder / self.record, json_text(data | written))
+        write_record(self.folder / record, data, (image, page))
         return FileLight(checks, data, [*lines, f"wrote {self.folder}"])
 
 
@@ -111,8 +102,7 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
         raise UserError(f"{options.result} is not a result folder: it has no problem.toml")
     request = LightRequest(options.light, rays, Path(options.out or Path(options.result) / "verify_light"))
     writable_folder(request.folder)
-    names = request.picture, request.page, request.record
-    require_own(request.folder, names, request.record, options.force)
+    require_own(request.folder, request.names, request.names[-1], options.force)
     return request
 
 
@@ -134,7 +124,7 @@ def verify(options: Namespace) -> Outcome:
     if options.lens is not None and not alone:
         raise UserError(f"--lens says which lens the part in a STEP file holds, and {path} is none")
     request = light_request(options, not alone)
-    from optics.exchange.verification import StepFile, bare_checks  # OCCT
+    from optics.exchange.verification import bare_checks  # OCCT
 
     notes: list[str] = []
     left_out: list[str] = []
@@ -182,7 +172,6 @@ def _folder_checks(
 ) -> tuple[list[Check], list[str], FileLight | None]:
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
     from optics.exchange.verification import (  # OCCT
-        StepFile,
         fresh_export_checks,
         optiland_available,
         optiland_checks,

@@ -8,20 +8,19 @@ from pathlib import Path
 
 from optics.base.runtime import UserError
 from optics.exchange.results import (
-    HASHES,
     fingerprint,
-    hashes,
     recorded,
     remove_files,
     require_own,
     run_lock,
     writable_folder,
+    write_record,
 )
 from optics.interface.sweeps.sweep_rows import Sweep, csv_text, parquet_bytes
 from optics.interface.sweeps.sweep_store import SweepStore, open_store
 from optics.interface.sweeps.sweep_views import contact_sheet, metric_plots, plot_name, sweep_page
 from optics.scene.problem import Problem
-from thbcad.io import json_text, write_files, write_text
+from thbcad.io import write_files
 
 STORE, RECORD = "sweep.sqlite", "sweep.json"
 TABLE, PARQUET, PAGE, SHEET = "sweep.csv", "sweep.parquet", "sweep.html", "contact_sheet.png"
@@ -103,5 +102,4 @@ def write_sweep(sweep: Sweep, title: str) -> None:
     write_files({folder / name: data for name, data in written.items()})
     earlier = recorded(folder / RECORD).keys() & _replaceable(folder)
     remove_files(folder, earlier - written.keys())
-    record = {"schema": "thbcad-sweep-files", "version": 1, HASHES: hashes(folder, written)}
-    write_text(folder / RECORD, json_text(record))
+    write_record(folder / RECORD, {"schema": "thbcad-sweep-files", "version": 1}, written)

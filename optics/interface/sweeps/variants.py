@@ -29,8 +29,8 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
 
     folder : what relative paths of files start from.
 
-    Raises UserError : no "=", an unknown key, values that are neither, such as a list of texts without
-        quotes.
+    Raises UserError : no "=", an unknown key, values that are neither, such as a list without
+        brackets, or of texts without quotes.
     """
     name, _, value = (part.strip() for part in text.partition("="))
     parts = value.split(":")
@@ -41,7 +41,13 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
     if ends:
         assignment(f"{name}=[]", Problem)  # refuses an unknown key
         return name, _range(name, *ends)
-    name, found = assignment(text, Problem)
+    try:
+        name, found = assignment(text, Problem)
+    except UserError:
+        if "," not in value or value.startswith("["):
+            raise
+        assignment(f"{name}=[]", Problem)  # refuses an unknown key
+        raise UserError(f"{name}: write several values in brackets, {name}=[{value}], got {value}") from None
     if found == value and value.startswith("["):
         raise UserError(f'{value} is no list for {name}: put texts in quotes, such as {name}=["a", "b"]')
     values = found if isinstance(found, list) else [found]

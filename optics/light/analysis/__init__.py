@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         sequential,
         sequential_metrics,
     )
-    from optics.light.analysis.light_of_cells import cell_irradiance, traced_cells
+    from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
     from optics.light.analysis.light_of_wavelengths import coloured, fringe
     from optics.light.analysis.metrics import (
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         unit_mean,
     )
     from optics.light.analysis.optic_words import passing_share, passing_words
-    from optics.light.analysis.phase_space import PhaseSpace, jacobian_determinants
+    from optics.light.analysis.phase_space import PhaseSpace
     from optics.light.analysis.photometric_metrics import photometric_lines, uniformity_metrics
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -62,6 +62,14 @@ class _Light:
     cut: Bools
 
 
+def cut_cells(arrives: Bools, emitted: Floats, least: float = 0.0) -> Bools:
+    """Return which cells that emit more than `least`, W, have corners that arrive and others that do not."""
+    nx, ny = emitted.shape
+    seen = arrives.astype(np.int8).reshape(nx + 1, ny + 1)
+    corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
+    return (corners > 0) & (corners < 4) & (emitted > least)
+
+
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
     """Cells are traced with their corners, to a screen.  bisections : see `border_triangles`."""
@@ -77,10 +85,7 @@ class _CellTracer:
         least : W, a cell with no more is not worth its cut.
         """
         tracer, landing, arrives = self._trace(rays)
-        nx, ny = emitted.shape
-        seen = arrives.numpy().astype(np.int8).reshape(nx + 1, ny + 1)
-        corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
-        cut = (corners > 0) & (corners < 4) & (emitted > least)
+        cut = cut_cells(arrives.numpy(), emitted, least)
         if cut.any():
             whole = np.where(cut, 0.0, emitted)
             flux = corner_flux(whole).reshape(rays.flux.shape)
@@ -172,9 +177,7 @@ def cell_irradiance(
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
         tracer = Tracer(backend, path, rays)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
-        return tracer, landing
+        return tracer, tracer.landed()
 
     return traced_cells(trace, screen, cells, backend, bisections=bisections)
 

@@ -105,9 +105,7 @@ def colour_metrics(
     ends = between if between[0] < between[1] else (first, last)  # all of them on one side
     rays, landings = system.source.rays(SHIFT_RAYS), []
     for nm in ends if first < last else ():
-        tracer = Tracer(backend, path.in_media(system.media_at(nm)), rays)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
+        landing = Tracer(backend, path.in_media(system.media_at(nm)), rays).landed()
         landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
     shift = 0.0
     if landings:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, nonsequential_light
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, OtherLight, nonsequential_light
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
@@ -118,17 +118,9 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray_error"] = light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
-    key = system.units.key
-    metrics[key("fates")] = fates.by_name
+    metrics[system.units.key("fates")] = fates.by_name
     if other:
-        lit = _lit(direct.irradiance, target, screen)
-        metrics["nonsequential"] = {
-            "by_other_ways": other.share,
-            key("lit"): lit + _lit(other.light.irradiance, target, screen),
-            key("lit_direct"): lit,
-            key("target"): other.fates.onto,
-            key("fates"): other.fates.by_name,
-        }
+        metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, other)
     sharp = colour = None
     if estimator == "beams":
         clear = light_of_plate(
@@ -144,6 +136,20 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def _by_other_ways(
+    system: OpticalSystem, screen: Screen, target: Floats, direct: LightEstimate, other: OtherLight
+) -> dict[str, Any]:
+    """Return what light by other ways than front and rear brings, by name."""
+    key, lit = system.units.key, _lit(direct.irradiance, target, screen)
+    return {
+        "by_other_ways": other.share,
+        key("lit"): lit + _lit(other.light.irradiance, target, screen),
+        key("lit_direct"): lit,
+        key("target"): other.fates.onto,
+        key("fates"): other.fates.by_name,
+    }
 
 
 def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:

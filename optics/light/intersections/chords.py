@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 from optics.base.runtime import Backend, DrArray
 from thbcad.outlines import Outline
@@ -22,7 +21,7 @@ def chord(
 
     point, direction : o and d, x and y each, mm.  Where d = 0 the line is a point.
     """
-    dr, opaque = backend.dr, partial(backend.dr.opaque, backend.Float)
+    dr, opaque = backend.dr, backend.opaque
     start, stop = backend.Float(-dr.inf), backend.Float(dr.inf)
     half = [opaque(h) for h in outline.half_width]
     for h, o, d in zip(half, point, direction):

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import ModuleType
 from typing import TypeAlias
 
@@ -56,7 +55,7 @@ class DeviceRays:
 def device_flux(backend: Backend, flux: Floats) -> DrArray:
     """Return the flux of rays on the device; one number where all rays carry the same."""
     if (flux == flux.flat[0]).all():
-        return backend.dr.opaque(backend.Float, float(flux.flat[0]))
+        return backend.opaque(flux.flat[0])
     return backend.array(flux)
 
 
@@ -139,8 +138,7 @@ def rim_fade(backend: Backend, point: Sequence[DrArray], outline: Outline, width
 
 def gauge(backend: Backend, outline: Outline, x: DrArray, y: DrArray) -> DrArray:
     """Return `Outline.gauge` of points on the device, mm."""
-    dr = backend.dr
-    opaque = partial(dr.opaque, backend.Float)  # numbers do not become part of the kernels
+    dr, opaque = backend.dr, backend.opaque
     u, v = (dr.abs(a) * opaque(1 / h) for a, h in zip((x, y), outline.half_width))
     straight = dr.maximum(u, v)
     if outline.is_rectangle:

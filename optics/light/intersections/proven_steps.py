@@ -187,11 +187,10 @@ def box_bounds(
     backend: Backend, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector], net: Floats
 ) -> list[BoxBounds]:
     """Return the BoxBounds of the whole rectangle, of coarse and of fine boxes."""
-    dr, Float = backend.dr, backend.Float
     spans = max(kv.spans for kv in knots)
     finest = int(min(FINEST, 2 ** np.ceil(np.log2(spans))))
     tables = _finest_bounds(conic, half_width, knots, net, finest)
-    half = tuple(dr.opaque(Float, float(h)) for h in half_width)
+    half = tuple(map(backend.opaque, half_width))
     out = []
     for count in sorted({1, max(1, finest // COARSER), finest}):
         k = finest // count
@@ -199,7 +198,7 @@ def box_bounds(
             backend.array(extreme(t.reshape(count, k, count, k, 4), axis=(1, 3)))
             for extreme, t in zip((np.min, np.max), tables)
         )
-        per_length = tuple(dr.opaque(Float, count / (2 * h)) for h in half_width)
+        per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
         out.append(BoxBounds(backend, low, high, count, half, per_length))
     return out
 

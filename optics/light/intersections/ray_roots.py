@@ -103,7 +103,7 @@ def conic_distance(
     falling one.
     """
     dr = backend.dr
-    c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
+    c, k = map(backend.opaque, (1.0 / conic.radius, 1.0 + conic.constant))
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     a = c * (dx * dx + dy * dy + k * dz * dz)
     b = c * (ox * dx + oy * dy + k * oz * dz) - dz
@@ -117,11 +117,9 @@ def conic_jet(
     backend: Backend, conic: Conic, x: DrArray, y: DrArray
 ) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
     """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
-    dr, Float = backend.dr, backend.Float
-    # opaque, so that every conic runs the same compiled kernel
-    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
+    c, k = map(backend.opaque, (1.0 / conic.radius, (1.0 + conic.constant) / conic.radius**2))
     r2 = x * x + y * y
-    inverse = dr.rsqrt(1 - k * r2)
+    inverse = backend.dr.rsqrt(1 - k * r2)
     slope, bend = c * inverse, c * k * inverse * inverse * inverse
     return (
         c * r2 / (1 + 1 / inverse),

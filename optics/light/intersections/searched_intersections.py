@@ -66,8 +66,8 @@ class SearchedHits:
         self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
-        self._size = backend.dr.opaque(backend.Float, float(max(half_width)))
-        self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
+        self._size = backend.opaque(max(half_width))
+        self._unit = backend.opaque(backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
     def meet(self, origin: Vector, direction: Vector, net: Floats | None = None) -> Hits:
@@ -127,7 +127,7 @@ class SearchedHits:
         """
         dr = self._backend.dr
         tolerance = self.settled * self._resolution(o)
-        low, high = first, last = self._span(o, d, dr.opaque(self._backend.Float, shape.top))
+        low, high = first, last = self._span(o, d, self._backend.opaque(shape.top))
         t = conic_distance(self._backend, self._conic, o, d)
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
@@ -167,7 +167,7 @@ class SearchedHits:
     def _may_meet_twice(self, shape: _Shape, d: list[DrArray]) -> DrArray:
         """Return the mask of rays that are flatter than the surface is steep."""
         dr = self._backend.dr
-        steep = dr.opaque(self._backend.Float, shape.steepest * (1 + self._backend.resolution))
+        steep = self._backend.opaque(shape.steepest * (1 + self._backend.resolution))
         return steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2]
 
     def _first_fall(
@@ -179,12 +179,12 @@ class SearchedHits:
         doubtful: DrArray,
     ) -> Fall:
         """Return the first Fall of doubtful rays through the surface."""
-        backend, dr, table = self._backend, self._backend.dr, self._table
+        backend, table = self._backend, self._table
         assert table is not None
         assert shape.net is not None
         boxes = box_bounds(backend, self._conic, self._half_width, self._knots, shape.net)
         bounds = rounding_errors(backend, self._knots, table.moduli(shape.power), shape.steepest)
-        fixed, per_length, slope_error = (dr.opaque(backend.Float, e) for e in bounds)
+        fixed, per_length, slope_error = map(backend.opaque, bounds)
         errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
 
         def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:

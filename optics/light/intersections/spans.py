@@ -26,7 +26,7 @@ class Cells:
     """
 
     def __init__(self, backend: Backend, breaks: Floats) -> None:
-        dr, self._backend, self._count = backend.dr, backend, len(breaks) - 1
+        self._backend, self._count = backend, len(breaks) - 1
         reach = breaks[-1] - breaks[0]
         bins = int(min(round(reach / np.diff(breaks).min()), MOST_BINS))
         ends = breaks[0] + reach / bins * np.arange(bins + 1)
@@ -34,10 +34,7 @@ class Cells:
         first = np.searchsorted(breaks, ends[:-1] + room, "right") - 1
         self._steps = int((np.searchsorted(breaks, ends[1:] - room, "left") - 1 - first).max())
         self._first, self._breaks = backend.Index(first.astype(np.uint32)), backend.array(breaks)
-        # opaque numbers, so that every mesh runs the same compiled kernel
-        self._low, self._rate, self._last = (
-            dr.opaque(backend.Float, v) for v in (breaks[0], bins / reach, bins - 1)
-        )
+        self._low, self._rate, self._last = map(backend.opaque, (breaks[0], bins / reach, bins - 1))
 
     def __call__(self, position: DrArray) -> DrArray:
         """Return the numbers of the spans in which points lie, the first and the last for points beside them,

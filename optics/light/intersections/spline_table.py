@@ -101,7 +101,7 @@ class PolynomialTable:
         cells, local, rates = self._locate(x, y)
         nx, ny = (kv.dim for kv in self._knots)
         width = -(-ny // PACKED) + self._packets  # of a row, in packets
-        most = dr.abs(gz) + sum(dr.abs(g) * dr.opaque(Float, k) for g, k in zip((gx, gy), self._steepest))
+        most = dr.abs(gz) + sum(dr.abs(g) * self._backend.opaque(k) for g, k in zip((gx, gy), self._steepest))
         sums = OrderFreeSums(self._backend, PACKED * nx * width * PACKED, float(dr.sum(most).numpy()[0]))
         (row, across), (column, along) = (f(*at) for f, *at in zip(self._functions, cells, local, rates))
         lines, step = (dr.opaque(Index, number) for number in (nx, width))
@@ -149,7 +149,7 @@ class PlacedSurface:
     def __init__(self, backend: Backend, surface: FreeformSurface, vertex: float) -> None:
         self.backend, self.half_width = backend, surface.half_width
         self._conic, self._table = surface.conic, None
-        self._vertex = backend.dr.opaque(backend.Float, vertex)
+        self._vertex = backend.opaque(vertex)
         corner = float(surface.conic(*surface.half_width))
         self.low, self.high = vertex + min(corner, 0.0), vertex + max(corner, 0.0)
         hx, hy = self.half_width
@@ -173,10 +173,8 @@ class PlacedSurface:
         along_x, along_y = (steepest_along(kv, n) for kv, n in zip(knots, (net, net.T)))
         slope += np.hypot(along_x, along_y)
         self._boxes = box_bounds(backend, conic, half, knots, net)
-        self._errors = [
-            backend.dr.opaque(backend.Float, e)
-            for e in (*rounding_errors(backend, knots, moduli, float(slope)), max(half))
-        ]
+        errors = *rounding_errors(backend, knots, moduli, float(slope)), max(half)
+        self._errors = [*map(backend.opaque, errors)]
 
     def jet(self, x: DrArray, y: DrArray) -> Vector:
         """Return z, zx, zy."""

@@ -86,9 +86,7 @@ class MappedCells:
         x, y : of the corners on the target, mm.  flux : W, what arrives of the corners' flux.
         sound : corners that are traced to a definite point; cells with another one are dark.
         """
-        Float = self._backend.Float
-        (sx, ox), (sy, oy) = self._screen.pixel_map()
-        sx, ox, sy, oy = (self._backend.dr.opaque(Float, number) for number in (sx, ox, sy, oy))
+        (sx, ox), (sy, oy) = (map(self._backend.opaque, pair) for pair in self._screen.pixel_map())
         operation = cell_operation(self._backend.dr.CustomOp)
         return self._backend.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 

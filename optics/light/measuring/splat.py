@@ -41,10 +41,10 @@ class Splat:
         rows, columns = screen.padded
         guard = taps - 1  # pixels around the image for windows that lie across its border
         packets = -(-(guard + PACKED) // PACKED)  # of a column: they hold all taps, wherever these begin
-        # sizes are opaque, so that every screen runs the same compiled kernel
         stride = -(-(rows + 2 * guard + PACKED) // PACKED)  # packets of a column
-        height, width, along = dr.opaque(Float, rows), dr.opaque(Float, columns), dr.opaque(Index, stride)
-        (sx, ox), (sy, oy) = ((dr.opaque(Float, a), dr.opaque(Float, b)) for a, b in screen.pixel_map())
+        opaque, along = self.backend.opaque, dr.opaque(Index, stride)
+        height, width = opaque(rows), opaque(columns)
+        (sx, ox), (sy, oy) = (map(opaque, pair) for pair in screen.pixel_map())
         shift = 0.5 if taps % 2 == 0 else 0.0
         column, wx = self._taps(x * sx + ox, shift)
         row, wy = self._taps(y * sy + oy, shift)
@@ -52,7 +52,7 @@ class Splat:
         start = Index(dr.select(touches, row + guard, 0))
         first = Index(dr.select(touches, column + guard, 0)) * along + start // PACKED
         wy = self._shifted(wy, start % PACKED, packets * PACKED)
-        flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
+        flux = flux * opaque(1.0 / screen.pixel_area)
         values, numbers = [], []
         for a in range(taps):
             line, weighted = first + Index(a) * along, flux * wx[a]

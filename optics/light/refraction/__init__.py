@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.light.refraction.rest_of_path import RestOfPath, bent, normalised
+    from optics.light.refraction.rest_of_path import RestOfPath, normalised
     from optics.light.refraction.shaped_surface import ShapedSurface
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -6,8 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.light.roads.installation import RANGES, ROWS, Installation
-    from optics.light.roads.lit_road import LitRoad
-    from optics.light.roads.reflection import RoadSurface, read_r_table
+    from optics.light.roads.reflection import read_r_table
     from optics.light.roads.road_classes import CLASSES, road_checks
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

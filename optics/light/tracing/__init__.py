@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from optics.light.tracing.refraction import (
         critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,
-        reflect,
         refract,
         traced_transmittance,
         transmittances as transmittances,

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -42,7 +41,7 @@ class WalledRegion:
 
     def __init__(self, backend: Backend, wall: DraftedWall, reach: float = 0.0) -> None:
         self.backend, self._rounded = backend, not wall.outline.is_rectangle
-        opaque = partial(backend.dr.opaque, backend.Float)  # numbers do not become part of the kernels
+        opaque = backend.opaque
         corners = [c + reach if self._rounded else 1.0 for c in wall.outline.corners]
         half = [h + reach for h in wall.outline.half_width]
         self._half, self._corners = [opaque(h) for h in half], [opaque(c) for c in corners]
@@ -143,9 +142,9 @@ class DraftedFace:
     land: float | None = None
 
     def __post_init__(self) -> None:
-        opaque = partial(self.region.backend.dr.opaque, self.region.backend.Float)
+        opaque = self.region.backend.opaque
         self._near, self._level = opaque(START * self.size), opaque(self.wall.level)
-        self._side, self._sign = opaque(float(self.wall.side)), opaque(1.0 if self.within else -1.0)
+        self._side, self._sign = opaque(self.wall.side), opaque(1.0 if self.within else -1.0)
         self._end = None if self.land is None else opaque(self.land)
 
     def meet(self, rays: DeviceRays) -> Meeting:
@@ -180,7 +179,7 @@ class LandFace:
     size: float
 
     def __post_init__(self) -> None:
-        opaque = partial(self.outer.backend.dr.opaque, self.outer.backend.Float)
+        opaque = self.outer.backend.opaque
         self._near, self._level = opaque(START * self.size), opaque(self.level)
         self._outward = opaque(self.outward)
 
@@ -266,7 +265,7 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
     lens, (mx, my) = plate.lens, plate.middle
     front, rear, *walls = lens_faces(backend, lens)
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
-    low, high = (backend.dr.opaque(backend.Float, z) for z in (plate.low, plate.high))
+    low, high = map(backend.opaque, (plate.low, plate.high))
     faces: list[Face] = [front, rear]
     for wall in walls:
         if isinstance(wall, GraphFace):  # which rays may meet again beyond the land
@@ -295,8 +294,7 @@ def _between_lenses(backend: Backend, plate: Plate, slanted: Sequence[GraphFace]
 
     slanted : walls of one.
     """
-    dr = backend.dr
-    opaque = partial(dr.opaque, backend.Float)
+    dr, opaque = backend.dr, backend.opaque
     lens, level = plate.lens, opaque(plate.low)
     half = [opaque(max(pair)) for pair in zip(lens.front.half_width, lens.rear.half_width)]
     pitch, last = [opaque(p) for p in plate.pitch], [opaque(n - 1.0) for n in plate.counts]

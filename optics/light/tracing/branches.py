@@ -115,7 +115,7 @@ class ClosedLens:
             self._faces = lens_faces(backend, solid)
         self._rounded = solid if isinstance(solid, MouldedBody) and solid.rounded else None
         self._coats = coats
-        self._index = backend.dr.opaque(backend.Float, solid.index)
+        self._index = backend.opaque(solid.index)
 
     def meet(self, branches: Branches) -> Meetings:
         """Return the first meetings of branches."""

@@ -62,11 +62,11 @@ class GraphFace:
     trim: Trim | None = None
 
     def __post_init__(self) -> None:
-        # opaque numbers do not become part of the kernels, which then serve every lens
-        self._rows = [[self._opaque(value) for value in row] for row in self.domain]
-        self._side = self._opaque(self.outward)
-        self._per_cell = [self._opaque(1 / c) for c in self.cell]
-        self._near, self._resolution = self._opaque(START * self.size), self._opaque(2.0**-51 * self.size)
+        opaque = self.backend.opaque
+        self._rows = [[*map(opaque, row)] for row in self.domain]
+        self._side = opaque(self.outward)
+        self._per_cell = [opaque(1 / c) for c in self.cell]
+        self._near, self._resolution = opaque(START * self.size), opaque(2.0**-51 * self.size)
 
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the face."""
@@ -134,6 +134,3 @@ class GraphFace:
             enters, leaves = self.trim.interval(rays)
             start, stop = dr.maximum(start, enters), dr.minimum(stop, leaves)
         return start, stop
-
-    def _opaque(self, value: float) -> DrArray:
-        return self.backend.dr.opaque(self.backend.Float, float(value))

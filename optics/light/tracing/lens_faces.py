@@ -37,9 +37,7 @@ class WallFace:
     graphs: list[GraphFace]
 
     def __post_init__(self) -> None:
-        self._sign, self._half = (
-            self.backend.dr.opaque(self.backend.Float, float(a)) for a in (self.sign, self.half_width)
-        )
+        self._sign, self._half = map(self.backend.opaque, (self.sign, self.half_width))
 
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the face."""
@@ -99,14 +97,8 @@ class _Edge:
         self.backend, self.surfaces, self.axis, self.sign = backend, surfaces, axis, sign
         self.along = [s.half_width[axis] for s in surfaces]
         self.across = [s.half_width[1 - axis] for s in surfaces]
-        numbers = (
-            sign,
-            *self.along,
-            *self.across,
-            self.along[1] - self.along[0],
-            self.across[1] - self.across[0],
-        )
-        self._numbers = [backend.dr.opaque(backend.Float, float(n)) for n in numbers]
+        growth = self.along[1] - self.along[0], self.across[1] - self.across[0]
+        self._numbers = [*map(backend.opaque, (sign, *self.along, *self.across, *growth))]
 
     def height(self, x: DrArray, y: DrArray) -> Jet:
         """Return Z, Zx, Zy."""

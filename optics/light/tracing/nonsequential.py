@@ -36,6 +36,8 @@ from thbcad.checks import Floats
 from thbcad.moulds import Made, Solid
 from thbcad.outlines import Outline
 
+BOUNCES = 64  # the most faces that a branch meets
+
 
 @dataclass(frozen=True)
 class TargetArea:
@@ -116,7 +118,7 @@ def trace_nonsequential(
     lens: Made,
     rays: Rays,
     target: TargetArea,
-    bounces: int = 64,
+    bounces: int = BOUNCES,
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
 ) -> NonsequentialResult:
@@ -218,18 +220,16 @@ class RayPath:
     fate: str
 
 
-def trace_paths(
-    backend: Backend, lens: Solid, rays: Rays, target: TargetArea, bounces: int = 64
-) -> list[RayPath]:
+def trace_paths(backend: Backend, lens: Solid, rays: Rays, target: TargetArea) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
-    A path ends in the target plane; others a lens's thickness after, or on, the last of `bounces` faces.
+    A path ends in the target plane; others a lens's thickness after, or on, the last of BOUNCES faces.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
     points = [[point] for point in rays.origin.T]
     fates = ["trapped"] * len(points)
-    for generation in range(bounces + 1):
+    for generation in range(BOUNCES + 1):
         meetings = solid.meet(branches)
         length = _blocked_after(branches, meetings, target)
         for k in np.flatnonzero(np.isfinite(length)):
@@ -251,7 +251,7 @@ def trace_paths(
         refracted, reflected = split(branches, meetings)
         passes = meetings.transmittance >= 0.5
         branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
-        if generation == bounces or not len(branches.ray):
+        if generation == BOUNCES or not len(branches.ray):
             break
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
 

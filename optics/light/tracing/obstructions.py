@@ -34,7 +34,7 @@ class ShadingBody:
 
     def __init__(self, backend: Backend, body: Body) -> None:
         self.body, self._backend = body, backend
-        self._number = partial(backend.dr.opaque, backend.Float)
+        self._number = backend.opaque
         self._graze = GRAZE * float(np.ptp(body.box))
 
     @cached_property
@@ -111,7 +111,7 @@ class Obstruction:
         """
         if not self:
             return False, False
-        dr, number = self._backend.dr, partial(self._backend.dr.opaque, self._backend.Float)
+        dr, number = self._backend.dr, self._backend.opaque
         if isinstance(end, tuple):
             end = sum((a - o) * d for a, o, d in zip(end, rays.origin, rays.direction))
         blocked: DrArray | bool = False

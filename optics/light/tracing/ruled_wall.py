@@ -13,7 +13,6 @@ and bound s, by two intervals; of a cylinder these are two points.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from math import pi
 
 from optics.base.runtime import DrArray
@@ -50,15 +49,12 @@ class RuledWall:
         """near : mm, so far behind its start a ray meets the wall.  reach : mm, of rulings over rims."""
         self.backend = backend = surfaces[0].backend
         self._surfaces, self._outlines = surfaces, outlines
-        opaque = partial(backend.dr.opaque, backend.Float)  # numbers do not become part of the kernels
-        corners = outlines[0].relative_corners
+        opaque, corners = backend.opaque, outlines[0].relative_corners
         sides = [1 / r - 1 for r in corners]
         cells = [c / (h * r) for s in surfaces for c, h, r in zip(s.cell, s.half_width, corners)]
         self._corners, self._sides = ([opaque(a) for a in pair] for pair in (corners, sides))
-        self._quarter, self._per_step = (
-            opaque(sum(sides) + pi / 2),
-            opaque(1 / min(STEP, *(c / 2 for c in cells))),
-        )
+        self._quarter = opaque(sum(sides) + pi / 2)
+        self._per_step = opaque(1 / min(STEP, *(c / 2 for c in cells)))
         self._half_widths = [[opaque(h) for h in s.half_width] for s in surfaces]
         self._near, self._reach = opaque(near), opaque(reach)
         self._roots = ON_CYLINDER if outlines[0] == outlines[1] else ROOTS

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, partial, reduce
+from functools import cache, reduce
 from itertools import pairwise, takewhile
 from operator import and_
 from typing import TypeAlias
@@ -69,7 +69,7 @@ class Tracer:
         self._receiver = path.receiver.seen_from(frames[-1])
         starts = path.before if isinstance(rays, RayGrid) else rays.origin[2].max()
         self._obstructions = self._in_the_way(frames, max(0.0, path.emitted - starts))
-        self._number = cache(partial(backend.dr.opaque, backend.Float))
+        self._number = cache(backend.opaque)
         grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
@@ -98,6 +98,11 @@ class Tracer:
         every, landing = self.trace_all(coefficients)
         pairs = zip(every, self._path.surfaces)
         return [hits for hits, s in pairs if hits is not None and s.shape.sag is not None], landing
+
+    def landed(self) -> Landing:
+        """Return the Landing of the path's own sags, without derivatives."""
+        with self._backend.dr.suspend_grad():
+            return self.trace()[1]
 
     def trace_all(self, coefficients: Coefficients | None = None) -> tuple[list[Hits | None], Landing]:
         """Return (Hits of every surface, Landing).

@@ -75,9 +75,8 @@ class TracedSurface:
         self.surface, self.hits = surface, hits
         self._backend, self._soft_rim = backend, soft_rim
         before, behind = media[0], surface.beyond if surface.kind == "reflect" else media[1]
-        # opaque numbers do not become part of the kernels, which then serve every source and lens
-        self._eta = backend.dr.opaque(backend.Float, before.index / behind.index)
-        self._absorption = backend.dr.opaque(backend.Float, before.absorption) if before.absorption else None
+        self._eta = backend.opaque(before.index / behind.index)
+        self._absorption = backend.opaque(before.absorption) if before.absorption else None
         error = surface.slope_error
         self._slope_error = error if error is None else [*map(backend.array, error)]
 

@@ -28,8 +28,7 @@ def path_faults(backend: Backend, path: LightPath, rays: Rays) -> list[str]:
 
 def _shares(backend: Backend, path: LightPath, rays: Rays) -> Iterator[tuple[str, float]]:
     """Yield what may happen to light, and to which share of all light it does."""
-    with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, path, rays).trace()
+    landing = Tracer(backend, path, rays).landed()
     none = np.zeros(rays.flux.size)
     total, coming = path.share * rays.total, path.share * rays.flux
     for k, (surface, passage) in enumerate(zip(path.surfaces, landing.passages)):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .overview import OverviewFigure, level_figure, overview_figure, overview_html
     from .pdf_sheet import sheet_pdf
     from .scene_figure import draw_solid, scene_view, solid_views
-    from .tolerance_figures import change_figure, cost_figure, form_figures_of, made_lens_figures_of
+    from .tolerance_figures import change_figure, cost_figure, form_figures_of, monte_carlo_figures_of
     from .tool_figures import figures_of_tool
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -36,7 +36,6 @@ from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.moulds import Made, lens_of
 
-INK = "0.2"
 LABEL = {"facecolor": "white", "alpha": 0.6, "lw": 0, "pad": 1.5}
 OBLIQUE, SIDE = "oblique", "from the side, z to the right"
 LENS = "front", "rear"  # what the optical faces of a lens are called

@@ -107,7 +107,7 @@ WHITE = 99.9  # per cent of the pixels of what is asked for that are not cut off
 WORST = 99.0  # per cent of the lenses that a histogram shows, when some are far away
 
 
-def made_lens_figures_of(made: MonteCarlo) -> list[tuple[str, bytes]]:
+def monte_carlo_figures_of(made: MonteCarlo) -> list[tuple[str, bytes]]:
     """Return (caption, PNG) of the figures of a Monte Carlo."""
     names = ", ".join(PARTS)
     return [

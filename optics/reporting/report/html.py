@@ -179,6 +179,8 @@ def _banner(report: Report) -> str:
     missed = {LIMIT.split(c.name)[0] for c in wrong if LIMIT.search(c.name)}
     of_limits = [note for note in verdict.notes if note.split(": got ")[0] in missed]
     problems = [*map(_failure, (c for c in wrong if not LIMIT.search(c.name))), *of_limits]
+    if verdict.grade == "light misses":
+        problems.append("thbcad check problem.toml names what binds, and docs/possible_light.md what helps")
     notes = [note for note in verdict.notes if note not in of_limits]
     folded = list_html(report.background, "notes")
     background = f"<details><summary>Background</summary>{folded}</details>" if folded else ""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from optics.scene.photometry.light_units import PER_STERADIAN, Density, Units, units_of
     from optics.scene.photometry.lit_region import RASTER, LitRegion as LitRegion, edge_width
     from optics.scene.photometry.reduced_spectra import spectral_lines as spectral_lines, white_of as white_of
-    from optics.scene.photometry.regulation_tables import REGULATIONS, Regulation, regulation
+    from optics.scene.photometry.regulation_tables import REGULATIONS, regulation
     from optics.scene.photometry.srgb_pictures import encoded_srgb, srgb as srgb
     from optics.scene.photometry.uniformity_grid import NOISE, uniformity as uniformity
 

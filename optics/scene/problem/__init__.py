@@ -6,8 +6,8 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.problem.choices import ASKED_LIGHT, ASKED_SOURCES, ENGINES, STARTS
-    from optics.scene.problem.elements import LensElement, MirrorElement, Placed
-    from optics.scene.problem.faces_met import FaceMet, PathSpec
+    from optics.scene.problem.elements import MirrorElement, Placed
+    from optics.scene.problem.faces_met import FaceMet
     from optics.scene.problem.lens_schema import (
         FINEST_AUTO,
         Freeform,

@@ -35,7 +35,7 @@ class Placed:
     """
 
     kind: str = option(choices=("lens", "mirror"), note="of the element")
-    name: str = option(note="another of each; --set element.NAME.position=[0, 0, 5] changes a key of it")
+    name: str = option(note="each has its own; --set element.NAME.position=[0, 0, 5] changes a key of it")
     position: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0), size=(0, FARTHEST), note="mm, of the vertex of a lens's front, or of a mirror's face"
     )

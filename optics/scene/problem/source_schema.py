@@ -71,7 +71,7 @@ class OneSource:
         choices=tuple(SOURCES),
         note="parallel rays along +z, a Lambertian emitter, a point, rays or a luminaire of a file",
     )
-    name: str = option("", note="another of each, where there are several")
+    name: str = option("", note="each has its own, where there are several")
     half_width: tuple[float, float] = option(
         (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
     )

@@ -22,7 +22,7 @@ class StopSpec:
     True
     """
 
-    name: str = option("", note="another of each; --set stop.NAME.position=[0, 0, -5] changes a key of it")
+    name: str = option("", note="each has its own; --set stop.NAME.position=[0, 0, -5] changes a key of it")
     shape: str = option(choices=SHAPES, note="of the hole, or of the obstacle")
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm in own x and y")
     inner: tuple[float, float] = option(
@@ -47,7 +47,7 @@ class Zone:
     ('box', ((-9, -4), (9, -1.7)))
     """
 
-    name: str = option("", note="another of each; --set target.zone.NAME.least=5000 changes a key of it")
+    name: str = option("", note="each has its own; --set target.zone.NAME.least=5000 changes a key of it")
     points: Rows = option((), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), each by itself")
     box: Rows = option((), size=(0, FARTHEST), note="two opposite corners; limits hold everywhere within")
     line: Rows = option((), size=(0, FARTHEST), note="from corner to corner; limits hold all along")

@@ -79,13 +79,13 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     return light / light.max()
 
 
-def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> Bools:
+def formula_pixels(text: str, pixels: tuple[int, int]) -> Bools:
     """Return the pixels at all of whose sample points a formula is greater than 0, (rows, columns).
 
     Arguments and errors are those of `formula_light`.
     """
     tree = ast.Compare(_formula(text), [ast.Gt()], [ast.Constant(0.0)])
-    return _means(tree, pixels, subpoints) > 1 - 0.5 / subpoints**2  # one dark point makes 1 / subpoints^2
+    return _means(tree, pixels, SUBPOINTS) > 1 - 0.5 / SUBPOINTS**2  # one dark point makes 1 / SUBPOINTS^2
 
 
 def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> Floats:

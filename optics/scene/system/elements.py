@@ -97,8 +97,8 @@ def clear_aperture_of(optic: Optic, lens: Lens) -> tuple[Outline, Outline] | Non
 def surface_of(face: FaceMet, lens: Lens) -> Surface:
     """Return a face as light meets it, going to the surface's own +z.  lens : of its element, its blank."""
     optic, rear = face.optic, face.face == "rear"
-    shape, pose = (lens.rear, _behind(lens)) if rear else (lens.front, IDENTITY)
-    pose = pose_of(optic) @ pose
+    shape, vertex = (lens.rear, lens.thickness) if rear else (lens.front, 0.0)
+    pose = pose_of(optic) @ Pose.at((0.0, 0.0, vertex))
     if face.backwards:
         shape, pose = _from_behind(shape), pose @ TURNED
     clear = clear_aperture_of(optic, lens)
@@ -109,10 +109,6 @@ def surface_of(face: FaceMet, lens: Lens) -> Surface:
     if not face.reflects:
         return replace(surface, share=passing)
     return replace(surface, kind="reflect", share=None if passing is None else 1 - passing)
-
-
-def _behind(lens: Lens) -> Pose:
-    return Pose.at((0.0, 0.0, lens.thickness))
 
 
 def _from_behind(shape: FreeformSurface) -> FreeformSurface:

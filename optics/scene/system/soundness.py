@@ -122,13 +122,15 @@ def require_room(system: OpticalSystem) -> None:
                 f"the source starts up to {depth:.4g} mm behind the front; "
                 "make source.distance larger, or move source.position to -z"
             )
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.optic.rear)
+    conic = max(0.0, float(lens.rear.conic(*lens.rear.half_width)))
+    top = conic + freedom_of(problem.optic.rear)
     distance = problem.target.distance
     if distance is not None and system.target.receiver.across_axis:
         if distance <= top:
+            less = f"; or make z_freedom less than {distance - conic:.4g} mm" * (distance > conic)
             raise UserError(
                 f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
-                f"got {distance:g}"
+                f"got {distance:g}{less}"
             )
     elif not system.target.far_field:
         require_clear_of_lens(system)

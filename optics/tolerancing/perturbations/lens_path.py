@@ -22,9 +22,9 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import distance_transform_edt
 
 from optics.scene.sources import SourceCells
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
+from thbcad.checks import Floats
 
 SAMPLES = 65  # in each direction: light slides over the whole lens in much the same way
 STEP = 0.5  # of the perturbation, for differences

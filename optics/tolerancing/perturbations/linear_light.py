@@ -23,14 +23,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from optics.light.analysis import cut_cells
 from optics.light.measuring import MappedCells
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.lens_path import STEP, LensPath, LensPaths
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.traced_light import CORNERS_AT_ONCE, PerturbedLight, Trace
+from thbcad.checks import Bools, Floats
 
 
 class LinearLight:
@@ -118,11 +118,9 @@ class LinearLight:
                     yield _landed(self._light, weight, strip, trace, rays, part)
                 first += len(strip.s) - 1
 
-    def _pictured(
-        self, corners: _Corners, jet: Floats, sound: NDArray[np.bool_], emitted: Floats
-    ) -> Floats | None:
+    def _pictured(self, corners: _Corners, jet: Floats, sound: Bools, emitted: Floats) -> Floats | None:
         """Return the light of corners that land as a jet says; None where a rim cuts their cells."""
-        if _cut(sound, emitted):
+        if cut_cells(sound, emitted).any():
             return None
         backend, mapped = self._light.backend, self._mapped(corners, emitted)
         x, y, flux = (backend.array(row) for row in jet)
@@ -130,10 +128,10 @@ class LinearLight:
             image = mapped(x, y, flux, backend.array(sound) > 0).numpy()
         return np.asarray(corners.weight * image.reshape(self._light.screen.shape, order="F"))
 
-    def _pushed(self, corners: _Corners, rate: Floats, sound: NDArray[np.bool_]) -> Floats | None:
+    def _pushed(self, corners: _Corners, rate: Floats, sound: Bools) -> Floats | None:
         """Return the derivative of the light of corners that move at a rate; None as of `_pictured`."""
         emitted = corners.cells.emitted
-        if _cut(sound, emitted):
+        if cut_cells(sound, emitted).any():
             return None
         backend, mapped = self._light.backend, self._mapped(corners, emitted)
         dr = backend.dr
@@ -166,7 +164,7 @@ class _Corners:
     path: LensPath | None
     flux: Floats
     jet: Floats
-    sound: NDArray[np.bool_]
+    sound: Bools
 
     def emitted(self, amount: float) -> Floats:
         """Return what the cells emit as far along the path as an amount says, W."""
@@ -189,13 +187,5 @@ def _landed(
     return _Corners(weight, cells, path, rays.flux, np.where(sound, jet, 0.0), sound)
 
 
-def _all_sound(*corners: _Corners) -> NDArray[np.bool_]:
+def _all_sound(*corners: _Corners) -> Bools:
     return np.all([c.sound for c in corners], axis=0)
-
-
-def _cut(sound: NDArray[np.bool_], emitted: Floats) -> bool:
-    """Whether some corner of a cell that shines does not arrive while others do."""
-    nx, ny = emitted.shape
-    seen = sound.astype(np.int8).reshape(nx + 1, ny + 1)
-    corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
-    return bool(((corners > 0) & (corners < 4) & (emitted > 0)).any())

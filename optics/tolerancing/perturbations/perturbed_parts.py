@@ -13,8 +13,8 @@ from optics.scene.paths import HeightError, LightPath, Medium
 from optics.scene.problem import FaceMet, Optic
 from optics.scene.sources import RayGrid, Rays, SourceCells
 from optics.scene.system import OpticalSystem, indexing_material, pose_of
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.perturbation import ElementErrors, Perturbation
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import IDENTITY, Pose
 from thbcad.sags import Conic

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers, missed
 from optics.tolerancing.perturbations.tolerance_names import Tolerance
+from thbcad.checks import Floats
 
 DIGITS = 8  # of numbers told: sums by several threads differ in later ones
 

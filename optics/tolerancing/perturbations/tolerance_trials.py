@@ -17,7 +17,6 @@ from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.sources import SourceGroup
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
     LightNumbers,
@@ -32,6 +31,7 @@ from optics.tolerancing.perturbations.perturbation import Perturbation
 from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared

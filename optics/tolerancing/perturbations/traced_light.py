@@ -18,9 +18,9 @@ from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells
 from optics.scene.system import OpticalSystem
-from optics.tolerancing.perturbations.height_errors import Floats
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_media
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
 
@@ -175,9 +175,7 @@ class PerturbedLight:
 
         def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
             tracer = Tracer(backend, path, rays)
-            with backend.dr.suspend_grad():
-                _, landing = tracer.trace()
-                return tracer, landing
+            return tracer, tracer.landed()
 
         return trace
 

@@ -6,7 +6,8 @@ import pytest
 
 from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER, height_line
 from thbcad import Product, body_mesh, to_trimesh
-from thbcad.drawings import Style, drawing_bytes, lens_sheet
+from thbcad.drawings import drawing_bytes, lens_sheet
+from thbcad.drawings.curves import Style
 from thbcad.drawings.cut_outlines import cut_lens, intervals
 from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
 from thbcad.lens import Flange

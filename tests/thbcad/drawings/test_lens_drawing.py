@@ -12,8 +12,9 @@ import pytest
 from tests.cases import ROOT
 from tests.thbcad.drawings.cases import BALL, LENSES, PLAIN, WAVY, WIDER
 from thbcad import Product, write_drawing
-from thbcad.drawings import Grid, Panel, Style, drawing_bytes, lens_sheet, section_view
+from thbcad.drawings import Grid, Panel, drawing_bytes, lens_sheet, section_view
 from thbcad.drawings.annotations import hatching, rounded_up
+from thbcad.drawings.curves import Style
 from thbcad.outlines import Outline
 
 

@@ -10,7 +10,8 @@ from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
 from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line, outlined
 from thbcad import body_mesh, to_trimesh
-from thbcad.drawings import Style, lens_sheet, plan_view, section_view, side_view
+from thbcad.drawings import lens_sheet, plan_view, section_view, side_view
+from thbcad.drawings.curves import Style
 from thbcad.drawings.envelopes import lowest_outline
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic

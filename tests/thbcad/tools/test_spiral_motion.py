@@ -14,7 +14,6 @@ from thbcad.tools import (
     SpiralCut,
     acceleration_at,
     greatest_acceleration,
-    greatest_section_curvature,
     greatest_slope_along_cut,
     highest_rpm,
     rim_gaps,
@@ -22,7 +21,7 @@ from thbcad.tools import (
     tool_acceleration,
 )
 from thbcad.tools.polar_cells import polar_cells, ranges
-from thbcad.tools.spiral_bounds import acceleration
+from thbcad.tools.spiral_bounds import acceleration, greatest_section_curvature
 
 X, Y = (a.ravel() for a in np.meshgrid(*[np.linspace(-5, 5, 62)] * 2))  # none on the axis
 POINTS = np.array([2.0, -1.0, 0.5]), np.array([1.0, 2.5, -3.0])

@@ -1,4 +1,4 @@
-"""The universal rung: what etendue forbids every lens of a problem."""
+"""The universal bound: what etendue forbids every lens of a problem."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the two rungs do not forbid: light of stretched images, and of images of different sizes."""
+"""What the two bounds do not forbid: light of stretched images, and of images of different sizes."""
 
 import numpy as np
 import pytest

@@ -122,6 +122,9 @@ def test_a_trap_is_told_before_the_design(tmp_path, backend):
     assert found.rel_l2 is None
     assert "--set lens.rear.freeform.z_freedom=" in found.note
     assert any("not predicted" in line for line in expectation_lines(system, found))
+    coarse, fine = replace(found, net=9.0, pixel=1.0), replace(found, net=1.0, pixel=9.0)
+    told = ["max_level" in " ".join(expectation_lines(system, one)) for one in (coarse, fine)]
+    assert told == [True, False]  # the remedy stands where the net binds
     flat, _ = expected(OpticalSystem(system.problem.with_(**{"optimizer.start": "flat"})), backend)
     assert flat.note == ""  # it starts from no map
 

@@ -11,10 +11,11 @@ import pytest
 from PIL import Image
 
 from optics.base.runtime import UserError
-from optics.exchange.results import FILES, ResultFolder, ResultWriter, write_checkpoint
+from optics.exchange.results import ResultFolder, ResultWriter, write_checkpoint
 from optics.exchange.results.folder_lock import run_lock
 from optics.exchange.results.identity import _set_keys, run_id
 from optics.exchange.results.owned_files import sha256_of
+from optics.exchange.results.result_files import FILES
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT

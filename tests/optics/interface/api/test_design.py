@@ -56,7 +56,7 @@ def test_a_saved_design_is_read_back_as_it_was(done):
     ]
     assert {k: loaded.metrics[k] for k in design.metrics} == design.metrics
     assert list(loaded.notes) == list(design.notes)
-    assert loaded.moved == design.moved
+    assert loaded.started_from_transport == design.started_from_transport
 
 
 def test_a_tool_is_tried_on_the_lens(done):

@@ -106,3 +106,9 @@ def test_a_step_file_where_a_result_is_wanted_is_told_the_way(foreign, capsys, t
     assert "--resume, --from and --live" in refused(capsys, "design", toml, "--lens", path, "--resume")
     (tmp_path / "no.step").write_text("no")
     assert "no.step" in refused(capsys, "design", toml, "--lens", tmp_path / "no.step")
+
+
+def test_a_design_of_a_system_for_scripts_names_what_makes_one(tmp_path):
+    problem = load_problem(write_problem(tmp_path))
+    with pytest.raises(optics.UserError, match=r"got System; optics.Design.of_lens\(problem, lens\) makes"):
+        optics.Design(problem, optics.System(problem), small_lens())

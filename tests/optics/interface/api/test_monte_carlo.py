@@ -12,7 +12,7 @@ from PIL import Image
 import optics
 from optics.interface.api import design_errors
 from optics.interface.api.design_errors import FORM_NM, _forms
-from optics.reporting.figures import made_lens_figures_of
+from optics.reporting.figures import monte_carlo_figures_of
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import (
@@ -75,7 +75,7 @@ def test_the_median_lens_is_one_of_the_lenses(made):
 
 
 def test_the_figures_are_pictures(made):
-    for caption, png in made_lens_figures_of(made):
+    for caption, png in monte_carlo_figures_of(made):
         assert caption
         assert np.ptp(np.asarray(Image.open(BytesIO(png)).convert("L"))) > 100
 
@@ -84,7 +84,7 @@ def test_a_lens_that_cannot_be_traced_is_not_drawn(made):
     rel = made.batch.rel_l2.copy()
     rel[:, :4] = np.inf  # a quarter of all, so that the 95th percentile is one of them
     broken = replace(made, sampled=made.sampled._replace(batch=replace(made.batch, rel_l2=rel)))
-    assert all(png.startswith(b"\x89PNG") for _, png in made_lens_figures_of(broken))
+    assert all(png.startswith(b"\x89PNG") for _, png in monte_carlo_figures_of(broken))
 
 
 def test_the_form_of_a_surface_that_is_not_named_keeps_its_usual_amount():

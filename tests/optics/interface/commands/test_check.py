@@ -51,6 +51,37 @@ def test_check_warns_of_a_freedom_that_was_given_not_of_one_that_was_left_to_it(
         assert ("z_freedom is larger than the least thickness" in said.out) == warned, said
 
 
+def test_check_asks_whether_lengths_of_a_tiny_lens_or_target_are_in_mm(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {}))
+    for changes, asked in (
+        ([], []),
+        (["target.half_width=[0.05, 0.05]"], ["target"]),
+        ([f"{face}.half_width=[0.02, 0.02]" for face in ("source", "lens.front", "lens.rear")], ["lens"]),
+    ):
+        options = [word for change in changes for word in ("--set", change)]
+        assert main(["check", path, *options]) == 0
+        said = capsys.readouterr().out
+        assert re.findall(r"note: the (\w+) is [\d.]+ mm wide; every length is in mm", said) == asked
+
+
+def test_a_freedom_that_reaches_the_target_is_refused_with_one_that_does_not(tmp_path, capsys):
+    path, key = str(write_problem(tmp_path, {})), "lens.rear.freeform.z_freedom"
+    assert main(["check", path, "--set", f"{key}=1e6"]) == 2
+    most = float(re.search(r"or make z_freedom less than ([\d.]+) mm", capsys.readouterr().err)[1])
+    assert main(["check", path, "--set", f"{key}={most - 0.1}"]) == 0
+
+
+def test_check_names_one_remedy_for_a_steep_surface_that_z_freedom_cuts_off(tmp_path, capsys):
+    """Half of a far field is 50 degrees wide; the rear bends light by less than 48.2."""
+    wide = {"target.kind": "tophat", "target.distance": math.inf, "target.half_width": [50.0, 50.0]}
+    path = str(write_problem(tmp_path, wide | {"lens.thickness": 20.0, "lens.rear.freeform.z_freedom": 3.0}))
+    assert main(["check", path]) == 0
+    said = capsys.readouterr().out
+    assert "no z_freedom helps" in said
+    assert "reflected at the rear, which bends it far" in said
+    assert said.count("--set 'target.half_width=") == 1
+
+
 def test_check_says_by_what_light_is_blocked(tmp_path, capsys):
     """A bar of 3 % of a beam of 19 mm; it and a clear aperture leave the product of what each leaves."""
     bar = 'stop=[{name="bar", shape="rectangle", half_width=[0.285, 30], position=[3, 0, -1], hole=false}]'
@@ -123,6 +154,7 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
         out := capsys.readouterr().out,
     )
     assert "rel_l2: not predicted off the axis, or on a curve; the start has" in out
+    assert "\nlight asked for " in out  # a top hat is no picture
     assert said is not None
     assert 20 < int(said[1]) < 60
     assert 0 < float(said[2]) < int(said[1])

@@ -8,7 +8,7 @@ import pytest
 
 from optics.exchange.results import LIVE
 from optics.interface.commands import main
-from optics.interface.commands.live_option import show_in_browser
+from optics.interface.commands.design_command import show_in_browser
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import QUICK, assert_whole, command, content
 

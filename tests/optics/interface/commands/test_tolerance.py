@@ -2,6 +2,7 @@
 
 import json
 from html import unescape
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,6 +64,23 @@ def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monk
     record = json.loads((copy / "tolerance.json").read_text("utf-8"))
     assert [*record["tolerances"]] == ["index"]
     assert record["form_error"] == {"sentences": ["form errors could not be computed: no light"]}
+
+
+@pytest.mark.parametrize(
+    ("paths", "noise", "starts"),
+    [
+        ("sequential", 0.0, []),
+        ("sequential", 0.18, ["Rays are counted"]),
+        ("all", 0.18, ["Light that is reflected", "Rays are counted"]),
+    ],
+)
+def test_the_noise_of_counted_rays_in_rel_l2_is_told_beside_the_reports(paths, noise, starts):
+    """A design of 6.87 % that reads 11.56 % here would seem to miss a limit of 10 %."""
+    metrics = {"paths": paths, "rel_l2_debiased": 0.07, "rel_l2_sequential": 0.0687}
+    design, budget = SimpleNamespace(metrics=metrics), SimpleNamespace(rel_l2=0.1156, noise=noise)
+    said = tolerance_command._Study(design, budget, None, "", None).beside_the_report()
+    assert [sentence[: len(start)] for sentence, start in zip(said, starts, strict=True)] == starts
+    assert all("6.87%" in one and "11.56%" in one and "--limit 0.01" in one for one in said[-1:])
 
 
 def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):

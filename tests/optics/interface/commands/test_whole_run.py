@@ -347,6 +347,7 @@ def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsy
     (asked,) = [sentence for sentence in metrics["notes"] if "the transport map asks for a sag" in sentence]
     assert asked in captured.err
     assert metrics["verdict"] in captured.out
+    assert f"thbcad check {tmp_path / 'out' / 'problem.toml'} names what binds" in captured.out
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert metrics["verdict"] in page
     assert asked in page

@@ -144,6 +144,8 @@ def test_values_of_a_key(text, values):
         ("target.distance=1e99999:1e99999:1", "both ends of a range must be finite"),
         ("target.distance=1:2:1", "one value must begin and end with it"),
         ("target.distance=[1, 2", "must be a number"),
+        ("target.distance=50,60", r"write several values in brackets, target.distance=\[50,60\], got 50,60"),
+        ("target.distence=50,60", r"unknown key target.distence"),
         ("title=[a, b]", r'\[a, b\] is no list for title: put texts in quotes, such as title=\["a", "b"\]'),
         ("target.image=[F.png, wide.png]", "put texts in quotes, such as target.image="),
         ("optimizer.engine=[exact, camera]", "put texts in quotes"),

@@ -38,6 +38,7 @@ BOXES = {
     "rsd_error": 0.0,
     "box_mm": [7.0, 7.0],
     "reason": "",
+    "noise": 0.0,
 }
 
 
@@ -121,9 +122,17 @@ def test_the_rays_are_named_that_would_decide():
     (open_one,) = [check for check in verdict.checks if check.result == "undecided"]
     assert (
         open_one.remark
-        == "about 1.6e+07 rays in place of 1.0e+06 would decide; more target.pixels trace more"
+        == "about 1.6e+07 rays in place of 1.0e+06 would decide: more target.pixels are measured by more rays"
     )
     assert "0.71 +- 0.02 (at least 0.7)" in verdict.sentence
+
+
+def test_uniformity_that_noise_hides_asks_for_pixels_that_bring_the_rays():
+    """Noise of 2 % wants 4 times the rays for 1 %."""
+    values = uniform(min_over_mean=None, noise=0.02, reason="noise", rays=10**6)
+    found = next(iter(delivery_checks(values, Verify())))
+    assert found.remark.startswith("noise; about 4.0e+06 rays in place of 1.0e+06 would tell")
+    assert "target.pixels" in found.remark
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.optimize import brentq
 
-from optics.light.refraction import RestOfPath, bent
+from optics.light.refraction import RestOfPath
+from optics.light.refraction.rest_of_path import bent
 from optics.scene.paths import Surface
 from optics.scene.receivers import Plane, receiver_at
 from oracles.light_formulas import refracted_vector

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.light.roads import Installation, LitRoad, RoadSurface, read_r_table
-from optics.light.roads.reflection import BETAS, TANGENTS
+from optics.light.roads import Installation, read_r_table
+from optics.light.roads.lit_road import LitRoad
+from optics.light.roads.reflection import BETAS, TANGENTS, RoadSurface
 from optics.scene.luminaires import Luminaire
 from tests.cases import examples
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError, grade
-from optics.light.roads import CLASSES, Installation, LitRoad, RoadSurface, road_checks
+from optics.light.roads import CLASSES, Installation, road_checks
+from optics.light.roads.lit_road import LitRoad
+from optics.light.roads.reflection import RoadSurface
 from optics.scene.luminaires import Luminaire
 from thbcad.checks import Floats
 

@@ -88,6 +88,14 @@ def test_the_verdict_and_the_notes_stand_first_and_are_escaped(problem_file):
     assert page.index("banner good") < page.index("Light on the target")
 
 
+def test_light_that_misses_is_told_where_remedies_stand(problem_file):
+    """Light is bound by many things: neither the number nor its limit says what helps."""
+    light = Check("rel_l2, without noise", 0.2, 0.1, "", subject="light")
+    step = Check("free edges", 2, 0, "")
+    pages = [judged(problem_file, None, check) for check in (light, step)]
+    assert ["docs/possible_light.md" in page for page in pages] == [True, False]
+
+
 @pytest.mark.parametrize(
     ("check", "colour"),
     [

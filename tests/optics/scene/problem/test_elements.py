@@ -7,7 +7,8 @@ import pytest
 from optics.base.runtime import UserError
 from optics.scene.keys import assignment
 from optics.scene.limits import require_limits
-from optics.scene.problem import LensElement, MirrorElement, Problem, load_problem
+from optics.scene.problem import MirrorElement, Problem, load_problem
+from optics.scene.problem.elements import LensElement
 from tests.optics.scene.problem.cases import LENS, MIRROR, SMALL, load_text, one_sentence, toml_text
 
 

@@ -10,14 +10,8 @@ from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.metrology import MeasuredPoints, light_as_built
 from optics.tolerancing.monte_carlo_samples import FormTolerance
-from optics.tolerancing.perturbations import (
-    NOMINAL,
-    ElementErrors,
-    LinearLight,
-    Perturbation,
-    PerturbedLight,
-    tolerances_of,
-)
+from optics.tolerancing.perturbations import NOMINAL, LinearLight, Perturbation, PerturbedLight, tolerances_of
+from optics.tolerancing.perturbations.perturbation import ElementErrors
 from tests.optics.cases import rough
 from tests.optics.tolerancing.perturbations.cases import Bowl, Waves
 from thbcad.poses import Pose
