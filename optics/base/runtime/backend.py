@@ -81,6 +81,18 @@ class Backend:
         row[:] = flat
         return self.Float(row)
 
+    def custom(self, operation: type, *arguments: Any) -> Any:
+        """Return `dr.custom(operation, *arguments)`; Ctrl-C in it is a KeyboardInterrupt as elsewhere.
+
+        Raises KeyboardInterrupt : Dr.Jit makes a RuntimeError of it, as of all errors.
+        """
+        try:
+            return self.dr.custom(operation, *arguments)
+        except RuntimeError as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from None
+            raise
+
     def opaque(self, number: float) -> DrArray:
         """Return a number that does not become part of the kernels, which then serve every lens."""
         return self.dr.opaque(self.Float, float(number))

@@ -91,7 +91,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     """
     from optics.exchange.verification import RaysBehind, tracer_by_occt, tracer_by_optiland  # OCCT
 
-    require_lens_on_axis(system, "traces of a file by other programs")
+    require_lens_on_axis(system, "traces of a file by other programs", "verify it without --light")
     index, target = index_of(file), system.target.receiver
     start = (
         min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0

@@ -134,7 +134,7 @@ class LensMesh:
     def jet(self, mitsuba: ModuleType, name: str, coefficients: DrArray) -> Jet:
         """Return heights and slopes of a surface, differentiable in the coefficients, Float64 (dim,)."""
         backend = mitsuba_backend(mitsuba)
-        return backend.dr.custom(jet_operation(backend, self.surfaces[name]), coefficients)
+        return backend.custom(jet_operation(backend, self.surfaces[name]), coefficients)
 
     def shapes(self, mitsuba: ModuleType, names: Sequence[str] = FACES, bsdf: Any = None) -> dict[str, Any]:
         """Return the faces as Mitsuba meshes, as `named`.  bsdf : of all of them."""

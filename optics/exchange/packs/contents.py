@@ -95,12 +95,16 @@ def _require_packable(system: OpticalSystem, path: Path, traces: bool) -> None:
 
     traces : whether rays and light are packed too
     """
-    row = "give each by `thbcad export --scene elements` and `--light rear`"
+    row = (
+        f"give them by `thbcad export {path} --scene elements --out parts.step`, and their light by "
+        f"`thbcad export {path} --light rear --out light.tm25ray`"
+    )
+    one = "design one lens of it by --set lens.array=false, and pack that"
     shop = "take --for shop, or the rays of `thbcad export --light rear`"
     curved = not isinstance(system.target.receiver, Plane | FarField)
     for found, what, remedy in (
         (bool(system.problem.element), "elements in places of their own", row),
-        (system.problem.optic.array is not None, "a plate of lenses", "design and pack one lens of it"),
+        (system.problem.optic.array is not None, "a plate of lenses", one),
         (traces and bool(system.stops), "stops", shop),
         (traces and any(system.slope_rms), "rough faces, which rays in files do not know", shop),
         (traces and curved, "a curved screen", shop),

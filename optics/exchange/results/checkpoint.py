@@ -81,7 +81,8 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
         raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
     if not same:
         raise UserError(
-            f"cannot resume: {path} belongs to another problem; run without --resume or change --out"
+            f"cannot resume: {path} belongs to another problem; resume it with the keys it was "
+            "stopped with and go on from its result by --from, or run without --resume or change --out"
         )
     last, count = len(stages(system, state.started_from_transport)), len(system.freeforms)
     damage = ""

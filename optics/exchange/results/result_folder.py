@@ -148,7 +148,7 @@ class ResultFolder:
         return Result(OpticalSystem(problem, shapes=shapes), lens, record)
 
     def read_lens(self) -> Lens:
-        return lens_of(self.lens, "was the design interrupted?")
+        return lens_of(self.lens, "was the design interrupted? its --resume ends it")
 
     def read_shapes(self, problem: Problem) -> dict[str, Lens]:
         """Return the shapes of the free elements by name, but for that of lens.json."""

@@ -32,7 +32,8 @@ def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[
             )
     first = words[0]
     if first not in commands and not first.startswith("-"):
-        meant = _meant(first, commands)
+        file = f" (did you mean design {first}?)" if first.endswith(".toml") else ""
+        meant = file or _meant(first, commands)
         raise UserError(f"there is no command {first!r}{meant}; {main.prog} --help lists them")
     parser = commands.get(first, main)
     known = parser._option_string_actions

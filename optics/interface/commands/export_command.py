@@ -141,8 +141,8 @@ def _scene(options: Namespace) -> Outcome:
     one = density.factor * irradiance_of_one(system)
     lines = [
         *_sizes(files),
-        f"render it with: mitsuba {out}, the light on the screen",
-        f"or with: mitsuba -s 1 {out}, past the lens at the screen",
+        f"render it with: mitsuba -m scalar_rgb {out}, the light on the screen",
+        f"or with: mitsuba -m scalar_rgb -s 1 {out}, past the lens at the screen",
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
         *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
         *(["the scene holds one lens of the plate, and its source"] if system.problem.optic.array else []),

@@ -131,7 +131,7 @@ def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> O
             f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
             f"got {step:g}"
         )
-    require_lens_on_axis(system, "intensities in files")
+    require_lens_on_axis(system, "intensities in files", "export its rays by --light rear")
     return outgoing_intensity(system, lens, system.backend, options.rays, step)
 
 

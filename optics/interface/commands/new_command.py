@@ -50,6 +50,7 @@ def _answer(question: str, usual: str, read: Callable[[str], Any]) -> Any:
         try:
             return read(input(question).strip().strip("'\"") or usual)
         except EOFError:
+            print()  # the question has no end of line
             raise UserError("a question has no answer; thbcad new --kind NAME asks none") from None
         except ValueError as error:
             print(error)

@@ -88,7 +88,7 @@ class MappedCells:
         """
         (sx, ox), (sy, oy) = (map(self._backend.opaque, pair) for pair in self._screen.pixel_map())
         operation = cell_operation(self._backend.dr.CustomOp)
-        return self._backend.dr.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
+        return self._backend.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 
     def corners(self, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> Corners:
         """Return corners in double precision.

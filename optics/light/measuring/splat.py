@@ -62,7 +62,7 @@ class Splat:
         size = stride * PACKED * (columns + 2 * guard)
         most = None if self.light is None else WEIGHT * self.light / screen.pixel_area
         operation = scatter_operation(dr.CustomOp)
-        image = dr.custom(operation, self.backend, size, values, numbers, touches, most)
+        image = self.backend.custom(operation, self.backend, size, values, numbers, touches, most)
         pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
         return dr.gather(Float, image, (pixel // tall + guard) * (along * PACKED) + pixel % tall + guard)
 

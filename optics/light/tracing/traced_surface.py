@@ -187,7 +187,7 @@ def parted(backend: Backend, rays: DeviceRays, leaves: deque[DrArray]) -> Device
     leaves : empty; to be filled with those of the Hits of the surface that the rays come to.
     """
     operation = parting_operation(backend.dr.CustomOp)
-    numbers = backend.dr.custom(operation, backend.dr, (rays.origin, rays.direction, rays.flux), leaves)
+    numbers = backend.custom(operation, backend.dr, (rays.origin, rays.direction, rays.flux), leaves)
     return replace(rays, origin=numbers[0], direction=numbers[1], flux=numbers[2])
 
 

@@ -123,15 +123,17 @@ def _holds(lens: Lens, points: Floats) -> NDArray[np.bool_]:
     return held
 
 
-def require_lens_on_axis(system: OpticalSystem, what: str) -> None:
-    """Refuse an element elsewhere where only the lens of [lens] is known.  what : is not known of it.
+def require_lens_on_axis(system: OpticalSystem, what: str, instead: str) -> None:
+    """Refuse an element elsewhere where only the lens of [lens] is known.
+
+    what : is not known of it.  instead : what the user may do.
 
     Raises UserError : names the element.
     """
     if system.problem.element:
         raise UserError(
             f"{what} are computed of [lens] on the axis only, and this is {system.problem.optic.table}; "
-            "change its numbers by --set and trace the light of each"
+            f"{instead}"
         )
 
 

@@ -138,7 +138,7 @@ def form_errors_of(
     Raises UserError : a rise that is not positive; an extended or blurred source; a lens that brings no
         light.
     """
-    require_lens_on_axis(system, "errors of form")
+    require_lens_on_axis(system, "errors of form", "thbcad tolerance knows its other errors")
     if not 0 < rise < np.inf:
         raise UserError(f"the rise of rel_l2 that form errors may bring must be positive, got {rise}")
     nx, ny = (min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels)

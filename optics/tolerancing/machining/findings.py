@@ -155,7 +155,7 @@ def tool_findings(
 
     rays : in each direction, by which the blur is mapped.
     """
-    require_lens_on_axis(system, "tools")
+    require_lens_on_axis(system, "tools", "export its solid for the program of the machine")
     names = [order.surface] if order.surface else [n for n in SURFACES if not getattr(lens, n).is_plane]
     if order.radius is None:
         names = []

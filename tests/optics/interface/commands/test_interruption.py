@@ -102,7 +102,8 @@ def test_resume_with_another_problem_is_refused(stopped_copy, capsys, changes):
     problem, out = stopped_copy
     kept = (out / "checkpoint.json").read_bytes()
     write_problem(problem.parent, LONG | changes)
-    assert "belongs to another problem" in refused(capsys, "design", problem, "--out", out, "--resume")
+    said = refused(capsys, "design", problem, "--out", out, "--resume")
+    assert "belongs to another problem; resume it with the keys it was stopped with and go on" in said
     assert (out / "checkpoint.json").read_bytes() == kept
 
 

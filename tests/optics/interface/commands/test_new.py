@@ -131,7 +131,9 @@ def test_an_answer_that_is_none_is_asked_for_again(terminal, tmp_path, capsys):
 
 def test_questions_without_an_answer_end_in_one_sentence(terminal, tmp_path, capsys):
     assert terminal("beam") == 2
-    assert capsys.readouterr().err == ("thbcad: a question has no answer; thbcad new --kind NAME asks none\n")
+    said = capsys.readouterr()
+    assert said.out.endswith("\n")  # of the question, which a sentence follows
+    assert said.err == ("thbcad: a question has no answer; thbcad new --kind NAME asks none\n")
     assert list(tmp_path.glob("*.toml")) == []
 
 

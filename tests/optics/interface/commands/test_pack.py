@@ -238,7 +238,11 @@ def test_a_step_file_that_failed_a_check_is_refused(copy, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "program", "what"),
     [
-        ({"lens.array": {"columns": 2, "rows": 1, "pitch": [22.0, 22.0]}}, "shop", "a plate of lenses"),
+        (
+            {"lens.array": {"columns": 2, "rows": 1, "pitch": [22.0, 22.0]}},
+            "shop",
+            "a plate of lenses: design one lens of it by --set lens.array=false",
+        ),
         ({"lens.rear.slope_rms": 0.001}, "speos", "rough faces"),
         ({"target.surface": "cylinder", "target.radius": 100.0}, "zemax", "a curved screen"),
     ],

@@ -11,7 +11,7 @@ from optics.light.analysis import sequential
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
-from tests.optics.interface.commands.cases import run
+from tests.optics.interface.commands.cases import refused, run
 
 EXTENDED = {
     "source.kind": "lambertian",
@@ -70,6 +70,8 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
     assert not re.search("front|rear|edge", done.out)
     light = {"irradiance.npz", "irradiance_16bit.png", "irradiance.png"}
     assert {p.name for p in (folder / "trace").iterdir()} == {*light, "trace.json"}
+    said = refused(capsys, "export", folder, "--out", tmp_path / "mirror.ies")
+    assert "this is element.M1; export its rays by --light rear" in said
 
 
 def test_rays_are_counted_as_the_flux_is(backend, result):

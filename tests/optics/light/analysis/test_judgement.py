@@ -120,7 +120,10 @@ def test_the_rays_are_named_that_would_decide():
     values = uniform(min_over_mean=0.71, min_over_mean_error=0.02, rays=10**6)
     verdict = judged(values, delivery_checks(values, Verify()), of_file=False)
     (open_one,) = [check for check in verdict.checks if check.result == "undecided"]
-    assert open_one.remark == "about 1.6e+07 rays in place of 1.0e+06 would decide"
+    assert (
+        open_one.remark
+        == "about 1.6e+07 rays in place of 1.0e+06 would decide: more target.pixels are measured by more rays"
+    )
     assert "0.71 +- 0.02 (at least 0.7)" in verdict.sentence
 
 

@@ -83,7 +83,8 @@ def test_a_row_within_two_standard_errors_of_its_limit_is_not_decided():
     checks = delivery_checks(found, Verify())
     assert (checks[0].result, checks[0].remark) == (
         "undecided",
-        "margin +9%, +1.6 standard errors; about 1.6e+03 rays in place of 1.0e+03 would decide",
+        "margin +9%, +1.6 standard errors; about 1.6e+03 rays in place of 1.0e+03 would decide: "
+        "more target.pixels are measured by more rays",
     )
     assert judged(found, checks).grade == "not decided"
     decided = METRICS | {"zones": [ROW | {"error": 3.0, "margin_in_errors": 8 / 3}]}
