@@ -1,5 +1,6 @@
 """The scripts of examples/scripts: short, and each reaches what it claims."""
 
+import os
 import re
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from tests.optics.cases import rough, write_problem
 
 FOLDER = EXAMPLES / "scripts"
 SCRIPTS = sorted(FOLDER.glob("*.py"))
-LONGEST = 40  # lines
+LONGEST = 42  # lines
 # the script's arguments for a few steps, and what a whole run reaches; the start has 0.0315.  Adam and L-BFGS
 # amplify rounding: a tenth is left for it.
 STEPS = {
@@ -52,8 +53,10 @@ def test_a_few_steps_on_a_small_problem_better_the_start(script, tmp_path, monke
 
 
 def printed(name):
-    """Return what a script prints."""
-    done = subprocess.run([sys.executable, FOLDER / f"{name}.py"], capture_output=True, text=True, check=True)
+    """Return what a script prints where nobody told Dr.Jit which LLVM to take."""
+    told = {key: value for key, value in os.environ.items() if key != "DRJIT_LIBLLVM_PATH"}
+    command = [sys.executable, FOLDER / f"{name}.py"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=told)
     assert not done.stderr
     return done.stdout
 

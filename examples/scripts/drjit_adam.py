@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
-import drjit as dr
-from drjit.llvm.ad import Float64 as Float
-from drjit.opt import Adam
-
 import optics
+from optics.base.runtime import load_backend
+
+load_backend()  # chooses an LLVM that works; Dr.Jit takes what it finds first when it is imported
+import drjit as dr  # noqa: E402
+from drjit.llvm.ad import Float64 as Float  # noqa: E402
+from drjit.opt import Adam  # noqa: E402
 
 PROBLEM = Path(__file__).parents[1] / "tophat_circle.toml"
 

@@ -3,12 +3,14 @@
 c = c0 + 0.1 mm * network(x, y, r),    r^2 = x^2 + y^2,    at the Greville points, from -1 to 1
 """
 
-import drjit as dr
 import numpy as np
+from drjit_adam import PROBLEM, Irradiance  # first: it chooses an LLVM that works
+
+# isort: split
+import drjit as dr
 from drjit import nn
 from drjit.llvm.ad import Float64 as Float, TensorXf64 as Tensor
 from drjit.opt import Adam
-from drjit_adam import PROBLEM, Irradiance
 
 import optics
 

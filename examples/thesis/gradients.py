@@ -3,9 +3,14 @@
 L(f, d_o) = (d_o f / (d_o - f) - d_i)^2,  d_i = 2  (thesis 4.3).  Run: python examples/thesis/gradients.py
 """
 
-import drjit as dr
 import numpy as np
-from drjit.llvm.ad import Float64 as Float
+
+from optics.base.runtime import load_backend
+
+load_backend()  # chooses an LLVM that works; Dr.Jit takes what it finds first when it is imported
+
+import drjit as dr  # noqa: E402
+from drjit.llvm.ad import Float64 as Float  # noqa: E402
 
 D_I = 2.0
 DIRECTIONS = np.eye(2)
