@@ -53,7 +53,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system)))
+    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system, lens)))
     fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
     return [*_own_checks(file, system.made(lens)), fates, landing]
 
@@ -73,9 +73,9 @@ def _own_checks(file: StepFile, made: Made) -> list[Check]:
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0]]
 
 
-def crossed_by(system: OpticalSystem) -> list[Crossed]:
-    """Return the faces of what is designed as OCCT is to meet them, ideally coated where they reflect."""
-    path = system.path(system.lens).without_coats()
+def crossed_by(system: OpticalSystem, lens: Lens) -> list[Crossed]:
+    """Return the faces of a lens as OCCT is to meet them, ideally coated where they reflect."""
+    path = system.path(lens).without_coats()
     return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
 

@@ -2,6 +2,7 @@
 sentence."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -91,6 +92,14 @@ def test_rays_without_light_do_not_count(tmp_path, backend):
         for c in text_and_occt_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
         if not c.ok
     ] == []
+
+
+def test_a_lens_of_another_index_than_the_problem_names_is_traced_with_its_own(tmp_path, backend):
+    problem, lens = shaped(tmp_path, {})
+    dense = replace(lens, index=lens.index + 0.1)
+    write_step(dense, tmp_path / "lens.step")
+    checks = text_and_occt_checks(OpticalSystem(problem), dense, StepFile(tmp_path / "lens.step"), backend)
+    assert next(c for c in checks if c.name == LANDING).ok
 
 
 def test_rays_land_where_snells_law_in_angles_sends_them():
