@@ -165,6 +165,26 @@ def _export_options(command: CommandParser) -> None:
         "step iges brep stl 3mf obj ply glb dat xyz x3p npz svg dxf (default: the suffix of FILE; "
         "xml: Mitsuba scene; ies, ldt: intensity of the light behind the lens)",
     )
+    _body_options(command)
+    command.switch("--patches", "one face per patch of same-level cells (step)")
+    command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
+    command.add_argument(
+        "--scene",
+        choices=("elements", "staged"),
+        help="all elements where they lie, as an assembly (step); staged: source and screen too, as plates",
+    )
+    command.add_argument(
+        "--light",
+        choices=("rear", "target"),
+        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
+    )
+    ray_options(command)
+    chord_option(command)
+    command.force()
+
+
+def _body_options(command: CommandParser) -> None:
+    """Add what is made of the lens before it is written."""
     command.add_argument(
         "--aperture",
         type=float,
@@ -204,21 +224,6 @@ def _export_options(command: CommandParser) -> None:
     command.option(
         "--back", "Z", "plane back of the insert, z in mm (default: as deep as the lens is thick)", type=float
     )
-    command.switch("--patches", "one face per patch of same-level cells (step)")
-    command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
-    command.add_argument(
-        "--scene",
-        choices=("elements", "staged"),
-        help="all elements where they lie, as an assembly (step); staged: source and screen too, as plates",
-    )
-    command.add_argument(
-        "--light",
-        choices=("rear", "target"),
-        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
-    )
-    ray_options(command)
-    chord_option(command)
-    command.force()
 
 
 def _trace_options(command: CommandParser) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, Vector
 from optics.light.tracing.body_faces import Face, body_faces, plate_faces
+from optics.light.tracing.fates import FATES
 from optics.light.tracing.lens_faces import lens_faces
 from optics.light.tracing.refraction import refract
 from optics.scene.paths import BARE, Coats
@@ -211,6 +212,24 @@ class ClosedLens:
 def _rows(vector: Vector) -> Floats:
     """Return a vector on the device as an array, (3, m)."""
     return np.array([a.numpy() for a in vector])
+
+
+class BranchAccount:
+    """What becomes of the flux of every source ray, (fates, n), W."""
+
+    def __init__(self, rays: int, absorption: float) -> None:
+        self.by_ray, self._absorption = np.zeros((len(FATES), rays)), absorption
+
+    def add(self, branches: Branches, fate: NDArray[np.int64] | int) -> None:
+        np.add.at(self.by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
+
+    def dimmed(self, branches: Branches, path: Floats) -> Branches:
+        """Return branches behind paths, mm, and account for what glass absorbs there."""
+        if not self._absorption:
+            return branches
+        kept = np.where(branches.inside, np.exp(-self._absorption * path), 1.0)
+        self.add(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+        return replace(branches, flux=branches.flux * kept)
 
 
 def indirectly_onto_rear(branches: Branches, meetings: Meetings) -> Branches:

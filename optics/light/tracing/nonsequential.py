@@ -7,7 +7,7 @@ faces.  Every part of the source flux ends in one named fate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from optics.light.tracing.branches import (
     OUTSIDE,
     REAR,
     UNDECIDED,
+    BranchAccount,
     Branches,
     ClosedLens,
     Meetings,
@@ -131,48 +132,35 @@ def trace_nonsequential(
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens, target.coats)
-    n = len(rays.flux)
-    by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
-
-    def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
-        np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
-
-    def dimmed(branches: Branches, path: Floats) -> Branches:
-        """Return branches behind paths, mm, and account for what glass absorbs there."""
-        if not target.absorption:
-            return branches
-        kept = np.where(branches.inside, np.exp(-target.absorption * path), 1.0)
-        account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
-        return replace(branches, flux=branches.flux * kept)
-
+    account, landings, departures = BranchAccount(len(rays.flux), target.absorption), [], []
     branches, onto_rear = Branches.start(rays), Branches.start(rays)[np.arange(0)]
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
         if target.blocks or solid.absorbs:
             length = _blocked_after(branches, meetings, target)
             blocked = np.isfinite(length)
-            account(dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
+            account.add(account.dimmed(branches[blocked], length[blocked]), FATES.index("blocked"))
             branches, meetings = branches[~blocked], meetings[~blocked]
         leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
-        account(gone, fate)
+        account.add(gone, fate)
         left = (gone.left >= FRONT) & (fate != FATES.index("failed"))
         departures.append((gone.direction[:, left], gone.flux[left]))
         gone = gone[reaches]
         landings.append((x[reaches], y[reaches], gone.flux, gone.ray, fate[reaches], gone.stage == LEFT))
         if generation == bounces:
-            account(branches[~leaving], FATES.index("trapped"))
+            account.add(branches[~leaving], FATES.index("trapped"))
             break
         branches, meetings = branches[~leaving], meetings[~leaving]
         onto_rear += indirectly_onto_rear(branches, meetings)
-        branches = dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
+        branches = account.dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
         branches = refracted[meetings.transmittance > 0] + reflected
         least = threshold * rays.flux[branches.ray]
         if roulette is None:
             weak = branches.flux <= least
-            account(branches[weak], FATES.index("trapped"))
+            account.add(branches[weak], FATES.index("trapped"))
             branches = branches[~weak]
         else:
             branches = branches.survivors(least, roulette)
@@ -181,7 +169,7 @@ def trace_nonsequential(
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
     at = LandingPoints(np.column_stack([x, y]), flux)
-    return NonsequentialResult(by_ray, at, ray, fate, direct, out, onto_rear)
+    return NonsequentialResult(account.by_ray, at, ray, fate, direct, out, onto_rear)
 
 
 def seen_branches(

@@ -135,16 +135,7 @@ def light_as_built(
         that is asked for and does not exist.
     """
     designed = surface_of(lens, side)
-    if way not in ("datums", "best fit"):
-        raise UserError(f"align must be datums or best fit, got {way!r}")
-    aligned: dict[Way, Alignment] = {"datums": by_datums(designed, measured.points)}
-    no_fit = ""
-    try:
-        aligned["best fit"] = best_fit(designed, measured.points)
-    except UserError as error:  # datums need no fit
-        if way == "best fit":
-            raise
-        no_fit = str(error)
+    aligned, no_fit = _alignments(designed, measured.points, way)
     chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
     known = measured_light(aligned[way].points[:2], lit, designed.outline)
@@ -176,6 +167,19 @@ def light_as_built(
         light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
         correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
     )
+
+
+def _alignments(designed: FreeformSurface, points: Floats, way: Way) -> tuple[dict[Way, Alignment], str]:
+    """Return points as they are aligned by datums and by a best fit, and why there is no best fit, if so."""
+    if way not in ("datums", "best fit"):
+        raise UserError(f"align must be datums or best fit, got {way!r}")
+    aligned: dict[Way, Alignment] = {"datums": by_datums(designed, points)}
+    try:
+        return aligned | {"best fit": best_fit(designed, points)}, ""
+    except UserError as error:  # datums need no fit
+        if way == "best fit":
+            raise
+        return aligned, str(error)
 
 
 def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:
