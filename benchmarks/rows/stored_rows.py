@@ -22,11 +22,9 @@ OVERVIEW = ("row", "value", "unit", "limit", "ok", "reference")  # columns of th
 INTRODUCTION = """\
 # Benchmarks
 
-`thbcad bench NAME --store` measures a benchmark and keeps all of its rows in `docs/data/NAME.json`.
-`thbcad bench --markdown` writes this page from these files: some rows that other pages quote, and all whose
-limits are missed. The documentation site shows all rows.
-Each row has a limit or none; `ok` says whether the limit is met.
-The column `reference` names another code in the same run, or the thesis. The files name the whole machine.
+`thbcad bench NAME --store` measures a benchmark and keeps its rows in `docs/data/NAME.json`, with the machine.
+`thbcad bench --markdown` writes this page: some rows that pages quote, and all whose limits are missed.
+`reference` names another code in the same run, or the thesis.
 """
 COLUMNS = """\
 The column `basis` says whether the value was measured, or extrapolated by the law that `reference` names.

@@ -5,7 +5,7 @@ from pathlib import Path
 import optics
 from optics.base.runtime import load_backend
 
-load_backend()  # chooses an LLVM that works; Dr.Jit takes what it finds first when it is imported
+load_backend()  # Dr.Jit takes the LLVM that it finds first when it is imported: this finds one that works
 import drjit as dr  # noqa: E402
 from drjit.llvm.ad import Float64 as Float  # noqa: E402
 from drjit.opt import Adam  # noqa: E402

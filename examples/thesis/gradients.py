@@ -7,13 +7,9 @@ import numpy as np
 
 from optics.base.runtime import load_backend
 
-load_backend()  # chooses an LLVM that works; Dr.Jit takes what it finds first when it is imported
-
-import drjit as dr  # noqa: E402
-from drjit.llvm.ad import Float64 as Float  # noqa: E402
-
-D_I = 2.0
-DIRECTIONS = np.eye(2)
+BACKEND = load_backend()  # Dr.Jit, with an LLVM that works
+dr, Float = BACKEND.dr, BACKEND.Float
+D_I, DIRECTIONS = 2.0, np.eye(2)
 
 
 def loss(f, d_o):
