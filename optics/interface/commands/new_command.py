@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Callable
 from itertools import count
 from math import isfinite
+from os.path import expanduser
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +66,10 @@ def _source(answer: str) -> str:
 def _light(answer: str) -> str:
     if answer.lower() in ASKED_LIGHT:
         return answer.lower()
-    if not Path(answer).expanduser().is_file():
+    picture = Path(expanduser(answer))  # that of Path fails where "~name" is nobody's
+    if not picture.is_file():
         raise ValueError(f"there is no picture {answer}; answer {' or '.join(ASKED_LIGHT)}, or its path")
-    return str(Path(answer).expanduser())
+    return str(picture)
 
 
 def _width(answer: str) -> float:

@@ -9,7 +9,9 @@ from optics.base.runtime import check_lines, verification
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import picture_path
+from optics.interface.relighting import other_source
 from optics.light.analysis import loss_notes
+from optics.scene.photometry import units_of
 from thbcad.io import write_bytes
 
 SHOWN = ("rel_l2_debiased", "psnr_db", "ssim", "efficiency", "lit_efficiency", "stray")
@@ -19,8 +21,9 @@ def relight(options: Namespace) -> Outcome:
     """Measure the lens of a result folder in other light."""
     out = picture_path(options)
     design = Design.load(options.result)
-    own, other = design.measurement, design.relight(options.source)
-    notes = loss_notes(other.metrics, design.system.units)
+    light = other_source(options.source, design.problem)
+    own, other = design.measurement, design.relight(light)
+    notes = loss_notes(other.metrics, units_of(light.unit))  # another file's light has its own unit
     verdict = other.verdict(design.problem.verify, notes)
     data = {
         "designed": _numbers(own.metrics) | design.verdict.data(),

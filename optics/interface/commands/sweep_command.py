@@ -38,9 +38,8 @@ def sweep(options: Namespace) -> Outcome:
     except KeyboardInterrupt:
         note(f"what is done is stored in {out}; the same command goes on with the rest")
         raise
-    counts = found.counts()
-    data = {"folder": str(out), "counts": counts, "grades": found.grades(), "rows": found.table()}
     grades = found.grades()
+    data = {"folder": str(out), "counts": found.counts(), "grades": grades, "rows": found.table()}
     missed = PART_FAILS if {*grades} == {"file or part fails"} else MISSED
     return Outcome(data, _lines(found), DONE if grades.get("made") else missed)
 

@@ -94,8 +94,8 @@ def relit_figure(designed: Measurement, other: Measurement, screen: Screen, word
         (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance),
         (f"{words}: rel_l2 {other.metrics['rel_l2']:.3f}", other.irradiance),
     ]
-    top = float((designed.target / designed.target.mean()).max())
-    pictures = [(title, image / image.mean(), "gray", 0.0, top) for title, image in named]
+    top = float(unit_mean(designed.target).max())
+    pictures = [(title, unit_mean(image), "gray", 0.0, top) for title, image in named]
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.4), layout="constrained")
     shown = draw_pictures(axes, pictures, screen.half_width, screen.unit)
     figure.colorbar(shown[-1], ax=list(axes), label="light / mean")

@@ -37,7 +37,7 @@ def intensity_figures(
     return {
         "polar": (
             f"Intensity in {density.shown} over gamma, the angle to +z; right are C0 (towards +x) and C90 "
-            f"(towards +y). {covers}",
+            f"(towards -y). {covers}",
             _polar(light, wanted, screen, density.shown),
         ),
         "isocandela": (
@@ -100,4 +100,5 @@ def _lines(axes: Axes, image: Floats, screen: Screen, levels: Floats, style: str
     side = -(-max(image.shape) // FINEST)
     u, v = (block_means(centres[None], side)[0] for centres in screen.centres)
     shown = block_means(image, side)
-    axes.contour(u, v, shown, levels=levels, colors=LINES, linewidths=1.1, linestyles=style)
+    if levels.any():  # a dark target has no lines
+        axes.contour(u, v, shown, levels=levels, colors=LINES, linewidths=1.1, linestyles=style)

@@ -10,7 +10,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from optics.designing.optimisation import Row, Stage
-from optics.light.analysis import Measurement, counted_ways, fringe
+from optics.light.analysis import Measurement, counted_ways, fringe, unit_mean
 from optics.light.tracing import RayPath
 from optics.reporting.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 from optics.reporting.figures.intensity_diagrams import intensity_figures
@@ -70,7 +70,7 @@ def light_figures(
         ),
     }
     if measurement.sharp is not None:
-        sharp = measurement.sharp / measurement.sharp.mean()
+        sharp = unit_mean(measurement.sharp)
         caption = f"What the {word} would make without divergence of the light and roughness of its surfaces."
         figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
     if system.target.far_field:

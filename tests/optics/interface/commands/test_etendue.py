@@ -19,12 +19,14 @@ from optics.designing.etendue import (
     universal_bound,
 )
 from optics.interface.commands import etendue_command
-from optics.interface.commands.etendue_command import NO_LIMIT, etendue
+from optics.interface.commands.etendue_command import NO_LIMIT, UNKNOWN, etendue
 from optics.light.analysis import measure
+from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import HOLLOW, hollow_lens
+from tests.optics.scene.luminaires.cases import asymmetric
 from thbcad.io import write_lens
 
 GLOWING = HOLLOW | {
@@ -110,6 +112,14 @@ def test_sources_without_extent_have_no_limit(problem_file, changes):
     system = OpticalSystem(load_problem(file))
     assert etendue_notes(system) == ([], [])
     assert reached_sentences(system, system.lens, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
+
+
+def test_the_light_of_a_file_has_no_etendue_and_meets_a_face_by_name(problem_file, tmp_path):
+    write_ldt(asymmetric(Opening((2.0, 1.0))), tmp_path / "lamp.ldt")
+    lamp = {"source.kind": "luminaire", "source.file": "lamp.ldt", "source.flux": 0, "source.distance": 9.0}
+    _, lines, code = run(problem_file(lamp, drop=("source.half_width",)))
+    assert (code, lines[-1]) == (0, UNKNOWN)
+    assert " W  meet the front of the base lens; " in lines[-2]
 
 
 @pytest.mark.parametrize("option", ["out", "measure"])

@@ -121,10 +121,11 @@ def test_no_answer_is_the_usual_one_and_no_file_is_replaced(terminal, tmp_path):
 
 
 def test_an_answer_that_is_none_is_asked_for_again(terminal, tmp_path, capsys):
-    assert terminal("sun", "BEAM", "lost.png", "disk", "wide", "0", "nan", "50") == 0
+    assert terminal("sun", "BEAM", "lost.png", "~nobody/lost.png", "disk", "wide", "0", "nan", "50") == 0
     said = capsys.readouterr().out
     assert "answer beam or point or led" in said
     assert "there is no picture lost.png" in said
+    assert "there is no picture ~nobody/lost.png" in said
     assert said.count("answer a number from 1 to 1000, in mm") == 3
     assert (tmp_path / "my_lens.toml").read_text() == answered_problem("beam", "disk", 50.0)
 

@@ -39,6 +39,17 @@ def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
     assert data["designed"]["ssim"] is None is data["relit"]["ssim"]
 
 
+def test_light_of_another_file_may_be_in_another_unit(capsys, tmp_path, monkeypatch):
+    problem = load_problem(write_problem(tmp_path, {"target.pixels": [12, 12]}))
+    (tmp_path / "other").mkdir()
+    lumens = write_problem(tmp_path / "other", {"source.unit": "lm", "source.half_width": [3.0, 3.0]})
+    system = OpticalSystem(problem)
+    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.lens))
+    done = run(capsys, "relight", "lens", "--source", lumens)
+    assert done.err == ""
+    assert done.out.splitlines()[-1].startswith(f"{lumens}: ")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

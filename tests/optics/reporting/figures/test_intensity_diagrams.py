@@ -47,11 +47,14 @@ def legend(figure):
 def test_polar_curves_are_those_of_the_two_planes(drawn):
     (figure, _), (caption, _) = drawn(SCREEN)
     (axes,) = figure.axes
-    made, _, wanted, _ = axes.lines
+    made, across, wanted, _ = axes.lines
     assert legend(figure) == ["C0-C180, made", "C90-C270, made", "C0-C180, asked for", "C90-C270, asked for"]
     assert figure.legends[0].get_title().get_text() == "intensity in cd"
     brightest = np.degrees(made.get_xdata()[np.argmax(made.get_ydata())])
     assert brightest == pytest.approx(6, abs=0.51)
+    brightest = np.degrees(across.get_xdata()[np.argmax(across.get_ydata())])
+    assert brightest == pytest.approx(-3, abs=0.51)  # C90 holds -y
+    assert "C0 (towards +x) and C90 (towards -y)" in caption
     assert max(wanted.get_ydata()) == pytest.approx(2 * CANDELA.factor, rel=0.03)  # half a pixel beside it
     right, left = (axes.transData.transform([np.radians(a), 1.0])[0] for a in (20, -20))
     assert right > left  # C0 is on the right
@@ -81,6 +84,11 @@ def test_fine_pixels_are_merged_where_they_are(drawn):
     (_, figure), _ = drawn(screen)
     vertices = figure.axes[0].collections[1].get_paths()[2].vertices
     np.testing.assert_allclose((vertices.max(axis=0) + vertices.min(axis=0)) / 2, [6, 3], atol=0.02)
+
+
+def test_light_that_does_not_arrive_is_drawn_without_lines():
+    dark, wanted = np.zeros((30, 48)), lobe(SCREEN, 0, 0)
+    assert [*intensity_figures(dark, wanted, SCREEN, CANDELA)] == ["polar", "isocandela"]
 
 
 @pytest.mark.every(3)
