@@ -22,9 +22,8 @@ OVERVIEW = ("row", "value", "unit", "limit", "ok", "reference")  # columns of th
 INTRODUCTION = """\
 # Benchmarks
 
-`thbcad bench NAME --store` measures a benchmark and keeps its rows
-and the machine in `docs/data/NAME.json`. `thbcad bench --markdown` writes this page:
-some rows that pages quote, and all whose limits are missed.
+`thbcad bench NAME --store` measures a benchmark, and keeps rows and machine in `docs/data/NAME.json`.
+`thbcad bench --markdown` writes this page: some rows that pages quote, and all whose limits are missed.
 `reference` names another code in the same run, or the thesis.
 """
 COLUMNS = """\

@@ -5,9 +5,8 @@ from pathlib import Path
 import optics
 from optics.base.runtime import load_backend
 
-load_backend()  # Dr.Jit takes the LLVM that it finds first when it is imported: this finds one that works
-import drjit as dr  # noqa: E402
-from drjit.llvm.ad import Float64 as Float  # noqa: E402
+BACKEND = load_backend()  # Dr.Jit, with an LLVM that works
+dr, Float = BACKEND.dr, BACKEND.Float
 from drjit.opt import Adam  # noqa: E402
 
 PROBLEM = Path(__file__).parents[1] / "tophat_circle.toml"
@@ -17,12 +16,11 @@ class Irradiance(dr.CustomOp):
     """The light of a model: coefficients (dim,) -> irradiance (rows * columns,)."""
 
     def eval(self, model: optics.Model, c: Float) -> Float:
-        self.shape = model.shape
-        image, self.pull = model.vjp(c.numpy())
-        return Float(image.ravel())
+        self.image, self.pull = model.vjp(c.numpy())
+        return Float(self.image.ravel())
 
     def backward(self) -> None:
-        self.set_grad_in("c", Float(self.pull(self.grad_out().numpy().reshape(self.shape))))
+        self.set_grad_in("c", Float(self.pull(self.grad_out().numpy().reshape(self.image.shape))))
 
 
 def main(steps: int = 80) -> dict[str, float]:

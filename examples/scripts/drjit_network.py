@@ -4,16 +4,11 @@ c = c0 + 0.1 mm * network(x, y, r),    r^2 = x^2 + y^2,    at the Greville point
 """
 
 import numpy as np
-from drjit_adam import PROBLEM, Irradiance  # first: it chooses an LLVM that works
-
-# isort: split
-import drjit as dr
-from drjit import nn
-from drjit.llvm.ad import Float64 as Float, TensorXf64 as Tensor
-from drjit.opt import Adam
+from drjit_adam import PROBLEM, Adam, Float, Irradiance, dr
 
 import optics
 
+nn, Tensor = dr.nn, dr.llvm.ad.TensorXf64
 WIDTH, REACH = 64, 0.1  # neurons of a layer; mm
 
 

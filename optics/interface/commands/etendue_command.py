@@ -163,12 +163,11 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
     met, unit = system.problem.faces_met, system.units.flux
     passing_on = passing_words(passing_share(system.path(system.lens)))
     first = f"the {met[0].face} of the base lens" if system.problem.lens else met[0].name
-    front = first if system.source.by_rays else "it"  # which the second line names
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
         f"{passing.front:10.4g} mm^2 sr  of its light that meets {first}",
         *(f"{u:10.4g} mm^2 sr  between rear aperture and target" for u in [passing.target] if u is not None),
-        f"{passing.meets_front:10.4g} {unit}  meet {front}; {passing_on}",
+        f"{passing.meets_front:10.4g} {unit}  meet {first}; {passing_on}",
     ]
     return lines[OF_SOURCE:] if system.source.by_rays else lines
 

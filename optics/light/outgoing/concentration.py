@@ -245,13 +245,25 @@ def _most_of_few(x: Floats, y: Floats, flux: Floats, diameter: float) -> float:
         weights = np.stack([(1 - s) * (1 - t), (1 - s) * t, s * (1 - t), s * t], axis=1)
         x, y, flux = weights @ x, weights @ y, np.tile(flux / parts**2, (parts**2, 1))
     a, b = ((c - c.min()) * ACROSS / diameter for c in (x.ravel(), y.ravel()))
-    i, j = a.astype(int), b.astype(int)
+    u, v = a % 1, b % 1
+    i, j = _gathered(a.astype(int)), _gathered(b.astype(int))
     shape = i.max() + 2, j.max() + 2
     light = np.zeros(shape[0] * shape[1])
-    for di, u in ((0, 1 - (a - i)), (1, a - i)):
-        for dj, v in ((0, 1 - (b - j)), (1, b - j)):
-            light += np.bincount((i + di) * shape[1] + j + dj, u * v * flux.ravel(), light.size)
+    for di, along in ((0, 1 - u), (1, u)):
+        for dj, across in ((0, 1 - v), (1, v)):
+            light += np.bincount((i + di) * shape[1] + j + dj, along * across * flux.ravel(), light.size)
     return float(convolve(light.reshape(shape), _disk(), mode="constant").max())
+
+
+def _gathered(bins: Integers) -> Integers:
+    """Return the numbers of bins where dark gaps wider than a disk are cut to that.
+
+    Parts of few cells may lie far apart; what no disk joins stays apart.
+    """
+    lit = np.flatnonzero(np.bincount(bins))
+    moved = np.zeros(lit[-1] + 1, int)
+    moved[lit] = np.cumsum(np.minimum(np.diff(lit, prepend=lit[0]), len(_disk()) + 1))
+    return moved[bins]
 
 
 @cache

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
+from optics.light.outgoing.concentration import _gathered
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import THOROUGH, examples
@@ -132,6 +133,18 @@ def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
         best = max(best, counted)
         assert counted <= 1.05 * found.irradiance
     assert best >= 0.93 * found.irradiance  # the best disk is not about a ray
+
+
+@given(bins=st.lists(st.integers(0, 200), min_size=1, max_size=20), gap=st.integers(0, 1000))
+def test_bins_that_a_disk_joins_keep_their_distance_and_others_stay_apart(bins, gap):
+    """A disk is seven bins wide."""
+    at = np.array([*bins, *(b + 1000 * gap for b in bins)])
+    close = _gathered(at)
+    apart, kept = (abs(np.subtract.outer(b, b)) for b in (at, close))
+    joined = apart <= 7
+    np.testing.assert_array_equal(kept[joined], apart[joined])
+    assert (kept[~joined] > 7).all()
+    assert close.max() <= 8 * len(at)
 
 
 def test_light_that_may_start_a_fire_is_warned_of(concentrated):
