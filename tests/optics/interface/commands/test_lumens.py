@@ -68,7 +68,7 @@ def test_etendue_bounds_lumens_and_lux(capsys, problem_file):
     changes = DOME | {"source.unit": "lm", "source.flux": 100.0}
     path = problem_file(changes, drop=("target.image",))
     out = printed(capsys, "etendue", path)
-    assert " lm  meet it" in out
+    assert " lm  meet the front of the base lens" in out
     assert re.search(r"at most \S+ lm reach the target, at most \S+ lm the pixels .* more than \S+ lx", out)
     assert not WATTS.search(out)
     data = strict_json(printed(capsys, "etendue", path, "--json"))
