@@ -94,7 +94,7 @@ def designed(
             _, state = shape_lens(traced, backend, chosen, state, listener=Listener(checkpoint=keep))
     except Interrupted as stop:
         keep(stop.state)
-        return Design.of_state(asked, system, stop.state, notes, clock.total(), interrupted=True)
+        return Design.of_state(asked, system, stop.state, notes, clock.total(), True, levels.records)
     backend.release()
     clock.lap("optimise")
     return Design.of_state(asked, system, state, notes, clock.total(), levels=levels.records)

@@ -45,8 +45,10 @@ def export(options: Namespace) -> Outcome:
     """Write the lens for other programs, check the file and store the checks beside it."""
     if options.light or is_luminaire(options):
         _require_whole_lens("light is that of", options)
+        _require_no_assembly("light", options)
         return rays_of_light(options) if options.light else intensity_of_light(options)
     if options.out.lower().endswith(SCENE) and options.format is None:
+        _require_no_assembly("a scene for Mitsuba", options)
         return _scene(options)
     name = format_of(options.out, options.format)
     if options.scene:
@@ -112,7 +114,7 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
     from optics.exchange.assemblies import export_mounted, mount_from  # OCCT
 
     shapes = [name for name in SHAPES if name != "mount"]
-    if any(getattr(options, name) for name in shapes):
+    if any(_is_given(options, name) for name in shapes):
         raise UserError(
             f"a mount has its own flange on the whole lens: leave out {', '.join(f'--{s}' for s in shapes)}"
         )
@@ -175,8 +177,20 @@ def _sizes(files: Iterable[Path]) -> list[str]:
 
 def _require_whole_lens(does: str, options: Namespace) -> None:
     """Raise UserError where options ask for another body.  does : of what is written, a verb at the end."""
-    if any(getattr(options, name) for name in SHAPES):
+    if any(_is_given(options, name) for name in SHAPES):
         raise UserError(f"{does} the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}")
+
+
+def _require_no_assembly(what: str, options: Namespace) -> None:
+    """Raise UserError where options ask for an assembly beside what is written."""
+    if options.scene:
+        raise UserError(f"--scene writes an assembly as STEP, and --out is {what}: leave out one of both")
+
+
+def _is_given(options: Namespace, name: str) -> bool:
+    """Whether an option stands on the command line, such as `--back 0`."""
+    value = getattr(options, name)
+    return value is not None and value is not False
 
 
 @contextmanager

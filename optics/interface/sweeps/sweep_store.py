@@ -76,7 +76,13 @@ class SweepStore:
         return row[0] if row else ""
 
     def add(self, problem: str, changes: Mapping[str, Any], row: StoredVariant, lens: str = "") -> None:
-        """Store a row; it is on the disk after the next commit, at the latest half a second of rows later."""
+        """Store a row; it is on the disk after the next commit, at the latest half a second of rows later.
+
+        A variant that is designed stays so where another try, for its lens, fails.
+        """
+        held = None if row.status == DONE else self.get(problem)
+        if held is not None and held.status == DONE:
+            return
         metrics = json.dumps(row.metrics)
         values = (problem, json.dumps(dict(changes)), *row[:2], metrics, *row[3:], lens)
         marks = ", ".join("?" * len(values))

@@ -41,6 +41,19 @@ def test_every_level_is_kept_with_its_light_and_gradients(kept):
     assert level.irradiance.tobytes() == design.irradiance.tobytes()
 
 
+def test_a_run_that_is_stopped_keeps_the_levels_that_are_done(tmp_path):
+    seen = []
+
+    def stop(moment):
+        seen.append(moment.phase == "level 1" and "evaluations" in moment.detail)
+        if sum(seen) == 1 and seen[-1]:
+            raise KeyboardInterrupt
+
+    design = optics.design(load_problem(write_problem(tmp_path, KEEPING)), progress=stop)
+    assert design.interrupted
+    assert [level.name for level in design.levels] == ["level 0"]
+
+
 def test_levels_are_read_back(kept):
     design, folder = kept
     for level, read in zip(design.levels, optics.Design.load(folder).levels, strict=True):

@@ -30,3 +30,16 @@ def test_what_a_scene_cannot_hold_is_refused(capsys, result, tmp_path):
     message = refused(capsys, "export", result / "lens.json", "--out", tmp_path / "scene.xml")
     assert "a scene needs the problem of a result folder" in message
     assert not list(tmp_path.glob("scene*"))
+
+
+@pytest.mark.parametrize("name", ["scene.xml", "light.ies", "rays.dat"])
+def test_an_assembly_beside_light_is_refused(capsys, result, tmp_path, name):
+    light = ["--light", "rear"] if name == "rays.dat" else []
+    message = refused(capsys, "export", result, "--out", tmp_path / name, *light, "--scene", "elements")
+    assert "--scene writes an assembly as STEP" in message
+    assert not (tmp_path / name).exists()
+
+
+def test_a_back_at_zero_is_an_option_too(capsys, result, tmp_path):
+    message = refused(capsys, "export", result, "--out", tmp_path / "scene.xml", "--back", "0")
+    assert "a scene holds the whole lens" in message

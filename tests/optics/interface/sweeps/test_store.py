@@ -56,6 +56,20 @@ def test_done_is_what_is_designed_and_has_its_lens_where_one_is_wanted(tmp_path)
         assert store.done(with_lens=True) == {"done{}"}
 
 
+@pytest.mark.parametrize("status", ["failed", "killed"])
+def test_what_is_designed_stays_where_another_try_for_its_lens_fails(tmp_path, status):
+    tried = ROW._replace(status=status, sentence="no memory", metrics={})
+    with open_store(tmp_path / "s", ABOUT) as store:
+        store.add("a", {}, ROW)
+        store.add("a", {}, tried)
+        assert store.get("a") == ROW
+        store.add("a", {}, ROW._replace(seconds=2.0), "{}")
+        assert (store.get("a").seconds, store.lens("a")) == (2.0, "{}")
+        store.add("b", {}, tried)
+        store.add("b", {}, ROW)
+        assert store.get("b") == ROW
+
+
 def test_a_killed_writer_leaves_every_committed_row_whole(tmp_path):
     path = tmp_path / "sweep.sqlite"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
