@@ -54,6 +54,14 @@ class FaceMet:
         inwards = (self.face == "front") != self.backwards
         return not isinstance(self.optic, MirrorElement) and inwards != self.reflects
 
+    @property
+    def share(self) -> float | None:
+        """Of the light, what its mirror or coating sends on; None is bare glass, by Fresnel's law."""
+        if isinstance(self.optic, MirrorElement):
+            return self.optic.share
+        through = self.optic.coats[self.face == "rear"]
+        return 1 - through if self.reflects and through is not None else through
+
 
 def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, ...]:
     """Return the faces that light meets, in their order; without a path all elements one after the other.

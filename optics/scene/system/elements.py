@@ -102,13 +102,8 @@ def surface_of(face: FaceMet, lens: Lens) -> Surface:
     if face.backwards:
         shape, pose = _from_behind(shape), pose @ TURNED
     clear = clear_aperture_of(optic, lens)
-    surface = Surface(shape, pose, clear=clear[rear] if clear else None)
-    if isinstance(optic, MirrorElement):
-        return replace(surface, kind="reflect", share=optic.share)
-    passing = optic.coats[rear]
-    if not face.reflects:
-        return replace(surface, share=passing)
-    return replace(surface, kind="reflect", share=None if passing is None else 1 - passing)
+    surface = Surface(shape, pose, share=face.share, clear=clear[rear] if clear else None)
+    return replace(surface, kind="reflect") if face.reflects else surface
 
 
 def _from_behind(shape: FreeformSurface) -> FreeformSurface:

@@ -99,13 +99,12 @@ class Prescribed:
 
     @property
     def passing(self) -> float:
-        """The flux of the source that faces and mirrors pass on at normal incidence."""
+        """The flux of the source that faces, coatings and mirrors send on at normal incidence."""
         flux, media = self.problem.flux, self.media_at(self.problem.source.wavelength)
         for face, (before, behind) in zip(self.problem.faces_met, pairwise(media)):
             index = behind.index / before.index
             bare = 1.0 if face.reflects else 1 - ((index - 1) / (index + 1)) ** 2
-            own = face.optic.share if isinstance(face.optic, MirrorElement) else None
-            flux *= own or bare
+            flux *= bare if face.share is None else face.share
         return flux
 
     @property

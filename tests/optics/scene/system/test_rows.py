@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
+from optics.designing.optimisation import transmitted_flux
 from optics.scene.paths import AIR, Medium
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
@@ -51,6 +52,19 @@ def test_the_path_goes_over_all_elements_in_their_poses():
     assert path.surfaces[2].shape is system.lens.front
     assert path.surfaces[0].shape.conic.radius == 40
     assert path.throw == pytest.approx(80)
+
+
+@pytest.mark.parametrize("front", [None, 0.0, 0.3])
+@pytest.mark.parametrize("rear", [None, 0.25])
+@pytest.mark.parametrize("share", [0.7, "aluminium"])
+def test_what_passes_at_normal_incidence_is_what_a_trace_sends_on(front, rear, share):
+    """Planes bend no light, and a mirror's share is the same at every angle."""
+    plane = [{**FIXED} if r is None else {**FIXED, "reflectance": r} for r in (front, rear)]
+    lens = LENS | {"front": plane[0], "rear": plane[1]}
+    mirror = MIRROR | {"reflectance": share, "face": MIRROR["face"] | {"radius": np.inf}}
+    system = OpticalSystem(row(lens, mirror))
+    traced = transmitted_flux(system, system.backend, system.lens)
+    assert system.passing == pytest.approx(traced, rel=1e-12)
 
 
 def test_a_face_that_light_meets_going_to_its_minus_z_is_turned_round():
