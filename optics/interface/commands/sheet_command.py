@@ -55,6 +55,7 @@ def sheet(options: Namespace) -> Outcome:
     lines = [
         *(f"{one.name}: {one.value} ({one.origin})" for one in indications),
         f"wrote {out}: " + ", ".join(f"{count} {origin}" for origin, count in counts.items()),
+        *(["give what is open or differs by --set-indication NAME=VALUE"] if counts["open"] else []),
     ]
     return reported(options.out, name, [out], checks, numbers, lines)
 

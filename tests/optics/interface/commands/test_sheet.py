@@ -94,6 +94,11 @@ def test_all_formats_hold_the_same_texts_and_repeat(capsys, copy, tmp_path):
     assert b"Date" not in before
 
 
+def test_the_way_to_give_what_is_open_is_said(capsys, copy, tmp_path):
+    assert main(["sheet", str(copy), "--out", str(tmp_path / "lens.svg")]) == 0
+    assert "--set-indication NAME=VALUE" in capsys.readouterr().out
+
+
 def test_what_tolerance_would_tell_is_open_where_it_has_not_run(capsys, copy, tmp_path):
     moulded = sheet(capsys, copy, "--out", tmp_path / "a.svg")
     cut = sheet(capsys, copy, "--out", tmp_path / "b.svg", "--manner", "cut")
