@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .checks import RESOLVED, Check, Grade, Result, check_lines, checks_of, grade, verification
     from .errors import LONGEST, NumericalError, UserError, is_text, note, printable, speaking_of
     from .garbage import collect_rarely
+    from .held_device import device, one_blas_thread
     from .helper_process import HelperProcess, ProcessEnded, answered, load, process_for, serve
     from .llvm import load_llvm
     from .lost_interrupts import lost_interrupts_again

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, device
 from optics.base.workers import require_workers, worker_pool
 from optics.interface.api.design_result import Design
-from optics.interface.api.irradiance_model import DEVICE
 from optics.scene.problem import FaceMet
 from optics.tolerancing.form_errors import FormErrors, form_errors_of
 from optics.tolerancing.monte_carlo_samples import (
@@ -42,7 +41,7 @@ def tolerances(
 
     Raises UserError : an unknown name or a bad amount or limit; one sentence says which.
     """
-    with DEVICE:
+    with device():
         target = design.measurement.target
         backend = design.system.backend
         return tolerance_budget(
@@ -59,7 +58,7 @@ def form_tolerances(
 
     Raises UserError : an extended source or blurred light, or a bad limit; one sentence says which.
     """
-    with DEVICE:
+    with device():
         return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
 
 
@@ -94,7 +93,7 @@ def monte_carlo(
         _forms(design, forms, periods),
         budget.floats,
     )
-    with DEVICE, worker_pool(workers, scheduler, samples) as pool:
+    with device(), worker_pool(workers, scheduler, samples) as pool:
         sampled = sample_lenses(model, samples, pool, progress)
     return MonteCarlo(sampled, model, budget, budget.rel_l2 + budget.limit)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from optics.base.runtime import Check, HelperProcess, answered, peak_mb, process_for, verification
+from optics.base.runtime import Check, HelperProcess, answered, device, peak_mb, process_for, verification
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
@@ -26,7 +26,6 @@ from optics.exchange.verification import (
 )
 from optics.interface.api.design_figures import DesignFigures
 from optics.interface.api.design_record import DesignRecord
-from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
 from optics.reporting.report import Report, light_files, report_html
@@ -117,7 +116,7 @@ class _Export:
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
     """Write the result folder of a design and return its path."""
     clock = RunClock(DesignProgress(lambda event: None))
-    with folder.taken(design.asked, force), helpers() as (solids, drawing), DEVICE:
+    with folder.taken(design.asked, force), helpers() as (solids, drawing), device():
         write_result(design, folder, clock, solids, DesignFigures(drawing, design.system))
     return folder.path
 
@@ -125,7 +124,7 @@ def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
 def verified(design: DesignRecord) -> Claims:
     """Return the checks of a design's solid and light, as in verify.json."""
     system, lens = design.system, design.lens
-    with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
+    with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, device():
         export = _Exports(solids, system, lens, Path(folder).joinpath)
         return _verification(design, _checks(design, manufactured(system, lens), export), export)
 

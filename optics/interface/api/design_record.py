@@ -7,12 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import Backend, UserError, device
 from optics.designing.etendue import bounds_hold, universal_bound
 from optics.designing.optimisation import Row
 from optics.designing.prediction import blur_limits, blur_sentence
 from optics.designing.progress import Notes
-from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import (
     Measurement,
@@ -66,7 +65,7 @@ class DesignRecord:
     @cached_property
     def measurement(self) -> Measurement:
         """Irradiance, target and metrics, by light that the optimiser has not seen."""
-        with DEVICE:
+        with device():
             return _measured(self, self.system.backend)
 
     @property

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, device
 from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
 from optics.exchange.results import ResultFolder
 from optics.interface.api.design_files import save, verified
 from optics.interface.api.design_record import DesignRecord
-from optics.interface.api.irradiance_model import DEVICE, unit_of
+from optics.interface.api.irradiance_model import unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
 from optics.interface.relighting import given_lens, other_source, relit
@@ -155,7 +155,7 @@ class Design(DesignRecord):
         """
         self._require_told("relit")
         light = other_source(source, self.problem) if isinstance(source, str) else source
-        with DEVICE:
+        with device():
             measurement = relit(self.system, self.lens, light, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
@@ -163,7 +163,7 @@ class Design(DesignRecord):
         """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
         from optics.tolerancing.machining import tool_findings  # few designs ask
 
-        with DEVICE:
+        with device():
             return tool_findings(self.system, self.lens, order, self.system.backend)
 
     def as_built(
@@ -186,7 +186,7 @@ class Design(DesignRecord):
 
         side = surface or default_side(self.lens)
         measured = read_measured(file, surface_of(self.lens, side), frame)
-        with DEVICE:
+        with device():
             return light_as_built(
                 self.system, self.lens, measured, self.system.backend, side, align, nominal=self.measurement
             )
@@ -200,7 +200,7 @@ class Design(DesignRecord):
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         self._require_told("viewed")
-        with DEVICE:
+        with device():
             paths = scene_paths(self.system, self.lens, self.system.backend)
         return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
 
@@ -214,11 +214,11 @@ class Design(DesignRecord):
         from optics.interface.relighting import Explorer, sliders  # few designs ask
 
         self._require_told("explored")
-        with DEVICE:
+        with device():
             explorer = Explorer(self.system, self.lens, self.system.backend, pixels)
 
         def light(values: Mapping[str, float]) -> ExploredLight:
-            with DEVICE:
+            with device():
                 return explorer(values)
 
         return sliders(explorer.knobs, light)
@@ -265,7 +265,7 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
     if system.target.as_picture:
         own = contrast_error(own, target) | own
     elif system.target.uniform_region and "grid" not in own.get("uniformity", {}):
-        with DEVICE:
+        with device():
             blur = spot_rms(system, lens, system.backend)
         noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
         error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from optics.base.runtime import ProgressEvent, UserError
+from optics.base.runtime import ProgressEvent, UserError, device
 from optics.designing.optimisation import ROUNDS, Interrupted, Listener, State, re_aimed, shape_lens, stages
 from optics.designing.progress import DesignProgress, Notes, RunClock, Size
 from optics.interface.api.design_result import Design
-from optics.interface.api.irradiance_model import DEVICE
 from optics.interface.api.level_records import LevelKeeper
 from optics.interface.api.prepared_problem import Prepared, prepared, shaping_by
 from optics.light.engines import Engine
@@ -44,7 +43,7 @@ def design(
     if not isinstance(problem, Problem):
         raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
     clock, notes = RunClock(_progress(progress)), Notes()
-    with clock.progress, DEVICE:
+    with clock.progress, device():
         system = solvable_system(problem, Own(source, receiver))
         clock.progress.asked(system)
         made = designed(problem, prepared(system), clock, notes, engine)

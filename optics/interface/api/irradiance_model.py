@@ -10,11 +10,10 @@ Calls from several threads are safe: they wait for each other, since Dr.Jit's ke
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import RLock
 
 from numpy.typing import ArrayLike
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, device
 from optics.designing.optimisation import Objective, vertex_knots
 from optics.interface.api.coefficient_vectors import Coefficients, image_of, packed, vectors
 from optics.light.engines import LightModel
@@ -24,8 +23,6 @@ from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 
 Pull = Callable[[ArrayLike], Coefficients]
-
-DEVICE = RLock()  # Dr.Jit is one for the whole process
 
 
 def unit_of(system: OpticalSystem) -> float:
@@ -77,7 +74,7 @@ class Model:
 
         Raises UserError : coefficients of another shape or space, or numbers that are not finite.
         """
-        with DEVICE:
+        with device():
             return self._shown(self._light.light(vectors(coefficients, self._spaces)).image)
 
     def vjp(self, coefficients: Coefficients) -> tuple[Floats, Pull]:
@@ -85,12 +82,12 @@ class Model:
 
         Raises UserError : as of a call; the function too, of a dL/dE of another shape.
         """
-        with DEVICE:
+        with device():
             light = self._light.light(vectors(coefficients, self._spaces))
 
         def pull(slope: ArrayLike) -> Coefficients:
             bar = self._scale * image_of(slope, self.shape, "dL/dE")
-            with DEVICE:
+            with device():
                 return packed(light.pull_back(self._light.screen.pad(bar)))
 
         return self._shown(light.image), pull
@@ -102,7 +99,7 @@ class Model:
         """
         at = vectors(coefficients, self._spaces)
         along = vectors(direction, self._spaces, "the direction")
-        with DEVICE:
+        with device():
             image, slope = self._light.push_forward(at, along)
         return self._shown(image), self._shown(slope)
 
@@ -123,7 +120,7 @@ class Model:
         bar = self._scale * image_of(slope, self.shape, "dL/dE")
         if len(counts) != 2 or not all(isinstance(n, int) and n >= 2 for n in counts):
             raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
-        with DEVICE:
+        with device():
             screen = self._light.screen
             knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), counts) for space in self._spaces]
             return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
@@ -133,7 +130,7 @@ class Model:
 
         Raises UserError : as of a call.
         """
-        with DEVICE:
+        with device():
             found = self._objective(vectors(coefficients, self._spaces))
         return found.loss, packed(found.gradients)
 

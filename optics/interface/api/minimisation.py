@@ -9,7 +9,7 @@ from numbers import Integral
 import numpy as np
 
 from optics.base.optimisers import LBFGS, Adam, Optimiser
-from optics.base.runtime import NumericalError, UserError
+from optics.base.runtime import NumericalError, UserError, one_blas_thread
 from optics.interface.api.coefficient_vectors import Coefficients, packed, real_numbers
 from thbcad.checks import Floats, floats
 
@@ -53,7 +53,7 @@ def minimise(
     callback : called after every step with its number, the least loss and the best coefficients so far;
         StopIteration ends the work.
 
-    Ctrl-C ends the work too, and the best coefficients so far are returned.
+    Meanwhile BLAS takes one thread.  Ctrl-C ends the work too, and the best coefficients so far are returned.
 
     Raises UserError : an unknown method, a negative number of iterations, coefficients that are no vectors,
         or a loss that does not return a number and a gradient of the same shape.
@@ -63,7 +63,8 @@ def minimise(
         raise UserError(f"iterations must be a whole number from 0 on, got {iterations!r}")
     optimiser, search = _optimiser(method), _Search(loss, coefficients, callback)
     try:
-        optimiser.run(search, search.start, iterations, search.stepped)
+        with one_blas_thread():
+            optimiser.run(search, search.start, iterations, search.stepped)
     except KeyboardInterrupt:
         if not search.losses:
             raise

@@ -8,11 +8,11 @@ from math import isqrt
 
 import numpy as np
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, device
 from optics.designing.optimisation import MARGIN, penalised_objective, transmitted_flux, window_named
 from optics.designing.starts import TransportStart
 from optics.interface.api.coefficient_vectors import Coefficients, Spaces, packed, space_rows, vectors
-from optics.interface.api.irradiance_model import DEVICE, Model, unit_of
+from optics.interface.api.irradiance_model import Model, unit_of
 from optics.interface.api.prepared_problem import prepared, shaping_by
 from optics.light.analysis import Measurement, measure
 from optics.light.engines import Engine, Film
@@ -50,7 +50,7 @@ class System:
         if len(problem.free_optics) > 1:
             names = " and ".join(optic.table for optic in problem.free_optics)
             raise UserError(f"System is a map of one free element, got {names}; optics.design shapes several")
-        with DEVICE:
+        with device():
             ready = prepared(solvable_system(problem, Own(source, receiver)))
         self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
 
@@ -97,7 +97,7 @@ class System:
             optical.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window)
         )
         lens = optical.lens.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
-        with DEVICE:
+        with device():
             optical, chosen = shaping_by(engine, self.optical, self._backend)
             light = chosen.model(optical, lens, film)
             target = optical.target.irradiance(optical.target.screen(), self._flux)
@@ -110,7 +110,7 @@ class System:
         Raises UserError : no transport map exists.
         """
         spaces = space_rows(space, self._level_0)
-        with DEVICE:
+        with device():
             last = self._transport.fit(spaces[-1]).sag
         return packed([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), last])
 
@@ -136,7 +136,7 @@ class System:
         if not isinstance(lens, Lens):
             made = "system.lens(space, c) makes one"
             raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")
-        with DEVICE:
+        with device():
             found = measure(self.optical, lens, self.optical.backend)
         return found.in_unit(unit_of(self.optical))
 

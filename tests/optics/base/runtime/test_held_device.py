@@ -1,0 +1,45 @@
+"""The device: one thread works on it at a time, and BLAS takes one thread meanwhile."""
+
+from threading import Thread
+
+import pytest
+import scipy.linalg  # noqa: F401  it has a BLAS of its own
+from threadpoolctl import ThreadpoolController
+
+from optics.base.runtime import device
+
+
+def blas_threads():
+    return [library["num_threads"] for library in ThreadpoolController().info()]
+
+
+@pytest.fixture
+def several():
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        yield
+
+
+def test_blas_takes_one_thread_and_has_its_own_again_behind_it(several):
+    assert 2 in blas_threads()
+    with device(), device():
+        assert set(blas_threads()) == {1}
+    assert 2 in blas_threads()
+    with pytest.raises(KeyboardInterrupt), device():
+        raise KeyboardInterrupt
+    assert 2 in blas_threads()
+
+
+def test_a_second_thread_waits():
+    order = []
+
+    def work():
+        with device():
+            order.append("second")
+
+    with device():
+        other = Thread(target=work)
+        other.start()
+        other.join(0.05)
+        order.append("first")
+    other.join()
+    assert order == ["first", "second"]
