@@ -220,11 +220,15 @@ class _Run:
         The last stage ends within the limits.
         """
         system, stage, last = task.system, task.stage, task.stage is self.plan[-1]
-        of_stage = partial(stage_objective, system, task.lens, stage, task.target, self.engine, self.axes)
+        of_stage = partial(
+            stage_objective, system, task.lens, target=task.target, engine=self.engine, axes=self.axes
+        )
         outlines = [surface.outline for surface in system.free_surfaces(task.lens)]
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
-        search = Search(system.problem, of_stage(background=task.background), variables, state.sags)
+        objective = of_stage(stage, background=task.background)
+        rough = objective if stage.roughly is stage else of_stage(stage.roughly)
+        search = Search(system.problem, objective, variables, state.sags, rough)
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         try:
             if last:
@@ -245,7 +249,7 @@ class _Run:
             crossing = max(0.0, *(-s.least_thickness().lower for _, s in wanted.free_elements(asked)))
         if system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = np.random.default_rng((system.problem.run.seed, FRESH))
-            others = of_stage(fresh=fresh, background=task.background)
+            others = of_stage(stage, fresh=fresh, background=task.background)
             log.rows[found.row] = replace(log.rows[found.row], fresh_fit=others(found.coefficients).fit)
         if last and found.fall > FALLING:
             listener.note(

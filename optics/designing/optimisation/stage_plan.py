@@ -18,10 +18,10 @@ PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per kn
 # fits the corners and not the light between them
 CELLS_PER_PIXEL = 3.0
 CELLS_PER_SPAN = 3.6
-# steps of a stage from which on most are taken on fewer cells; one of LATE of them is not; and the cells of
-# the others in each direction (pearl_fine, 36 steps: rel_l2 0.0170 for 0.0179, in 0.88 of the seconds; a
-# picture in a cone, sharp stage and blurred one: 0.0749 for 0.0749, in 0.85)
-MANY_STEPS, LATE, FEWER = 36, 3, 0.55
+# steps of a stage from which on the first are taken on fewer cells; one of LATE of them is not; and the cells
+# of the others in each direction (a third of the steps and 0.55 of the cells took 1.03 to 1.35 times the
+# seconds of nine pictures, and left six of them more rel_l2)
+MANY_STEPS, LATE, FEWER = 24, 2, 0.4
 # seconds of an evaluation, and of a stage without any, as measured on the examples for two quiet cores
 PER_EVALUATION, PER_RAY, PER_DOF = 0.006, 3.3e-8, 5e-7
 MARKING_PER_RAY = 2.2e-7
@@ -62,6 +62,14 @@ class Stage:
             return "finish"
         kind = "sharp " * self.aimed + "rough " * self.rough + "far-sighted " * self.far_sighted
         return f"{kind}level {self.level}"
+
+    @property
+    def roughly(self) -> Stage:
+        """The stage on fewer cells, where that will do: for steps that others follow, and for the scale of its
+        variables."""
+        if not (self.exact and self.final) or self.rough:
+            return self
+        return replace(self, rays=_fewer(self), rough=True)
 
     @property
     def evaluations(self) -> int:
@@ -154,12 +162,12 @@ def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, 
 
 
 def _roughly_first(stage: Stage) -> list[Stage]:
-    """Return the stages in place of one: most of its steps on fewer cells, where its steps are enough for two
+    """Return the stages in place of one: its first steps on fewer cells, where its steps are enough for two
     searches."""
     if not stage.exact or stage.iterations < MANY_STEPS:
         return [stage]
     late = stage.iterations // LATE
-    rough = replace(stage, iterations=stage.iterations - late, rays=_fewer(stage), rough=True)
+    rough = replace(stage.roughly, iterations=stage.iterations - late)
     return [rough, replace(stage, iterations=late)]
 
 

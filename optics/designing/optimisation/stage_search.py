@@ -71,18 +71,20 @@ class Search:
     """What is lowered, and where it begins.
 
     sags : the start.  variables : around it.
-    scaled : they are scaled by the curvature of the fit.
+    rough : an objective that tells the curvature of the fit.
+    scaled : the variables are scaled by it.
     """
 
     problem: Problem
     objective: Objective
     variables: BoundedVariables
     sags: tuple[THBSurface, ...]
+    rough: Objective
     scaled: bool = False
 
     def preconditioned(self, coefficients: Sequence[Floats], log: Log) -> Search:
         """Return the search with variables scaled by the fit's curvature at coefficients."""
-        vectors = self.objective.curvature(coefficients, PROBES, self.problem.run.seed)
+        vectors = self.rough.curvature(coefficients, PROBES, self.problem.run.seed)
         log.evaluations += PROBES
         return replace(self, variables=self.variables.preconditioned(vectors), scaled=True)
 
