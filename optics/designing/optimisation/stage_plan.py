@@ -65,7 +65,7 @@ class Stage:
 
     @property
     def roughly(self) -> Stage:
-        """The stage on fewer cells, where that will do: for steps that others follow, and for the scale of its
+        """The stage on fewer cells: that will do for steps that others follow, and for the scale of its
         variables."""
         if not (self.exact and self.final) or self.rough:
             return self

@@ -29,24 +29,28 @@ def c_transform(backend: Backend, phi: Floats, spacing: Sequence[float]) -> Floa
     phi : (nx, ny), on the centres of cells.  spacing : width and height of a cell, in the unit whose square
         is that of phi.
     """
-    along_x = _envelopes(backend, phi, spacing[0])
-    return _envelopes(backend, -along_x.T, spacing[1]).T
+    (nx, ny), (hx, hy) = phi.shape, spacing
+    along_x = _envelopes(backend, backend.array(phi.ravel()), hx**2, (nx, ny), (ny, 1))
+    both = _envelopes(backend, along_x, -(hy**2), (ny, nx), (1, ny))
+    return np.asarray(both.numpy().reshape(nx, ny), dtype=np.float64)
 
 
-def _envelopes(backend: Backend, f: Floats, spacing: float) -> Floats:
-    """Return g_k = min_j spacing^2 (k - j)^2 / 2 - f_j of every column.
+def _envelopes(
+    backend: Backend, f: DrArray, unit: float, counts: tuple[int, int], strides: tuple[int, int]
+) -> DrArray:
+    """Return g_k = min_j |unit| (k - j)^2 / 2 - f_j of every row of f; with unit < 0 of -f_j for f_j.
 
-    f, g : (n, columns)
+    f, g : flat.  counts : in a row, and of rows.  strides : from a value to the next, and from row to row.
     """
     dr, Float, Index = backend.dr, backend.Float, backend.Index
-    n, columns = f.shape
-    values = backend.array(f / spacing**2)
+    n, columns = counts
     # sizes are opaque, so that every grid runs the same compiled kernel
-    count, stride = dr.opaque(Index, n), dr.opaque(Index, columns)
-    column = dr.arange(Index, columns)
+    count, stride, apart = (dr.opaque(Index, k) for k in (n, *strides))
+    size, scale = backend.opaque(unit), backend.opaque(abs(unit))
+    column = dr.arange(Index, columns) * apart
 
     def value(j: DrArray) -> DrArray:
-        return dr.gather(Float, values, j * stride + column)
+        return dr.gather(Float, f, j * stride + column) / size
 
     room = max(ROOM, n)
     members = dr.alloc_local(Index, room, value=Index(0))  # parabolas of the envelope, from left to right
@@ -80,7 +84,8 @@ def _envelopes(backend: Backend, f: Floats, spacing: float) -> Floats:
         """Write the minimum at k, or go on to the next parabola where it has begun."""
         following = dr.minimum(i + 1, top)
         passed = (i < top) & (begins[following] < Float(k))
-        dr.scatter(out, 0.5 * dr.square(Float(k) - Float(b)) - fb, k * stride + column, ~passed)
+        lowest = 0.5 * dr.square(Float(k) - Float(b)) - fb
+        dr.scatter(out, lowest * scale, k * stride + column, ~passed)
         i = dr.select(passed, following, i)
         b = dr.select(passed, members[i], b)
         return dr.select(passed, k, k + 1), i, b, dr.select(passed, value(b), fb), members, begins
@@ -92,4 +97,4 @@ def _envelopes(backend: Backend, f: Floats, spacing: float) -> Floats:
         mode="symbolic",
     )
     dr.eval(out, ended[0])
-    return np.asarray(out.numpy().reshape(n, columns) * spacing**2, dtype=np.float64)
+    return out
