@@ -18,7 +18,7 @@ from optics.base.runtime import Backend
 from optics.light.tracing import Branches, ShadingBody, seen_branches
 from optics.reporting.view.photo_light import WARM, PhotoLight, interpolated
 from optics.reporting.view.photo_room import LINES, PIXELS, WIDEST, PhotoRoom, photo_room
-from optics.reporting.view.scene_layout import block_means
+from optics.reporting.view.scene_layout import block_means, corners
 from optics.scene.paths import Body
 from optics.scene.photometry import encoded_srgb
 from optics.scene.problem import MirrorElement, Optic
@@ -35,6 +35,7 @@ MOST_PIXELS = 512  # of the picture on the screen, across: more are not seen
 BRIGHTEST = 0.998  # quantile of the light that is shown white
 MIRRORED = np.array([[1.0], [-1.0], [1.0]])
 COMPRESSION = 6  # of 9
+WHOLE = LINES * PIXELS[1], PIXELS[0]
 MEETINGS = 4  # elements in a row that a ray of the camera meets: what comes then is as good as black
 DARK = 3.0  # index of the blank of a mirror, of which a quarter of the light comes back
 
@@ -98,8 +99,10 @@ def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight
         for part, optic in parts
         if part.name in light.room.elements
     ]
+    boxes = [corners(box) for box in light.room.elements.values()]
+    mirrored = [np.array([[0], [2 * light.room.table], [0]]) + MIRRORED * box for box in boxes]
     found = []
-    for pixel, count, weight, ray in _camera_rays(light):
+    for pixel, count, weight, ray in _camera_rays(light, np.concatenate(boxes + mirrored, axis=1)):
         meets = np.any([_towards(light, box, *ray) for box in light.room.elements.values()], axis=0)
         found.append((pixel[meets], count[meets], weight[meets], ray[:, :, meets]))
     pixel, count, weight, before = (np.concatenate(column, axis=-1) for column in zip(*found))
@@ -189,25 +192,28 @@ def photograph(system: OpticalSystem, lens: Lens, irradiance: Floats, sight: Sig
     return buffer.getvalue()
 
 
-def _camera_rays(light: PhotoLight) -> Iterator[tuple[NDArray[Any], ...]]:
+def _camera_rays(light: PhotoLight, points: Floats | None = None) -> Iterator[tuple[NDArray[Any], ...]]:
     """Yield (pixel, count, weight, ray) of the camera's rays, and of their reflections in the table.
 
     The first three are those of `Sight`; ray : (2, 3, n), origin and direction.  Of the two parts
     of a pixel one has a reflection, which is dim.
+    points : (3, n), between which all that is looked for is seen; None is the whole picture.
     """
-    room, columns = light.room, PIXELS[0]
-    for start in range(0, LINES * PIXELS[1], STRIP):
-        direction = room.directions(np.arange(start, start + STRIP))
-        pixel = start * columns + np.arange(direction.shape[1])
+    room = light.room
+    lines, columns = map(np.arange, WHOLE) if points is None else room.showing(points)
+    for start in range(0, len(lines), STRIP):
+        strip = lines[start : start + STRIP]
+        direction = room.directions(strip, columns)
+        pixel = np.add.outer(strip * PIXELS[0], columns).ravel()
         ray = np.stack([np.broadcast_to(room.eye[:, None], direction.shape), direction])
         yield pixel, np.ones_like(pixel), np.ones(pixel.size), ray
-        first = np.flatnonzero((pixel // columns % LINES == 0) & (direction[1] < 0))
+        first = np.flatnonzero((pixel // PIXELS[0] % LINES == 0) & (direction[1] < 0))
         eye, down = ray[:, :, first]
         path = light.table_path(eye, down)
         on = np.flatnonzero(np.isfinite(path))
         weight = GLOSS[1] * (GLOSS[0] + (1 - GLOSS[0]) * (1 + down[1, on]) ** 5)
         ray = np.stack([eye[:, on] + path[on] * down[:, on], down[:, on] * MIRRORED])
-        yield first[on] + pixel[0], np.full(on.size, LINES), weight, ray
+        yield pixel[first[on]], np.full(on.size, LINES), weight, ray
 
 
 def _add(picture: Floats, pixel: Integers, count: Integers, colour: Floats) -> None:

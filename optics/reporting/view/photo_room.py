@@ -75,16 +75,32 @@ class PhotoRoom:
     smaller: float
     stretch: float
 
-    def directions(self, lines: Integers) -> Floats:
+    def directions(self, lines: Integers, columns: Integers) -> Floats:
         """Return the unit directions of the rays of some lines, line by line, (3, n)."""
         left, right, bottom, top = self.window
         beside = np.where(lines % LINES, 0.75, 0.25)[:, None]
-        x = left + (right - left) * (np.arange(PIXELS[0]) + beside) / PIXELS[0]
+        x = left + (right - left) * (columns + beside) / PIXELS[0]
         y = top - (top - bottom) * (lines + 0.5) / (LINES * PIXELS[1])
         across, up, back = self.turn[:, :, None, None]
         rays = across * x - back
         rays += up * y[:, None]
         return (rays / np.sqrt((rays * rays).sum(axis=0))).reshape(3, -1)
+
+    def showing(self, points: Floats) -> tuple[Integers, Integers]:
+        """Return the lines and columns between which points (3, n) are seen; all where one is not before the
+        camera."""
+        across, up, back = self.turn @ (points - self.eye[:, None])
+        if back.max() >= 0:
+            return np.arange(LINES * PIXELS[1]), np.arange(PIXELS[0])
+        left, right, bottom, top = self.window
+        down, along = (top + up / back) / (top - bottom), (-across / back - left) / (right - left)
+        return _between(down, LINES * PIXELS[1]), _between(along, PIXELS[0])
+
+
+def _between(shares: Floats, count: int) -> Integers:
+    """Return the numbers out of a count between which shares of it lie."""
+    low, high = np.clip([shares.min(), shares.max()], 0, 1) * count
+    return np.arange(max(int(low) - 1, 0), min(int(high) + 2, count))
 
 
 @dataclass(frozen=True, eq=False)
