@@ -86,7 +86,7 @@ class Size:
     def later(self, dof: float) -> list[Phase]:
         """Return the phases behind the last stage, of a lens with so many degrees of freedom.
 
-        The figures are drawn by another process, which begins with the measurement.  All phases work on one
+        Most figures are drawn by another process, which begins with the measurement.  All phases work on one
         core, but for a measurement that traces much.
         """
         measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels + 2e-6 * dof
@@ -100,7 +100,7 @@ class Size:
             Phase("export", 0.05 + 2e-6 * dof, on_one_core=True),
             Phase("measure", measure, on_one_core=alone),
             Phase("verify", verify, on_one_core=True),
-            Phase("figures", min(0.9, max(0.1, 3.0 - measure - verify)), on_one_core=True),
+            Phase("figures", min(0.9, max(0.1, 2.3 - measure - verify)), on_one_core=True),
         ]
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
-from optics.base.runtime import Backend, HelperProcess, answered
+from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
 from optics.reporting.view import elements_sight, photo_caption, photograph, scene_paths
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 
 
@@ -60,9 +60,11 @@ class DesignFigures:
         )
         self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
         self._seen_from = "behind" if system.axial else "beside"
-        self._photo_caption = photo_caption(system, lens)
-        self._photographed: tuple[Any, ...] = plain, lens, irradiance, elements_sight(system, lens, backend)
-        self._photo = self.process.ask("optics.reporting.view", "photograph", *self._photographed)
+
+    def photograph(self, system: OpticalSystem, lens: Lens, irradiance: Floats, backend: Backend) -> None:
+        """Make the photograph, here, while other processes draw and write the solids."""
+        sight = elements_sight(system, lens, backend)
+        self._photo = photo_caption(system, lens), photograph(system, lens, irradiance, sight)
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
@@ -88,7 +90,6 @@ class DesignFigures:
 
         The photograph is the last in the row.
         """
-        photo = answered(self._photo, photograph, *self._photographed)
         parts = f"Source, {self._noun} and target"
         captions = {
             "scene": f"{parts}, seen from {self._seen_from}; rays that miss the target are red.",
@@ -97,7 +98,7 @@ class DesignFigures:
         }
         pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
         return {
-            "photo": (self._photo_caption, photo),
+            "photo": self._photo,
             **self._light.result(),
             **self._lens.result(),
             **{name: (caption, pictures[name].result()) for name, caption in captions.items()},

@@ -160,6 +160,7 @@ def write_result(
         design.notes(sentence)
     metrics = design.metrics
     clock.lap("measure")
+    figures.photograph(system, lens, measurement.irradiance, system.backend)
     product = answered(making, manufactured, system, lens)
     checks = _checks(design, product, export)
     writer.place_steps(export.files)
