@@ -100,7 +100,7 @@ class Size:
             Phase("export", 0.05 + 2e-6 * dof, on_one_core=True),
             Phase("measure", measure, on_one_core=alone),
             Phase("verify", verify, on_one_core=True),
-            Phase("figures", min(0.9, max(0.1, 2.3 - measure - verify)), on_one_core=True),
+            Phase("figures", min(0.9, max(0.1, 3.0 - measure - verify)), on_one_core=True),
         ]
 
 

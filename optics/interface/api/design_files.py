@@ -155,12 +155,12 @@ def write_result(
     clock.lap("export")
     measurement = design.measurement
     figures.draw_light(system, lens, measurement, system.backend)
+    figures.photograph(system, lens, measurement.irradiance, system.backend)
     etendue = reached_sentences(system, lens, measurement.metrics)
     for sentence in etendue.limits:
         design.notes(sentence)
     metrics = design.metrics
     clock.lap("measure")
-    figures.photograph(system, lens, measurement.irradiance, system.backend)
     product = answered(making, manufactured, system, lens)
     checks = _checks(design, product, export)
     writer.place_steps(export.files)
