@@ -16,7 +16,8 @@ FIGURES = tuple(
         *("photo", "target", "irradiance", "error", "irradiance_02", "sharp", "colour", "fringe"),
         *("polar", "isocandela", "rays_1", "rays_2"),
         *("sag", "mesh", "front_sag", "front_mesh", "face_sag", "face_mesh"),
-        *("loss", "scene", "solid_before", "solid"),
+        *("loss", "scene", "solid"),
+        "solid_before",  # of version 0.3.0 and before
     )
 )
 # what says how good a result is, the record first: gone before the first new file is written

@@ -28,7 +28,6 @@ class DesignFigures:
             ", ".join(rows) if rows[1:] else optic.noun,
             (optic.face_name("front"), optic.face_name("rear")),
         )
-        self._before = process.ask("optics.reporting.figures", "solid_views", system.lens, self._sides)
 
     def draw_lens(
         self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
@@ -93,10 +92,9 @@ class DesignFigures:
         parts = f"Source, {self._noun} and target"
         captions = {
             "scene": f"{parts}, seen from {self._seen_from}; rays that miss the target are red.",
-            "solid_before": "The solid before optimisation.",
             "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
         }
-        pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
+        pictures = {"scene": self._scene, "solid": self._solid}
         return {
             "photo": self._photo,
             **self._light.result(),

@@ -31,7 +31,6 @@ RESULTS: dict[Result, str] = {"passed": "good", "failed": "bad", "undecided": "o
 FIRST, STILL = "photo", "scene"  # of the pictures: the first, and the one behind the page to be turned
 OF_LENS = (
     "solid",
-    "solid_before",
     "sag",
     "mesh",
     "front_sag",

@@ -23,7 +23,6 @@ FIGURES = {
     "mesh",
     "loss",
     "solid",
-    "solid_before",
     "scene",
 }
 
