@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from types import ModuleType
@@ -96,6 +98,16 @@ class Backend:
     def opaque(self, number: float) -> DrArray:
         """Return a number that does not become part of the kernels, which then serve every lens."""
         return self.dr.opaque(self.Float, float(number))
+
+    @contextmanager
+    def on_one_thread(self) -> Iterator[None]:
+        """Work on one thread: others wait for short kernels busily, and take cores from other processes."""
+        threads = self.dr.thread_count()
+        self.dr.set_thread_count(1)
+        try:
+            yield
+        finally:
+            self.dr.set_thread_count(threads)
 
     def release(self) -> None:
         """Give memory back to the system that Dr.Jit keeps for arrays to come."""

@@ -82,11 +82,12 @@ def transport_map(
         grids.insert(0, (-(-nx // 2), -(-ny // 2)))
     size = (1.0, 1.0 / aspect)
     phi, first = np.zeros(grids[0]), FAR
-    for grid in grids:
-        f, g = (d / d.mean() for d in (source(grid), density(grid)))
-        phi = zoom(phi, [b / a for a, b in zip(phi.shape, grid)], order=3, mode="nearest", grid_mode=True)
-        psi, phi = _Dual(backend, f, g, [s / n for s, n in zip(size, grid)]).solved(phi, first)
-        first = NEAR
+    with backend.on_one_thread():
+        for grid in grids:
+            f, g = (d / d.mean() for d in (source(grid), density(grid)))
+            phi = zoom(phi, [b / a for a, b in zip(phi.shape, grid)], order=3, mode="nearest", grid_mode=True)
+            psi, phi = _Dual(backend, f, g, [s / n for s, n in zip(size, grid)]).solved(phi, first)
+            first = NEAR
     gx, gy = _gradient(psi, [s / n for s, n in zip(size, shape)])
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] - 2 * gx / size[0], -1, 1)
