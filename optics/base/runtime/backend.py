@@ -100,10 +100,14 @@ class Backend:
         return self.dr.opaque(self.Float, float(number))
 
     @contextmanager
-    def on_one_thread(self) -> Iterator[None]:
-        """Work on one thread: others wait for short kernels busily, and take cores from other processes."""
+    def on_threads(self, most: int) -> Iterator[None]:
+        """Work on so many threads at most, and on one at least.
+
+        Threads wait busily for the next kernel.  Where kernels are short, they take more of the cores from
+        other processes than they are worth.
+        """
         threads = self.dr.thread_count()
-        self.dr.set_thread_count(1)
+        self.dr.set_thread_count(max(1, min(threads, most)))
         try:
             yield
         finally:

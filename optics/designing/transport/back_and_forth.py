@@ -82,7 +82,7 @@ def transport_map(
         grids.insert(0, (-(-nx // 2), -(-ny // 2)))
     size = (1.0, 1.0 / aspect)
     phi, first = np.zeros(grids[0]), FAR
-    with backend.on_one_thread():
+    with backend.on_threads(1):
         for grid in grids:
             f, g = (d / d.mean() for d in (source(grid), density(grid)))
             phi = zoom(phi, [b / a for a, b in zip(phi.shape, grid)], order=3, mode="nearest", grid_mode=True)

@@ -12,7 +12,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from optics.base.runtime import Check, HelperProcess, answered, device, peak_mb, process_for, verification
+from optics.base.runtime import (
+    Check,
+    HelperProcess,
+    answered,
+    device,
+    peak_mb,
+    process_for,
+    usable_cores,
+    verification,
+)
 from optics.designing.etendue import reached_sentences
 from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
@@ -42,6 +51,7 @@ from optics.scene.system import (
 from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
+HELPERS = 2
 SHADE = "bodies that shade each other: the independent trace of the file lets its light pass them"
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
@@ -154,15 +164,16 @@ def write_result(
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
-    figures.draw_light(system, lens, measurement, system.backend)
-    figures.photograph(system, lens, measurement.irradiance, system.backend)
-    etendue = reached_sentences(system, lens, measurement.metrics)
-    for sentence in etendue.limits:
-        design.notes(sentence)
-    metrics = design.metrics
-    clock.lap("measure")
-    product = answered(making, manufactured, system, lens)
-    checks = _checks(design, product, export)
+    with system.backend.on_threads(usable_cores() - HELPERS):  # which are at work
+        figures.draw_light(system, lens, measurement, system.backend)
+        figures.photograph(system, lens, measurement.irradiance, system.backend)
+        etendue = reached_sentences(system, lens, measurement.metrics)
+        for sentence in etendue.limits:
+            design.notes(sentence)
+        metrics = design.metrics
+        clock.lap("measure")
+        product = answered(making, manufactured, system, lens)
+        checks = _checks(design, product, export)
     writer.place_steps(export.files)
     clock.lap("verify")
     light = measurement.irradiance, measurement.target
