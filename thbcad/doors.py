@@ -24,7 +24,7 @@ EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
     "optics": (
         *("OCP", "drjit", "filelock", "lib3mf", "matplotlib", "photompy"),
-        *("PIL", "psutil", "shtab", "skimage", "tqdm", "trimesh"),
+        *("PIL", "psutil", "shtab", "skimage", "threadpoolctl", "tqdm", "trimesh"),
     ),
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),

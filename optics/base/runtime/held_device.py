@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from threading import RLock
 from typing import Any
@@ -24,12 +24,16 @@ def one_blas_thread() -> AbstractContextManager[None]:
     What it does beside the device are short operations on vectors, whose threads wait for each other, and
     for the next operation on the cores that the device needs: a design took nearly twice as long.
     """
-    limit: AbstractContextManager[None] = _blas().limit(limits=1, user_api="blas")
+    blas = _blas()
+    limit: AbstractContextManager[None] = blas.limit(limits=1, user_api="blas") if blas else nullcontext()
     return limit
 
 
 @cache
 def _blas() -> Any:
-    from threadpoolctl import ThreadpoolController  # once numpy and scipy have loaded theirs
-
+    """Return what knows the BLAS of numpy and of scipy; None without the extra, where there is no device."""
+    try:
+        from threadpoolctl import ThreadpoolController  # once these have loaded theirs
+    except ImportError:
+        return None
     return ThreadpoolController()

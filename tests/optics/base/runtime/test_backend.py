@@ -19,9 +19,15 @@ def test_an_interrupt_within_an_operation_is_one_outside(backend, raised, met):
 
 @pytest.mark.parametrize(("most", "taken"), [(5, 2), (2, 2), (1, 1), (0, 1), (-3, 1)])
 def test_work_on_fewer_threads_has_its_own_again_behind_it(backend, most, taken):
+    seen = []
+
+    def interrupted():
+        with backend.on_threads(most):
+            seen.append(backend.dr.thread_count())
+            raise KeyboardInterrupt
+
     backend.dr.set_thread_count(2)
-    with pytest.raises(KeyboardInterrupt), backend.on_threads(most):
-        assert backend.dr.thread_count() == taken
-        raise KeyboardInterrupt
-    assert backend.dr.thread_count() == 2
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [*seen, backend.dr.thread_count()] == [taken, 2]
     backend.dr.set_thread_count(1)  # as the other tests have it

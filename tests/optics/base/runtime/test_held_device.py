@@ -1,12 +1,15 @@
 """The device: one thread works on it at a time, and BLAS takes one thread meanwhile."""
 
+import sys
 from threading import Thread
 
+import numpy as np
 import pytest
 import scipy.linalg  # noqa: F401  it has a BLAS of its own
 from threadpoolctl import ThreadpoolController
 
-from optics.base.runtime import device
+import optics
+from optics.base.runtime import device, held_device
 
 
 def blas_threads():
@@ -43,3 +46,11 @@ def test_a_second_thread_waits():
         order.append("first")
     other.join()
     assert order == ["first", "second"]
+
+
+def test_a_search_needs_no_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
+    held_device._blas.cache_clear()
+    found = optics.minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]))
+    held_device._blas.cache_clear()
+    assert found.loss < 1e-12
