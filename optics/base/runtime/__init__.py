@@ -5,14 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .backend import (
-        ARRAY_TYPES,
-        PACKED,
-        PRECISIONS,
-        Backend,
-        DrArray,
-        load_backend as load_backend,
-    )
+    from .backend import ARRAY_TYPES, PACKED, PRECISIONS, Backend, DrArray, load_backend as load_backend
     from .checks import RESOLVED, Check, Grade, Result, check_lines, checks_of, grade, verification
     from .errors import LONGEST, NumericalError, UserError, is_text, note, printable, speaking_of
     from .garbage import collect_rarely

@@ -7,11 +7,6 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.designing.starts.cell_sums import summed_over_cells
     from optics.designing.starts.rear_light import RearLight
-    from optics.designing.starts.transport_start import (
-        STEEP,
-        TransportFit,
-        TransportStart,
-        spot_lens,
-    )
+    from optics.designing.starts.transport_start import STEEP, TransportFit, TransportStart, spot_lens
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from .html import (
-        PageSection,
-        Report,
-        check_page,
-        figures_html,
-        page_head,
-        report_html,
-        section_page,
-    )
+    from .html import PageSection, Report, check_page, figures_html, page_head, report_html, section_page
     from .irradiance_files import light_files
     from .small_pictures import light_pictures
 
