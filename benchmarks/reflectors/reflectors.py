@@ -38,7 +38,7 @@ THEIRS = "Benamou, IJzerman, Rukhaia 2020: near its sampling floor, {} by their 
 MIRROR = {
     "element.M1.position": [0.0, 0.0, 0.0],
     "element.M1.tilt": [0.0, 0.0, 0.0],
-    "element.M1.thickness": 150.0,
+    "element.M1.thickness": 170.0,
     "element.M1.reflectance": 1.0,
     "element.M1.face.half_width": [92.0, 92.0],
     "element.M1.face.radius": -100.0,
