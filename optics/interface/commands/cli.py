@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _stoppable(options: Namespace) -> int:
     """Run the command of the arguments, and return the exit code also where it fails or is stopped."""
-    # only vector operations use BLAS here: its threads would wait for each other, not help
+    # as `one_blas_thread`; no other is begun at all, since a process with threads forbids copies of itself
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # pictures are written, never shown
     with stop_signals() as stop:

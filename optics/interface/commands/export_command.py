@@ -182,9 +182,9 @@ def _require_whole_lens(does: str, options: Namespace) -> None:
 
 
 def _require_no_assembly(what: str, options: Namespace) -> None:
-    """Raise UserError where options ask for an assembly beside what is written."""
+    """Raise UserError where options ask for an assembly.  what : is written instead."""
     if options.scene:
-        raise UserError(f"--scene writes an assembly as STEP, and --out is {what}: leave out one of both")
+        raise UserError(f"--scene writes an assembly as STEP, not {what}: leave it out")
 
 
 def _is_given(options: Namespace, name: str) -> bool:

@@ -17,7 +17,7 @@ from PIL import Image
 from optics.base.runtime import Backend
 from optics.light.tracing import Branches, ShadingBody, seen_branches
 from optics.reporting.view.photo_light import WARM, PhotoLight, interpolated
-from optics.reporting.view.photo_room import LINES, PIXELS, WIDEST, PhotoRoom, photo_room
+from optics.reporting.view.photo_room import LINES, PIXELS, WHOLE, WIDEST, PhotoRoom, photo_room
 from optics.reporting.view.scene_layout import block_means, corners
 from optics.scene.paths import Body
 from optics.scene.photometry import encoded_srgb
@@ -35,7 +35,6 @@ MOST_PIXELS = 512  # of the picture on the screen, across: more are not seen
 BRIGHTEST = 0.998  # quantile of the light that is shown white
 MIRRORED = np.array([[1.0], [-1.0], [1.0]])
 COMPRESSION = 6  # of 9
-WHOLE = LINES * PIXELS[1], PIXELS[0]
 MEETINGS = 4  # elements in a row that a ray of the camera meets: what comes then is as good as black
 DARK = 3.0  # index of the blank of a mirror, of which a quarter of the light comes back
 

@@ -29,6 +29,7 @@ PIXELS = (960, 540)  # columns and rows
 COARSE = 61  # samples across a face, for the box around it
 ROUNDING = 1e-9  # of a factor
 LINES = 2  # of rays in a row of pixels: one ray above on the left, one below on the right
+WHOLE = LINES * PIXELS[1], PIXELS[0]  # lines and columns of the picture
 BACK = 1.6  # of throw and half-width of the screen together: from the screen back to the camera
 ABOVE = 0.12  # of the camera's distance from the lens: its height over the axis
 CLEAR = 1.08  # of what lens and screen take: the space between them in the picture
@@ -91,10 +92,10 @@ class PhotoRoom:
         camera."""
         across, up, back = self.turn @ (points - self.eye[:, None])
         if back.max() >= 0:
-            return np.arange(LINES * PIXELS[1]), np.arange(PIXELS[0])
+            return np.arange(WHOLE[0]), np.arange(WHOLE[1])
         left, right, bottom, top = self.window
         down, along = (top + up / back) / (top - bottom), (-across / back - left) / (right - left)
-        return _between(down, LINES * PIXELS[1]), _between(along, PIXELS[0])
+        return _between(down, WHOLE[0]), _between(along, WHOLE[1])
 
 
 def _between(shares: Floats, count: int) -> Integers:

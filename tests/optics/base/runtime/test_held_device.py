@@ -13,7 +13,7 @@ from optics.base.runtime import device, held_device
 
 
 def blas_threads():
-    return [library["num_threads"] for library in ThreadpoolController().info()]
+    return [library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()]
 
 
 @pytest.fixture

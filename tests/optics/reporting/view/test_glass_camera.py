@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 from optics.light.tracing import seen_branches
 from optics.reporting.view import elements_sight, photo_caption, photograph
 from optics.reporting.view.photo_light import interpolated
-from optics.reporting.view.photo_room import PIXELS, photo_room
+from optics.reporting.view.photo_room import PIXELS, WHOLE, PhotoRoom, photo_room
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
@@ -104,6 +104,19 @@ MIRROR = {"kind": "mirror", "name": "M1", "position": (0, 0, 40), "tilt": (45, 0
 MIRROR |= {"face": {"half_width": (20, 30), "radius": np.inf, "conic": 0.0, "freeform": None}}
 GLASS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6.0, "front": {"half_width": (20, 20)}}
 GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_freedom": 1.0}}}
+
+
+@pytest.mark.parametrize("row", [False, True])
+def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatch, row):
+    source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
+    target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
+    elements = OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+    system, lens = (elements, elements.lens) if row else made({})
+    light, sight = np.ones((8, 8)), elements_sight(system, lens, backend)
+    monkeypatch.setattr(PhotoRoom, "showing", lambda room, points: tuple(map(np.arange, WHOLE)))
+    whole = elements_sight(system, lens, backend)
+    assert sight.pixel.size == whole.pixel.size > 1e4
+    assert photograph(system, lens, light, sight) == photograph(system, lens, light, whole)
 
 
 def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
