@@ -33,16 +33,17 @@ CELLS = 1024, 1024  # corners of the source's
 PROBES, LEAST = 8, 1e-6  # of the curvature; of its mean
 
 
-def far_sighted(design: optics.Design, steps: tuple[int, int]) -> optics.Design:
+def far_sighted(design: optics.Design, steps: Sequence[int]) -> optics.Design:
     """Return a design of own source and receiver after more steps, by this loss.
 
-    steps : on its own mesh, and on the mesh of level FINEST everywhere.
+    steps : on its own mesh and, if there is a second number, on the mesh of level FINEST everywhere.
     """
     own, sag = design.system.own, design.lens.front.sag
     system = optics.System(design.asked, own.source, own.receiver)
-    coarse = _shaped(system, THBSurface(sag.space, sag.coefficients), steps[0])
-    fine = _shaped(system, coarse.uniform(FINEST), steps[1])
-    return replace(design, lens=system.lens(fine.space, fine.coefficients))
+    sag = _shaped(system, THBSurface(sag.space, sag.coefficients), steps[0])
+    for more in steps[1:]:
+        sag = _shaped(system, sag.uniform(FINEST), more)
+    return replace(design, lens=system.lens(sag.space, sag.coefficients))
 
 
 def _shaped(system: optics.System, sag: THBSurface, steps: int) -> THBSurface:
