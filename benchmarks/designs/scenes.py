@@ -65,7 +65,7 @@ class Scene:
 
 
 SCENES = {
-    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [76]}, 12),
+    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [64]}, 12),
     "mirror, beam at 45 degrees, top hat": Scene("mirror", 0.005, BESIDE | TOP_HAT),
     "mirror, point, pearl": Scene(
         "lamp_reflector", 0.035, NEAR | PEARL | {"element.M1.face.freeform.max_level": "auto"}
@@ -94,7 +94,7 @@ SCENES = {
 }
 ROWS = {
     "fixed lens that spreads the beam, mirror": Scene(
-        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [28]}, 15
+        "two_elements", 0.032, {"element.M1.face.freeform": AUTO, "optimizer.iterations": [25]}, 15
     ),
     "lens, fixed hollow mirror of radius 800 mm": Scene(
         "folded",
@@ -106,7 +106,7 @@ ROWS = {
             "element.M1.face.radius": -800.0,
             "element.M1.face.half_width": [110.0, 205.0],
             "target.position": [0, 300, 170],
-            "optimizer.iterations": [20],
+            "optimizer.iterations": [16],
         },
         15,
     ),

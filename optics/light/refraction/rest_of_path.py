@@ -23,6 +23,7 @@ SETTLED = 1e-6  # rad: a step as short as that leaves no more than rounding of a
 CHORD = 1e-3  # rad: behind shorter steps the derivatives hardly change, and each step adds three digits
 FARTHEST = 0.3  # rad, of a step
 DIFFERENCE = 1e-6  # rad: the square root of the rounding of a landing, with some room
+BLOCK = 1 << 14  # rays at once, whose vectors stay in a cache: 2^18 of them take half of the seconds
 AHEAD = 0.5  # cosine to the vertex: from directions farther aside Newton's method does not begin
 
 
@@ -69,6 +70,17 @@ class RestOfPath:
         if not self.surfaces:
             directions = normalised(self.receiver.toward(points, u, v))
             return directions, self.land(points, directions)[2]
+        given = np.broadcast_arrays(*points, u, v, *(near or ()))
+        flat = [a.ravel() for a in given]
+        found = [
+            self._aimed(*(a[k : k + BLOCK] for a in flat)) for k in range(0, max(1, flat[0].size), BLOCK)
+        ]
+        *directions, reached = (np.concatenate(parts).reshape(given[0].shape) for parts in zip(*found))
+        return directions, reached
+
+    def _aimed(self, *given: Floats) -> tuple[Floats, ...]:
+        """Return unit vectors and which of them do, (rays,) each, for (rays,) each of what `toward` takes."""
+        points, (u, v), near = given[:3], given[3:5], given[5:]
         middle = np.array(normalised(self.surfaces[0].pose.shift))
         aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
         frame = aside, np.cross(middle, aside)
@@ -80,8 +92,8 @@ class RestOfPath:
             landed = self.land(points, at(p, q))
             return np.array([u - landed[0], v - landed[1]]), landed[2]
 
-        p = q = np.zeros(np.broadcast(*points, u, v).shape)
-        if near is not None:
+        p = q = np.zeros(u.shape)
+        if near:
             ahead, *across = (sum(a * b for a, b in zip(near, axis)) for axis in (middle, *frame))
             p, q = (np.where(ahead > AHEAD, a / np.maximum(ahead, AHEAD), 0.0) for a in across)
         far = np.inf
@@ -100,7 +112,7 @@ class RestOfPath:
             p, q, far = p + step[0], q + step[1], float(abs(step).max())
             if far < SETTLED:
                 break
-        return at(p, q), reached
+        return *at(p, q), reached
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:
