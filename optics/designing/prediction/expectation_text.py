@@ -91,7 +91,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
         return f"rel_l2: not predicted {where}; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
-        basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 60 iterations"
+        basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 72 iterations"
         return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"
     return f"rel_l2: below {max(expected.rel_l2, LEAST_ERROR):.2g}; {start}"
 

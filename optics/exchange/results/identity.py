@@ -17,6 +17,7 @@ OF_THE_LIGHT = (
     *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
 )  # keys of verify
 KEPT = "result"  # default of run.keep
+EARLIER = {"optimizer.iterations": (60,)}  # defaults of earlier versions, whose results are still read
 DATA = ("target", "source")  # tables that may name a file: a picture, or rays
 
 
@@ -53,7 +54,7 @@ def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
 
 
 def _set_keys(problem: Problem, others: Mapping[str, object] | None = None) -> str:
-    """Return the keys that differ from their defaults, a line each.
+    """Return the keys that differ from their first defaults, a line each.
 
     So keys that a later version knows too do not change what is known of a problem.
 
@@ -68,7 +69,7 @@ def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator
         value = others.get(key, getattr(table, field.name))
         if is_dataclass(value):
             yield from _set(value, others, f"{key}.")
-        elif value != _left_out(table, field):
+        elif value != EARLIER.get(key, _left_out(table, field)):
             yield key, value
 
 

@@ -33,7 +33,7 @@ class Optimizer:
     method: str = option("lbfgs", choices=METHODS, note="of the optimisation")
     step: float = option(0.05, above=0, high=GREATEST_STEP, note="of Adam, in units of 0.02 z_freedom")
     iterations: tuple[int, ...] = option(
-        (60,),
+        (72,),
         low=1,
         high=100_000,
         note="iterations per level; the last number goes on; blurred light is sharp in as many before",
