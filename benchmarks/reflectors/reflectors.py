@@ -34,7 +34,7 @@ RAYS, CELLS = 1 << 14, 512  # of the distance: rays of the source; of densities:
 SEEDS = (1, 2)  # of points of the target, to which both rays and points like them are moved
 PERFECT = (0, 3)  # of such points: sets differ by 1 to 2 %
 DISTANCE = "distance of Wasserstein W2 in u, v"
-MAPPED = "that of the same rays sent by the exact map, which are less even than Sobol points of the target"
+AT_FLOOR = 1.05  # times the W2 of perfect light
 PAIRED = "exact assignment of 2^14 rays to Sobol points, rms of two sets"
 THEIRS = "Benamou, IJzerman, Rukhaia 2020: near its sampling floor, {} by their rays and W2"
 MIRROR = {
@@ -113,30 +113,27 @@ class Case:
         radius = np.linalg.norm([hits.x.numpy(), hits.y.numpy(), hits.z.numpy() + self.height], axis=0)
         return float(radius.std() / radius.mean())
 
-    def distances(self, design: optics.Design) -> tuple[float, list[float]]:
-        """Return W2 from points of the light asked for: of a design's rays, and of what has the floor's.
-
-        That is the same rays sent by the exact map where it is known, and sets of such points elsewhere.
-        """
+    def landing(self, design: optics.Design) -> Floats:
+        """Return where these rays land, (rays, 2)."""
         _, landing = self.tracer(design).trace()
-        drawn = {s: drawn_points(RAYS, WINDOW, self.density(), s) for s in (*SEEDS, *PERFECT)}
-        perfect = [drawn[s] for s in PERFECT]
-        if self.turned:
-            perfect = [self.perfect_landing(self.rays().direction)]
-        sets = [np.c_[landing.x.numpy(), landing.y.numpy()], *perfect]
-        light, *floors = (
-            float(np.sqrt(np.mean([distance(points, drawn[s]) ** 2 for s in SEEDS]))) for points in sets
-        )
-        return light, floors
+        return np.c_[landing.x.numpy(), landing.y.numpy()]
 
-    def perfect_landing(self, direction: Floats) -> Floats:
-        """Return where rays go by the map whose circles hold the same shares of both lights, (rays, 2)."""
-        density = self.density()
+    def drawn(self, seed: int) -> Floats:
+        """Return points of the light asked for, (rays, 2)."""
+        return drawn_points(RAYS, WINDOW, self.density(), seed)
+
+    def distance(self, points: Floats) -> float:
+        """Return W2 of points from sets of points of the light asked for, root mean square."""
+        return float(np.sqrt(np.mean([distance(points, self.drawn(s)) ** 2 for s in SEEDS])))
+
+    def perfect_landing(self) -> Floats:
+        """Return where these rays go by the map of circles to those with the same shares, (rays, 2)."""
+        density, direction = self.density(), self.rays().direction
         middles = WINDOW * ((2 * np.arange(CELLS) + 1) / CELLS - 1)
         radius = np.hypot(middles[:, None], middles).ravel()
         order = np.argsort(radius)
         within = np.cumsum(density.ravel()[order])
-        # even light per solid angle to 2 atan(1 / 2) from the axis: its share within is as 1 - cos
+        # light is even per solid angle up to 2 atan(half) from the axis: its share within is as 1 - cos
         share = (1 - direction[2]) / (1 - np.cos(2 * np.arctan(self.source.half)))
         across = np.interp(share, within / within[-1], radius[order])
         return (direction[:2] * across / np.hypot(*direction[:2])).T * [-1, 1]
@@ -197,7 +194,7 @@ def case_rows(title: str, case: Case) -> list[Row]:
     start = perf_counter()
     design = case.designed()
     seconds = perf_counter() - start
-    light, floors = case.distances(design)
+    light, floors = case.distance(case.landing(design)), [case.distance(case.drawn(s)) for s in PERFECT]
     floor = np.sqrt(np.mean(np.square(floors)))
     reference = THEIRS.format("2.31e-3" if case.round else "2.36e-3")
     sphere = "  deviation from a sphere about the source, rms"
@@ -208,12 +205,22 @@ def case_rows(title: str, case: Case) -> list[Row]:
             "  over the sampling floor",
             float(light / floor),
             "",
-            MAPPED if case.turned else "that of Sobol points of the target, rms of two sets",
-            1.05,
-            quantity="W2 of a set of rays over that of a set of perfect light",
+            "that of Sobol points of the target, rms of two sets",
+            AT_FLOOR,
+            quantity="W2 of a set of rays over that of a set of Sobol points of the target",
             estimator="exact assignment; the error is the spread of such sets",
-            error=None if case.turned else float(np.std(floors, ddof=1) / floor),
+            error=float(np.std(floors, ddof=1) / floor),
         ),
+        *(_mapped_rows(light, case.distance(case.perfect_landing()), floor) if case.turned else []),
         *([Row(sphere, case.radius_deviation(design), "", "of its radius", 1e-6)] if case.sphere else []),
         Row("  design", seconds, "s"),
+    ]
+
+
+def _mapped_rows(light: float, mapped: float, floor: float) -> list[Row]:
+    """Return what the exact map makes of the rays, which are less even than Sobol points."""
+    quantity = "W2 of a set of rays over that of the same rays sent by the exact map"
+    return [
+        Row("  of the exact map's rays, over the sampling floor", mapped / floor),
+        Row("  over that of the exact map's rays", light / mapped, "", "", AT_FLOOR, quantity=quantity),
     ]
