@@ -75,11 +75,12 @@ class RestOfPath:
         found = [
             self._aimed(*(a[k : k + BLOCK] for a in flat)) for k in range(0, max(1, flat[0].size), BLOCK)
         ]
-        *directions, reached = (np.concatenate(parts).reshape(given[0].shape) for parts in zip(*found))
-        return directions, reached
+        shape = given[0].shape
+        directions = [np.concatenate(axis).reshape(shape) for axis in zip(*(part[0] for part in found))]
+        return directions, np.concatenate([part[1] for part in found]).reshape(shape)
 
-    def _aimed(self, *given: Floats) -> tuple[Floats, ...]:
-        """Return unit vectors and which of them do, (rays,) each, for (rays,) each of what `toward` takes."""
+    def _aimed(self, *given: Floats) -> tuple[list[Floats], Bools]:
+        """Return what `toward` returns, for (rays,) of each of what it takes."""
         points, (u, v), near = given[:3], given[3:5], given[5:]
         middle = np.array(normalised(self.surfaces[0].pose.shift))
         aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
@@ -112,7 +113,7 @@ class RestOfPath:
             p, q, far = p + step[0], q + step[1], float(abs(step).max())
             if far < SETTLED:
                 break
-        return *at(p, q), reached
+        return at(p, q), reached
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:
