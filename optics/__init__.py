@@ -7,9 +7,7 @@
 Names are loaded when they are first used: ``import optics`` itself loads nothing heavy.
 """
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .base.optimisers import (

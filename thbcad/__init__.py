@@ -3,9 +3,7 @@
 Names are loaded when first used: ``import thbcad`` itself loads nothing heavy.
 """
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 __version__ = "0.3.0"
 

@@ -1,8 +1,6 @@
 """CAD exchange; only this package imports OpenCASCADE."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .exchange import (

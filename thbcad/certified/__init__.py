@@ -1,8 +1,6 @@
 """Bounds that hold everywhere, rounding included."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .bernstein_cells import Orders, bernstein, cell_bounds, tensor_form

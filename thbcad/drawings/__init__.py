@@ -1,8 +1,6 @@
 """Drawings of a lens: views and sections as plane curves with a proven error, dimensions, SVG and DXF."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .drawing_files import DRAWINGS, drawing_bytes, write_drawing

@@ -1,8 +1,6 @@
 """Functions and samples into THB surfaces."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .adaptive_fit import Fit, fit

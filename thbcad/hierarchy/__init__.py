@@ -1,8 +1,6 @@
 """THB spaces: nested levels and the operators between them."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .domains import MAX_LEVEL, Cells

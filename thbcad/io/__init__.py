@@ -1,8 +1,6 @@
 """Files without a CAD kernel: native JSON, the text of STEP files, meshes, tables of sag."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .atomic_files import json_text, write_bytes, write_files, write_text

@@ -1,8 +1,6 @@
 """The closed lens, its rims and edges, and what can be proven of it."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .cuts import (

@@ -1,8 +1,6 @@
 """Triangle meshes of lenses, apertures, polygons, flanges and parts; hand-over to trimesh, and GLB files."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .bodies import body_mesh

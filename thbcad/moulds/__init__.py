@@ -1,9 +1,7 @@
 """What moulds need of a lens: its size before the plastic shrinks, and the bodies that leave a mould, of one
 lens or of several on a plate."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .body_walls import BodyOptions

@@ -1,8 +1,6 @@
 """Mounts of lenses: what a mount.toml describes, and the proof that it leaves the clear aperture free."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .clearance import MountProof, require_mount as require_mount

@@ -1,8 +1,6 @@
 """Curves round a lens in the plane z = 0, what splines hold within, and splines along the rims above them."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .outline_integrals import UPRIGHT, Shape, area_rule, cross, integral_inside, walled_volume

@@ -1,8 +1,6 @@
 """Small pictures of splines and lenses as text: SVG with colour maps, made by numpy alone."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .svg_pictures import card, frame_size, interval_text, line_path, map_element, svg

@@ -1,8 +1,6 @@
 """Sag functions z(x, y), and splines of them with a proven error."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .conic import Conic, meridian

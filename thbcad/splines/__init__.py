@@ -1,8 +1,6 @@
 """Knot vectors, tensor-product B-splines, NURBS and their operators."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .bsplines import BSplineCurve, BSplineSurface, Function, evaluate, interpolate

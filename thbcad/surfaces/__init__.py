@@ -1,8 +1,6 @@
 """THB surfaces and their exact conversions."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .thb_surface import STRIP, THBSurface, value_map

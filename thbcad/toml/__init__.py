@@ -1,8 +1,6 @@
 """TOML as tables, whose cost is bounded before it is read."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .bounded_tables import MOST_PARTS, toml_tables

@@ -1,8 +1,6 @@
 """What tools can cut: fit, motion and cusps of balls and noses, and draft for moulds, by geometry alone."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .cusps import Cusps, ball_cusps as ball_cusps, nose_cusps

@@ -1,8 +1,6 @@
 """Optimisers of a function with its gradient behind one interface: first-order steps, line search, L-BFGS."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .gradient_steps import Adam, GradientDescent, Momentum, RMSProp

@@ -1,8 +1,6 @@
 """Errors, checks, messages, helper processes, and the one place that loads Dr.Jit."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .backend import ARRAY_TYPES, PACKED, PRECISIONS, Backend, DrArray, load_backend as load_backend

@@ -1,8 +1,6 @@
 """Many independent tasks on processes of this machine or on the workers of a dask cluster."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .lack_of_memory import lacks_memory

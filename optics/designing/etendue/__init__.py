@@ -1,8 +1,6 @@
 """What light a source can make at all, with bounds for every lens and for one blur (thesis, chapter 7)."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.etendue.approximation import (

@@ -1,8 +1,6 @@
 """The design loop: start, optimise, refine, checkpoint."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.optimisation.bounded_variables import BoundedVariables

@@ -1,8 +1,6 @@
 """What the shapes of elements add to the loss: roughness, and limits that they exceed."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.penalties.shape_loss import ROOM, Part, ShapePenalty, shape_penalty

@@ -1,8 +1,6 @@
 """What the transport map tells before a design: numbers left to the program, and what to expect."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.prediction.automatic import resolved

@@ -1,8 +1,6 @@
 """How far a design is: its phases drawn, its clock, and its notes."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.progress.design_progress import DesignProgress, Notes, RunClock, Size

@@ -1,8 +1,6 @@
 """What a design starts from: slopes by optimal transport that send light where it is wanted."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.starts.cell_sums import summed_over_cells

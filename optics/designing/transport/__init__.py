@@ -1,8 +1,6 @@
 """Optimal transport between densities of light, and the density to ask for."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.transport.back_and_forth import transport_map

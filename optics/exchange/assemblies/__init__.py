@@ -1,8 +1,6 @@
 """Lenses with their mounts, and scenes of elements: exported, and read back or proven against the lens."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .mount_export import export_mounted, mount_from

@@ -1,8 +1,6 @@
 """The light of a design by independent programs, which read nothing but its STEP file."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .file_tracers import file_tracer, require_tracer

@@ -1,8 +1,6 @@
 """The adapter to Mitsuba 3: meshes, scenes, and the exact tracer as an integrator."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .engines import lens_mesh, mitsuba_engine

@@ -1,8 +1,6 @@
 """One zip of a result for people of another program: the part, points, rays, and what light to expect."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .contents import packed

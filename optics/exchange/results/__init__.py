@@ -1,8 +1,6 @@
 """The result folder: one run, one record, nothing replaced unasked."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .checkpoint import read_checkpoint, write_checkpoint

@@ -1,8 +1,6 @@
 """A STEP file checked by programs that share no code with its writer."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .independent_checks import other_part_checks, text_and_occt_checks, tracer_by_occt

@@ -1,8 +1,6 @@
 """What `import optics` offers to scripts: problems, systems, models, designs."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .design_errors import form_tolerances, monte_carlo, require_monte_carlo, tolerances

@@ -1,8 +1,6 @@
 """Finished lenses in other light than they were designed for, and lenses that were there before a problem."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .explored_light import ExploredLight, Explorer

@@ -1,8 +1,6 @@
 """Many variants of a problem: designed side by side, stored, and shown as tables and pictures."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .running import SweepPlan, run_sweep, sweep

@@ -1,8 +1,6 @@
 """What a lens delivers, measured on fresh rays."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE, nonsequential_light

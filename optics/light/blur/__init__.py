@@ -1,8 +1,6 @@
 """The blur of a beam that diverges and of rough surfaces, as a convolution of the sharp light."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.blur.convolution import Blur, Convolution, blur_of

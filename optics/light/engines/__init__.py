@@ -1,8 +1,6 @@
 """Engines: the light of a lens on a screen and its derivatives, and the protocols that every engine obeys."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.engines.blurred_engine import BlurredEngine, sharp_engine

@@ -1,8 +1,6 @@
 """Where rays meet a surface, and how the light there follows its coefficients."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.intersections.chords import chord

@@ -1,8 +1,6 @@
 """Light measured on pixels: rays splatted through windows, cells mapped and cut exactly."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.measuring.mapped_cells import MappedCells

@@ -1,8 +1,6 @@
 """The light that leaves a lens: rays and an intensity for other programs, where it is concentrated most."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.outgoing.concentration import Concentration, greatest_concentration

@@ -1,8 +1,6 @@
 """The law of refraction in numpy: slopes that send light where it is wanted, and where light lands."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.refraction.rest_of_path import RestOfPath, normalised

@@ -1,8 +1,6 @@
 """Roads under like lamps: illuminance, luminance and glare as EN 13201-3 computes them, and classes."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.roads.installation import RANGES, ROWS, Installation

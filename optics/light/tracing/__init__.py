@@ -1,8 +1,6 @@
 """Rays along a light path: sequential, and with all reflections."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.light.tracing.branches import Branches

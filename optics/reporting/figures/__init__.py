@@ -1,8 +1,6 @@
 """Pictures of lenses, scenes and light, drawn by matplotlib."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .canvas import new_figure, png_bytes

@@ -1,8 +1,6 @@
 """The page that shows a design while it runs."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .live_page import LiveView

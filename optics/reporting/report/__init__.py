@@ -1,8 +1,6 @@
 """The report as a page, and the files of its light."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .html import PageSection, Report, check_page, figures_html, page_head, report_html, section_page

@@ -1,8 +1,6 @@
 """What the pictures of an element at work share, and the one that is turned in a browser."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .drawn_rays import scene_paths, stop_rims

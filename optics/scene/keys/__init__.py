@@ -1,8 +1,6 @@
 """Keys of a problem file: records of tables, their limits, names and changes; and as TOML again."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.keys.dead_ends import cannot_do

@@ -1,8 +1,6 @@
 """The limits of manufacture that a problem sets: by how much a lens misses them, and what would help."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.limits.manufacture_text import as_data, manufacture_rows, position

@@ -1,8 +1,6 @@
 """Luminaires: intensities by direction in IES LM-63 and EULUMDAT files, read, sampled and written."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.luminaires.direction_sampling import DirectionSampler

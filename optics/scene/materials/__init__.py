@@ -1,8 +1,6 @@
 """What lenses are made of: refractive index by wavelength, absorption, density, and their uncertainty."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.materials.base_table import MATERIALS as MATERIALS

@@ -1,8 +1,6 @@
 """What light meets on its way: surfaces and media up to a receiver, as one record with maps."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.paths.bodies import Body

@@ -1,8 +1,6 @@
 """Units in watts or lumens, uniformity, beam and field angle; colour: the CIE observer, spectra, sRGB."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.photometry.cie_tables import chromaticity_distance

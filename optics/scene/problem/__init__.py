@@ -1,8 +1,6 @@
 """The problem file."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.problem.choices import ASKED_LIGHT, ASKED_SOURCES, ENGINES, STARTS

@@ -1,8 +1,6 @@
 """Ray files: TM-25, Zemax and LightTools, read and written."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.ray_files.formats import ray_bytes, read_rays, require_ray_suffix, write_rays

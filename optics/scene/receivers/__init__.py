@@ -1,8 +1,6 @@
 """What receives light: receivers, their pixels and windows, and the light that is asked for on them."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.receivers.curved_receivers import Cylinder, Sphere

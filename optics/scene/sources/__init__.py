@@ -1,8 +1,6 @@
 """Sources of every kind: their rays, where these start, and what may be left out for them."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.sources.cells import SourceCells, beam_cells, cone_cells, corner_flux

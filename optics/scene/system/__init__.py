@@ -1,8 +1,6 @@
 """What a problem describes, built once: lens, source, target, and what tracing need not compute."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.system.elements import TURNED, freeforms, lens_product, pose_of

@@ -1,8 +1,6 @@
 """What errors of the form of front and rear do to the light, and how large they may be."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .allowed_errors import (

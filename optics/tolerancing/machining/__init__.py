@@ -1,8 +1,6 @@
 """Tools on a lens: the blur of their cusps in pixels, what was found in words and data."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .blur_of_cusps import (

@@ -1,8 +1,6 @@
 """Lenses as they were made: measured files, alignment, the made surface, and its light."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .alignment import best_fit as best_fit, by_datums as by_datums

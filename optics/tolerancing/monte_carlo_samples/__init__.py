@@ -1,8 +1,6 @@
 """Lenses as they are made: errors at random within their tolerances, each lens traced exactly."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .monte_carlo_result import MonteCarlo

@@ -1,8 +1,6 @@
 """Lenses that are not quite what was designed: heights that err, parts that move, and their light."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .height_errors import (

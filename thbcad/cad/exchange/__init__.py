@@ -1,8 +1,6 @@
 """STEP, IGES and BREP in and out; hand-over to build123d and cadquery."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .face_points import FaceNodes, face_hits, face_nodes, step_solid

@@ -1,8 +1,6 @@
 """Lenses that other programs wrote: front, rear and frame found by geometry, and refitted."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .foreign_lens import ForeignLens, read_lens_solid

@@ -1,8 +1,6 @@
 """Lenses as parts of build123d and cadquery, joined with others, and written with their own numbers."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .build123d_lens import LensPart

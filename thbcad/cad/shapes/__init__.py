@@ -1,8 +1,6 @@
 """OpenCASCADE solids with shared topology."""
 
-from typing import TYPE_CHECKING
-
-from thbcad.doors import lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .flange_solid import flanged_part as flanged_part
