@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from optics.scene.paths import LightPath, Surface
 from optics.scene.receivers import Receiver, Triple
 from thbcad.checks import Bools, Floats
+from thbcad.poses import IDENTITY, Pose
 from thbcad.sags import Conic
 
 NEWTON_STEPS = 8  # at most; steps double the digits: targets within reach need four or five
@@ -45,19 +47,35 @@ class RestOfPath:
         indices = tuple(medium.index for medium in path.media[surface + 1 :])
         return cls(path.surfaces[surface + 1 :], indices, path.receiver)
 
+    @cached_property
+    def _ways(self) -> tuple[Pose, ...]:
+        """Motions into the frame of every surface from that of the one before it: points turn once each."""
+        frames = (IDENTITY, *(surface.pose for surface in self.surfaces))
+        return tuple(new.inverse() @ old for old, new in pairwise(frames))
+
+    @cached_property
+    def _screen(self) -> Receiver:
+        """The receiver in the frame of the last surface."""
+        return self.receiver.seen_from(self.surfaces[-1].pose) if self.surfaces else self.receiver
+
     def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, Bools]:
         """Return u, v, and which rays come through to the receiver.  directions : unit vectors."""
+        for way in self._ways[:1]:
+            points, directions = way.points(tuple(points)), way.directions(tuple(directions))
+        return self._landed(points, directions)
+
+    def _landed(self, points: Triple, along: Triple) -> tuple[Floats, Floats, Bools]:
+        """Return what `land` returns, of points and unit vectors in the frame of the first surface."""
         through: Bools | bool = True
-        for surface, indices in zip(self.surfaces, pairwise(self.indices)):
-            back = surface.pose.inverse()
-            own, along = back.points(tuple(points)), back.directions(tuple(directions))
-            own = met(surface.shape.conic, own, along)
-            slopes = [surface.shape.conic.formula(own[0], own[1], d) for d in ((1, 0), (0, 1))]
+        for k, (surface, indices) in enumerate(zip(self.surfaces, pairwise(self.indices))):
+            if k:
+                points, along = self._ways[k].points(tuple(points)), self._ways[k].directions(tuple(along))
+            points = met(surface.shape.conic, points, along)
+            slopes = slopes_at(surface.shape.conic, points)
             along, passes = bent(surface.kind == "reflect", indices, along, slopes)
-            through = through & passes & np.isfinite(own[2])
-            points, directions = surface.pose.points(tuple(own)), surface.pose.directions(tuple(along))
+            through = through & passes & np.isfinite(points[2])
         with np.errstate(invalid="ignore"):
-            landed = self.receiver.land(points, directions)
+            landed = self._screen.land(points, along)
             return landed.u, landed.v, through & landed.met
 
     def toward(
@@ -81,16 +99,19 @@ class RestOfPath:
 
     def _aimed(self, *given: Floats) -> tuple[list[Floats], Bools]:
         """Return what `toward` returns, for (rays,) of each of what it takes."""
-        points, (u, v), near = given[:3], given[3:5], given[5:]
-        middle = np.array(normalised(self.surfaces[0].pose.shift))
+        first = self._ways[0]  # all else stands in the frame of the first surface
+        points, (u, v) = first.points(given[:3]), given[3:5]
+        near = first.directions(given[5:]) if given[5:] else ()
+        middle = first.directions(np.array(normalised(self.surfaces[0].pose.shift)))
         aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
         frame = aside, np.cross(middle, aside)
 
         def at(p: Floats, q: Floats) -> list[Floats]:
-            return normalised([m + p * a + q * b for m, a, b in zip(middle, *frame)])
+            length = np.sqrt(1 + p * p + q * q)
+            return [(m + p * a + q * b) / length for m, a, b in zip(middle, *frame)]
 
         def missing(p: Floats, q: Floats) -> tuple[Floats, Bools]:
-            landed = self.land(points, at(p, q))
+            landed = self._landed(points, at(p, q))
             return np.array([u - landed[0], v - landed[1]]), landed[2]
 
         p = q = np.zeros(u.shape)
@@ -113,7 +134,7 @@ class RestOfPath:
             p, q, far = p + step[0], q + step[1], float(abs(step).max())
             if far < SETTLED:
                 break
-        return at(p, q), reached
+        return list(first.inverse().directions(tuple(at(p, q)))), reached
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:
@@ -155,6 +176,14 @@ def met(conic: Conic, point: Triple, along: Triple) -> list[Floats]:
         t = np.where(abs(roots[1] - foot) < abs(roots[0] - foot), roots[1], roots[0])
         t = np.where(stretch * c * (z + t * r) <= 1, t, np.nan)
     return [x + t * p, y + t * q, z + t * r]
+
+
+def slopes_at(conic: Conic, point: Triple) -> list[Floats]:
+    """Return the slopes of a conic at points of it: c x / (1 - (1 + K) c z), and the same of y."""
+    (x, y, z), c = point, 1 / conic.radius
+    down = 1 - (1 + conic.constant) * c * z
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return [c * x / down, c * y / down]
 
 
 def normalised(vector: Triple) -> list[Floats]:
