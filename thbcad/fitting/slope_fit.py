@@ -31,11 +31,11 @@ from thbcad.surfaces import THBSurface
 
 STEPS = 60  # of conjugate gradients, at most
 TOLERANCE = 3e-4  # of the residual, relative to the right side
-EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples lack
+EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples are too few
 # Greatest ratio of functions and samples in a direction: from 0.88 on slopes at samples leave nearly open how
 # the coefficients alternate (a sag of 6 mm then had coefficients of 35 mm).
 DENSEST = 0.85
-SEEN = 1e-3  # of the greatest square sum of samples: what determines a function
+SEEN = 0.05  # of the greatest square sum of samples: what determines a function
 # Charge for the squares of the corrections, relative to the stiffness of one function: those beside the
 # samples hardly count in the fit, and grow with every step without it.
 HELD = 1e-5
@@ -144,6 +144,9 @@ def _tensor_fit(kv_u: KnotVector, kv_v: KnotVector, x: Floats, y: Floats, zx: Fl
     stiffness = by_x[:, None] + by_y[None, :]
     stiffness[stiffness <= CONSTANT * stiffness.max()] = np.inf
     net = across @ ((across.T @ right @ along) / stiffness) @ along.T
+    # in a corner beyond the samples only bends in one direction of the bends in the other are charged
+    (beyond_u, on_u), (beyond_v, on_v) = (_straight_on(kv, a) for kv, a in ((kv_u, a0), (kv_v, b0)))
+    net = np.where(np.outer(beyond_u, beyond_v), on_u @ net @ on_v.T, net)
     mean = float((a0 @ (b0 @ net.T).T).mean())
     return np.asarray(net - mean, dtype=np.float64)
 
@@ -163,6 +166,24 @@ def _modes(kv: KnotVector, samples: Floats) -> tuple[csr_array, csr_array, Float
     mass += np.trace(mass) / n * smooth
     stiffness += np.trace(stiffness) / n * smooth
     return values, slopes, *eigh(stiffness, mass)
+
+
+def _straight_on(kv: KnotVector, values: csr_array) -> tuple[Bools, Floats]:
+    """Return which functions are not seen at the ends, and the matrix that puts their coefficients on lines
+    through those of the last two others."""
+    places, out = kv.greville(), np.eye(kv.dim)
+    known = np.flatnonzero(_seen(values))
+    beyond = np.zeros(kv.dim, dtype=bool)
+    if len(known) < 2:
+        return beyond, out
+    for end, inner, others in (
+        (known[0], known[1], slice(0, known[0])),
+        (known[-1], known[-2], slice(known[-1] + 1, None)),
+    ):
+        beyond[others], out[others] = True, 0.0
+        out[others, inner] = (places[others] - places[end]) / (places[inner] - places[end])
+        out[others, end] = 1 - out[others, inner]
+    return beyond, out
 
 
 def _seen(values: csr_array) -> Bools:

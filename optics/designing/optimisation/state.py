@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import near_cells
@@ -47,6 +47,21 @@ class State:
     stage: int
     sags: tuple[THBSurface, ...]
     history: tuple[Row, ...] = ()
+
+    def renumbered(self, system: OpticalSystem, other: OpticalSystem) -> State:
+        """Return the state for the plan of a system that differs in its iterations: with few of them no steps
+        on fewer cells come first, and their place takes the stage that they prepare."""
+        before, after = (stages(s, self.started_from_transport) for s in (system, other))
+
+        def place(index: int) -> int:
+            if index >= len(before):
+                return len(after)
+            names = [stage.name for stage in after]
+            whole = replace(before[index], rough=False).name
+            return names.index(before[index].name if before[index].name in names else whole)
+
+        rows = tuple(replace(row, stage=place(row.stage)) for row in self.history)
+        return replace(self, stage=place(self.stage), history=rows)
 
     @property
     def dof(self) -> int:

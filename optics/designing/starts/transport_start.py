@@ -32,6 +32,7 @@ from optics.scene.system import OpticalSystem
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
+from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
 TRACED = 2  # level of the fit that tells whether a sag is within its bounds
@@ -50,6 +51,7 @@ ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a li
 MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
+RIM = 1.5  # spans of the finest level, beside the light: half of the support of a cubic function, less a half
 STEEP = 0.1  # of the light, lost where it is bent: some 0.04 are where it meets a usual index at right angles
 
 
@@ -146,13 +148,17 @@ class TransportStart:
     def misfit(self, sag: THBSurface) -> Floats:
         """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
 
-        Shape (n_cells,).
+        It goes on over the rim beside the light: cells there are refined with their neighbours, so that all
+        functions which meet the light are as fine as its cells.  Shape (n_cells,).
         """
         light, (zx, zy) = self._light, self._slopes
         off_x = sag.grid(light.x, light.y, (1, 0)) - zx
         off_y = sag.grid(light.x, light.y, (0, 1)) - zy
-        deviation = off_x**2 + off_y**2
-        return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
+        squares, space, level = light.weight * (off_x**2 + off_y**2), sag.space, sag.space.levels - 1
+        (x, beside_x), (y, beside_y) = (
+            _with_rim(kv, row, level) for kv, row in ((space.kv_u, light.x), (space.kv_v, light.y))
+        )
+        return summed_over_cells(space, x, y, np.pad(squares, (beside_x, beside_y), mode="edge"))
 
     def rear_slopes(self) -> tuple[RearLight, list[Floats]]:
         """Return the light at the shaped surface, and the slopes (zx, zy) that all of it needs, (nx, ny)."""
@@ -249,6 +255,15 @@ class TransportStart:
 
     def _with_traced(self, fits: Sequence[TransportFit]) -> list[TransportFit]:
         return [*fits, *([self.traced] if self.traced else [])]
+
+
+def _with_rim(kv: KnotVector, samples: Floats, level: int) -> tuple[Floats, tuple[int, int]]:
+    """Return samples that go on evenly over a rim of the domain, and how many there are before and behind."""
+    spacing, width = samples[1] - samples[0], RIM * (kv.stop - kv.start) / (kv.spans << level)
+    before, behind = (
+        int(min(width, gap) / spacing) for gap in (samples[0] - kv.start, kv.stop - samples[-1])
+    )
+    return samples[0] + spacing * np.arange(-before, len(samples) + behind), (before, behind)
 
 
 def within_bound(sag: THBSurface, bound: float) -> THBSurface:

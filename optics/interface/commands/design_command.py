@@ -122,11 +122,12 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
             written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
             return _outcome(written, system)
         ready = prepared(system)
-        resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
-        state = _resumed(run, ready.system) if options.resume else None
-        if options.iterations:
-            optimizer = replace(ready.system.problem.optimizer, iterations=(options.iterations,))
-            ready = replace(ready, system=OpticalSystem(replace(ready.system.problem, optimizer=optimizer)))
+        resolved = ready.system  # a checkpoint belongs to it, also with other --iterations
+        state = _resumed(run, resolved) if options.resume else None
+        if state is not None and options.iterations:
+            optimizer = replace(resolved.problem.optimizer, iterations=(options.iterations,))
+            ready = replace(ready, system=OpticalSystem(replace(resolved.problem, optimizer=optimizer)))
+            state = state.renumbered(resolved, ready.system)
         if options.earlier:
             earlier = ResultFolder(options.earlier)
             state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())
@@ -135,11 +136,12 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         figures = DesignFigures(drawing, ready.system)
 
         if options.live:
-            run.live.begin(resolved.title, state.history if state else ())
+            run.live.begin(resolved.problem.title, state.history if state else ())
             show_in_browser(run.folder.path / LIVE)
 
         def keep(state: State) -> None:
-            write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
+            state = state.renumbered(ready.system, resolved)
+            write_checkpoint(run.folder.checkpoint, run.asked, resolved.problem, state, run.notes)
             run.history[:] = state.history
 
         design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, run.live.watching)

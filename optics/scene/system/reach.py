@@ -95,13 +95,10 @@ def require_apart(system: OpticalSystem) -> None:
     """
     bodies = [(system.problem.optic, system.lens), *system.others]
     for (one, lens), (other, solid) in permutations(bodies, 2):
-        x, y = (
-            h * np.linspace(-1, 1, POINTS) for h in np.maximum(lens.front.half_width, lens.rear.half_width)
-        )
-        x, y = (a.ravel() for a in np.meshgrid(x, y))
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
-            inside = surface.outline.contains(x, y)
-            points = np.stack([x, y, vertex + surface(x, y)])[:, inside]
+            rows = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in surface.half_width))
+            x, y = (a[surface.outline.contains(*rows)] for a in rows)
+            points = np.stack([x, y, vertex + surface(x, y)])
             if _holds(solid, pose_of(other).inverse().points(pose_of(one).points(points))).any():
                 raise UserError(
                     f"{_named(one)} and {_named(other)} overlap; move {one.key('position')} or "

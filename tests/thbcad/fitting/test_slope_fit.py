@@ -69,6 +69,24 @@ def test_slopes_beside_the_samples_go_on_straight():
     assert np.abs(found.grid(u, v) - wanted).max() < 1e-9
 
 
+@pytest.mark.parametrize("levels", [2, 3])
+@pytest.mark.parametrize("reach", [0.85, 0.9, 0.95])
+@pytest.mark.parametrize("degree", [2, 3])
+def test_beside_the_samples_and_in_corners_slopes_stay_about_as_small(degree, reach, levels):
+    """A bowl under ripples that no mesh has: beside the samples nothing gets much steeper than among them."""
+    knots = KnotVector.uniform(degree, 7, -2, 2)
+    space = THBSpace(knots, knots).uniform(levels)
+    x = y = reach * 2 * (2 * np.arange(256) + 1 - 256) / 256
+    u, v = x[:, None], y[None, :]
+    noise = np.random.default_rng(3).normal(0.0, 0.01, (2, 256, 256))
+    found = fit_slopes(space, x, y, 0.2 * u + noise[0], 0.2 * v + noise[1], np.ones((256, 256)))
+    rows = np.linspace(-2, 2, 301), reach * np.linspace(-2, 2, 301)
+    steepest, within = (
+        float(np.hypot(*(found.grid(row, row, d) for d in ((1, 0), (0, 1)))).max()) for row in rows
+    )
+    assert steepest < 3 * within
+
+
 def test_fewer_samples_than_functions_give_a_smooth_surface():
     space = space_of(3, 3, local=False)
     x, y = samples(n=30)
