@@ -96,8 +96,9 @@ def require_apart(system: OpticalSystem) -> None:
     bodies = [(system.problem.optic, system.lens), *system.others]
     for (one, lens), (other, solid) in permutations(bodies, 2):
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
-            rows = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in surface.half_width))
-            x, y = (a[surface.outline.contains(*rows)] for a in rows)
+            x, y = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in surface.half_width))
+            inside = surface.outline.contains(x, y)
+            x, y = x[inside], y[inside]
             points = np.stack([x, y, vertex + surface(x, y)])
             if _holds(solid, pose_of(other).inverse().points(pose_of(one).points(points))).any():
                 raise UserError(

@@ -98,6 +98,14 @@ def test_each_lens_of_a_row_has_the_index_of_its_own_material():
     assert blue[0] == blue[2] == blue[4] == blue[5] == 1
 
 
+@pytest.mark.parametrize("wide", [9.0, 11.0])
+def test_elements_whose_faces_differ_in_size_are_compared_face_by_face(wide):
+    front = LENS.get("front", {}) | {"half_width": [wide, wide]}
+    solvable_system(row(LENS | {"front": front}, MIRROR))
+    with pytest.raises(UserError, match=r"element\.M1 and element\.L1 overlap"):
+        solvable_system(row(LENS | {"front": front, "position": (0, 0, 58)}, MIRROR))
+
+
 def test_rows_of_elements_survive_the_trip_through_toml(tmp_path):
     problem = row(LENS, MIRROR, path=({"faces": ["L1.front", "L1.rear", "M1"]},))
     (tmp_path / "row.toml").write_text(problem.to_toml(), "utf-8")
