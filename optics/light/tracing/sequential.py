@@ -298,7 +298,11 @@ class Tracer:
         for k, (medium, frame) in enumerate(zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])):
             back, air = frame.inverse(), medium == AIR
             stops = [stop.moved(back) for stop in path.stops if air]
-            placed = [(b, back @ b.body.pose, not {k - 1, k}.isdisjoint(b.body.faces)) for b in bodies if air]
+            placed = [
+                (b, back @ b.body.pose_between(k - 1, k), not {k - 1, k}.isdisjoint(b.body.faces))
+                for b in bodies
+                if air
+            ]
             ways.append(Obstruction(backend, stops, placed, 0.0 if k else early, k - 1))
         return ways
 

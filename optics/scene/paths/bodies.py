@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
@@ -26,16 +26,33 @@ class Body:
     faces : by the numbers of its own surfaces along the path, which they are, "front" or "rear"; one more
         than the last is the receiver's.
     name : in words.
+    beside : poses beside some of its faces, by their numbers, which have moved in it: there it is where they
+        are, or else light to such a face would meet the body that it was in before.
     """
 
     solid: Solid
     pose: Pose = IDENTITY
     faces: Mapping[int, str] = field(default_factory=dict)
     name: str = "a body"
+    beside: Mapping[int, Pose] = field(default_factory=dict)
 
     def moved(self, motion: Pose) -> Body:
         """Return the body elsewhere.  motion : in the frame of the path."""
-        return self if motion.is_identity else replace(self, pose=motion @ self.pose)
+        if motion.is_identity:
+            return self
+        beside = {k: motion @ pose for k, pose in self.beside.items()}
+        return replace(self, pose=motion @ self.pose, beside=beside)
+
+    def with_faces_moved(self, motions: Sequence[Pose]) -> Body:
+        """Return the body where its last face takes it.  motions : of all surfaces along the path."""
+        last = motions[max(self.faces)]
+        beside = {k: motions[k] @ self.pose for k in self.faces if motions[k] != last}
+        body = self.moved(last)
+        return replace(body, beside=beside) if beside else body
+
+    def pose_between(self, before: int, behind: int) -> Pose:
+        """Return its pose for light on its way between two surfaces, by their numbers."""
+        return self.beside.get(before, self.beside.get(behind, self.pose))
 
     @cached_property
     def box(self) -> Floats:

@@ -255,7 +255,7 @@ class LightPath:
         pairs = zip(self.surfaces, motions)
         path = self._with(s if m.is_identity else replace(s, pose=m @ s.pose) for s, m in pairs)
         path = path.onto(self.receiver.moved(motions[-1]))
-        bodies = tuple(body.moved(motions[max(body.faces)]) for body in self.bodies)
+        bodies = tuple(body.with_faces_moved(motions) for body in self.bodies)
         same = all(a is b for a, b in zip(bodies, self.bodies))
         return path if same else replace(path, bodies=bodies)
 

@@ -294,3 +294,31 @@ def test_a_stop_stands_still_when_the_lens_moves():
     corner = (2 * 8 / BORDER_CELLS) ** 2  # mm^2, of the finest cells: chords cut it
     np.testing.assert_allclose(image, other, atol=image.max() * corner / 1.5**2)
     assert fates.blocked == pytest.approx(other_fates.blocked, abs=4 * corner / 16**2)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.05, 0.0), (-0.05, 0.0, 0.0), (0.0, 0.0, -0.05)], ids=str)
+def test_a_front_that_moves_in_its_lens_does_not_stand_in_its_own_light(shift):
+    """Light of an LED comes to a hollow front, which lay a twentieth of a millimetre before it."""
+    problem = Problem(
+        source={"kind": "lambertian", "half_width": (0.5, 0.5), "distance": 8, "flux": 1.0},
+        lens={
+            "index": 1.5,
+            "thickness": 12,
+            "front": {"half_width": (12, 12), "radius": -12, "conic": -1},
+            "rear": {"half_width": (20, 20), "radius": -24, "conic": -1},
+        },
+        target={
+            "kind": "tophat",
+            "distance": 300,
+            "tilt": (40, 0, 0),
+            "half_width": (100, 100),
+            "pixels": (16, 16),
+        },
+        stop=[{"shape": "rectangle", "half_width": (4, 4), "position": (0, 0, 60), "hole": False}],
+    )
+    scene = solvable_system(problem)
+    traced = PerturbedLight(scene, scene.lens, scene.backend, per_pixel=64)
+    (_, fates), (_, others) = traced(), traced(Perturbation(front_shift=shift))
+    assert fates.blocked > 0.005
+    assert others.blocked == pytest.approx(fates.blocked, abs=0.01)
+    assert others.on_target == pytest.approx(fates.on_target, abs=0.01)
