@@ -11,7 +11,15 @@ if TYPE_CHECKING:
     from .part_triangles import face_triangles, part_mesh
     from .reading import OCCT_ERRORS, brep_shape, edges_of, explore, faces_of, iges_shape, step_shape
     from .scene_file import PlacedShape, read_scene, scene_step, sheet_part
-    from .solid_file import SolidFile, SolidState, conic_faces, optical_form, solid_volume, spline_faces
+    from .solid_file import (
+        SolidFile,
+        SolidState,
+        conic_faces,
+        optical_form,
+        solid_area,
+        solid_volume,
+        spline_faces,
+    )
     from .step import part_of, part_step, product_of, read_step, step_bytes
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

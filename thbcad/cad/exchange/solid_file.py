@@ -194,9 +194,7 @@ class SolidState:
     @cached_property
     def area(self) -> float:
         """The area of all faces in mm^2 by OCCT."""
-        properties = GProp_GProps()
-        BRepGProp.SurfaceProperties_s(self.shape, properties, AREA_TOLERANCE)
-        return properties.Mass()
+        return solid_area(self.shape, AREA_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +232,16 @@ def spline_faces(shape: TopoDS_Shape) -> list[BSplineSurface | NURBSSurface]:
     geoms = map(BRep_Tool.Surface_s, faces_of(shape))
     splines = (geom for geom in geoms if isinstance(geom, Geom_BSplineSurface))
     return [spline_surface(s) for s in splines if max(s.UDegree(), s.VDegree()) <= MAX_DEGREE]
+
+
+def solid_area(shape: TopoDS_Shape, tolerance: float) -> float:
+    """Return the area of the faces of a shape, mm^2, by OCCT.
+
+    tolerance : relative, as OCCT estimates it: its error may be ten times that.
+    """
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, properties, tolerance)
+    return properties.Mass()
 
 
 def solid_volume(shape: TopoDS_Shape, tolerance: float) -> float:
