@@ -28,12 +28,16 @@ def road(options: Namespace) -> Outcome:
     CLASSES[options.lighting_class].required(surface)
     lamp, parts, noise = _lamp(options)
     checked = verification(road_checks(options.lighting_class, installation, lamp, parts, surface))
+    lit = {check["name"]: check["value"] for check in checked["checks"]}
+    least, mean = lit.get("least illuminance"), lit.get("mean illuminance")
+    uniformity = least / mean if least is not None and mean else None
     data = {
         "lighting_class": options.lighting_class,
         "installation": asdict(installation),
         "flux_lm": lamp.flux,
         "noise": noise,
         "specular_factor": surface and surface.specular,
+        "uniformity": uniformity,
         **checked,
     }
     lines = [
@@ -44,6 +48,7 @@ def road(options: Namespace) -> Outcome:
         + (f"; noise {noise:.2%} of the intensity (L2)" if noise else ""),
         *([f"{options.r_table}: specular factor S1 = {surface.specular:.3g}"] if surface else []),
         *check_lines(checked),
+        *([f"uniformity U0 of the illuminance, least over mean: {uniformity:.2f}"] if uniformity else []),
         f"class {options.lighting_class} of EN 13201-2:2015 {VERDICTS[checked['grade']]}",
     ]
     return Outcome(data, lines, OF_GRADES[checked["grade"]])

@@ -20,6 +20,7 @@ lamps 8 m high, 24 m apart, rows: right; 2 lanes of 3.5 m, maintenance 0.8
 ok     mean illuminance: 6.03 lx (at least 5)
 ok     mean illuminance, for uniformity: 6.03 lx (at most 7.5)
 ok     least illuminance: 2.18 lx (at least 1)
+uniformity U0 of the illuminance, least over mean: 0.36
 class P4 of EN 13201-2:2015 is kept
 """
 
@@ -49,6 +50,8 @@ def test_a_luminaire_file_is_judged_as_before(capsys):
     assert [c["ok"] for c in data["checks"]] == [True, False, True]
     assert data["installation"]["rows"] == "opposite"
     assert data["flux_lm"] == pytest.approx(99.9982, rel=1e-6)
+    mean, _, least = (c["value"] for c in data["checks"])
+    assert data["uniformity"] == pytest.approx(least / mean)
 
 
 def test_classes_m_are_judged_with_an_r_table(capsys, tmp_path):
