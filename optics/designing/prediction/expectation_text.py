@@ -10,6 +10,7 @@ from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIP
 from optics.light.outgoing import concentration_sentence
 from optics.scene.system import OpticalSystem
 
+FULL = 0.999  # of a face: light that misses it does not tell how far beside it
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
 NET = "a knot span of the finest mesh"
@@ -51,7 +52,10 @@ def _least_line(system: OpticalSystem, expected: Expectation) -> str:
     """Return how small the faces might be in their outlines."""
     shapes = (surface.shape for surface in system.path(system.lens).surfaces)
     sizes = {name: shape.half_width for name, shape in zip(system.problem.face_names, shapes)}
-    sides = [f"{name} {_by(half)} mm of {_by(sizes[name])}" for name, half in expected.least.items()]
+    sides = []
+    for name, half in expected.least.items():
+        full = any(h > FULL * size for h, size in zip(half, sizes[name]))
+        sides.append(f"{name} {'at least ' * full}{_by(half)} mm of {_by(sizes[name])}")
     return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
 
 

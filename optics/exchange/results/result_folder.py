@@ -113,6 +113,10 @@ class ResultFolder:
                 f"by `thbcad design PROBLEM.toml --lens {self.path}`"
             )
         if not self.problem.exists():
+            if self.checkpoint.exists():
+                raise UserError(
+                    f"the design in {self.path} was stopped; end it by its problem file and --resume"
+                )
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
         if not taken:
             require_no_run(self.path)

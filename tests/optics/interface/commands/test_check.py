@@ -24,6 +24,13 @@ def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
         assert word in brief
 
 
+def test_check_does_not_know_how_far_light_misses_a_face(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {"source.half_width": [12, 9.5]}))
+    assert main(["check", path]) == 0
+    said = "loses no light: front at least 10 x 9.5 mm of 10 x 10, rear at least 10 x 9.5 mm of 10 x 10"
+    assert said in capsys.readouterr().out
+
+
 def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, capsys):
     """The beam of 19 mm is parallel to the rear; the clear aperture leaves 8/9.5 of it each way."""
     path = str(write_problem(tmp_path, {}))

@@ -79,6 +79,12 @@ def test_the_command_line_that_goes_on_can_be_copied(words, command):
     assert resuming(words) == command
 
 
+def test_a_stopped_design_is_no_result_yet(stopped_copy, tmp_path, capsys):
+    _, out = stopped_copy
+    said = refused(capsys, "export", out, "--out", tmp_path / "part.stl")
+    assert f"the design in {out} was stopped; end it by its problem file and --resume" in said
+
+
 @pytest.mark.slow
 def test_resume_finishes_what_ctrl_c_stopped(stopped_copy, capsys):
     """The last level ends by itself when L-BFGS converges."""
