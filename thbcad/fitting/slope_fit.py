@@ -35,7 +35,8 @@ EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends
 # Greatest ratio of functions and samples in a direction: from 0.88 on slopes at samples leave nearly open how
 # the coefficients alternate (a sag of 6 mm then had coefficients of 35 mm).
 DENSEST = 0.85
-SEEN = 0.05  # of the greatest square sum of samples: what determines a function
+SEEN = 1e-3  # of the greatest square sum of samples: what determines a function
+IN_CORNERS = 0.05  # the same for functions there, of which the product of two such shares counts
 # Charge for the squares of the corrections, relative to the stiffness of one function: those beside the
 # samples hardly count in the fit, and grow with every step without it.
 HELD = 1e-5
@@ -169,10 +170,10 @@ def _modes(kv: KnotVector, samples: Floats) -> tuple[csr_array, csr_array, Float
 
 
 def _straight_on(kv: KnotVector, values: csr_array) -> tuple[Bools, Floats]:
-    """Return which functions are not seen at the ends, and the matrix that puts their coefficients on lines
+    """Return which functions samples hardly reach, and the matrix that puts their coefficients on lines
     through those of the last two others."""
     places, out = kv.greville(), np.eye(kv.dim)
-    known = np.flatnonzero(_seen(values))
+    known = np.flatnonzero(_seen(values, IN_CORNERS))
     beyond = np.zeros(kv.dim, dtype=bool)
     if len(known) < 2:
         return beyond, out
@@ -186,7 +187,7 @@ def _straight_on(kv: KnotVector, values: csr_array) -> tuple[Bools, Floats]:
     return beyond, out
 
 
-def _seen(values: csr_array) -> Bools:
+def _seen(values: csr_array, least: float = SEEN) -> Bools:
     squares = np.asarray(values.power(2).sum(axis=0), dtype=np.float64)
-    enough = squares > SEEN * squares.max()
+    enough = squares > least * squares.max()
     return enough if enough.sum() <= DENSEST * values.shape[0] else np.zeros_like(enough)
