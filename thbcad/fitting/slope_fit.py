@@ -31,7 +31,7 @@ from thbcad.surfaces import THBSurface
 
 STEPS = 60  # of conjugate gradients, at most
 TOLERANCE = 3e-4  # of the residual, relative to the right side
-EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples are too few
+EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples lack
 # Greatest ratio of functions and samples in a direction: from 0.88 on slopes at samples leave nearly open how
 # the coefficients alternate (a sag of 6 mm then had coefficients of 35 mm).
 DENSEST = 0.85

@@ -10,7 +10,7 @@ from pathlib import Path
 from optics.base.runtime import UserError, check_lines, verification
 from optics.interface.commands.light_export import LUMINAIRE_SUFFIXES, traceable, traced_intensity
 from optics.interface.commands.outcome import OF_GRADES, Outcome
-from optics.light.roads import CLASSES, RANGES, Installation, read_r_table, road_checks
+from optics.light.roads import CLASSES, RANGES, Installation, read_r_table, road_checks, uniformity
 from optics.scene.luminaires import Luminaire, read_luminaire
 
 VERDICTS = {
@@ -27,17 +27,15 @@ def road(options: Namespace) -> Outcome:
     surface = read_r_table(options.r_table) if options.r_table else None
     CLASSES[options.lighting_class].required(surface)
     lamp, parts, noise = _lamp(options)
-    checked = verification(road_checks(options.lighting_class, installation, lamp, parts, surface))
-    lit = {check["name"]: check["value"] for check in checked["checks"]}
-    least, mean = lit.get("least illuminance"), lit.get("mean illuminance")
-    uniformity = least / mean if least is not None and mean else None
+    checks = road_checks(options.lighting_class, installation, lamp, parts, surface)
+    checked, even = verification(checks), uniformity(checks)
     data = {
         "lighting_class": options.lighting_class,
         "installation": asdict(installation),
         "flux_lm": lamp.flux,
         "noise": noise,
         "specular_factor": surface and surface.specular,
-        "uniformity": uniformity,
+        "uniformity": even,
         **checked,
     }
     lines = [
@@ -48,7 +46,7 @@ def road(options: Namespace) -> Outcome:
         + (f"; noise {noise:.2%} of the intensity (L2)" if noise else ""),
         *([f"{options.r_table}: specular factor S1 = {surface.specular:.3g}"] if surface else []),
         *check_lines(checked),
-        *([f"uniformity U0 of the illuminance, least over mean: {uniformity:.2f}"] if uniformity else []),
+        *([f"uniformity U0 of the illuminance, least over mean: {even:.2f}"] if even is not None else []),
         f"class {options.lighting_class} of EN 13201-2:2015 {VERDICTS[checked['grade']]}",
     ]
     return Outcome(data, lines, OF_GRADES[checked["grade"]])

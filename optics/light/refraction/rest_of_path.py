@@ -48,10 +48,14 @@ class RestOfPath:
         return cls(path.surfaces[surface + 1 :], indices, path.receiver)
 
     @cached_property
-    def _ways(self) -> tuple[Pose, ...]:
-        """Motions into the frame of every surface from that of the one before it: points turn once each."""
-        frames = (IDENTITY, *(surface.pose for surface in self.surfaces))
-        return tuple(new.inverse() @ old for old, new in pairwise(frames))
+    def _into(self) -> Pose:
+        """The motion into the frame of the first surface."""
+        return self.surfaces[0].pose.inverse() if self.surfaces else IDENTITY
+
+    @cached_property
+    def _onward(self) -> tuple[Pose, ...]:
+        """The motions into the frame of every surface from that of the one before it."""
+        return IDENTITY, *(new.pose.inverse() @ old.pose for old, new in pairwise(self.surfaces))
 
     @cached_property
     def _screen(self) -> Receiver:
@@ -60,16 +64,13 @@ class RestOfPath:
 
     def land(self, points: Triple, directions: Triple) -> tuple[Floats, Floats, Bools]:
         """Return u, v, and which rays come through to the receiver.  directions : unit vectors."""
-        for way in self._ways[:1]:
-            points, directions = way.points(tuple(points)), way.directions(tuple(directions))
-        return self._landed(points, directions)
+        return self._landed(self._into.points(tuple(points)), self._into.directions(tuple(directions)))
 
     def _landed(self, points: Triple, along: Triple) -> tuple[Floats, Floats, Bools]:
         """Return what `land` returns, of points and unit vectors in the frame of the first surface."""
         through: Bools | bool = True
-        for k, (surface, indices) in enumerate(zip(self.surfaces, pairwise(self.indices))):
-            if k:
-                points, along = self._ways[k].points(tuple(points)), self._ways[k].directions(tuple(along))
+        for onward, surface, indices in zip(self._onward, self.surfaces, pairwise(self.indices)):
+            points, along = onward.points(tuple(points)), onward.directions(tuple(along))
             points = met(surface.shape.conic, points, along)
             slopes = slopes_at(surface.shape.conic, points)
             along, passes = bent(surface.kind == "reflect", indices, along, slopes)
@@ -99,10 +100,10 @@ class RestOfPath:
 
     def _aimed(self, *given: Floats) -> tuple[list[Floats], Bools]:
         """Return what `toward` returns, for (rays,) of each of what it takes."""
-        first = self._ways[0]  # all else stands in the frame of the first surface
-        points, (u, v) = first.points(given[:3]), given[3:5]
-        near = first.directions(given[5:]) if given[5:] else ()
-        middle = first.directions(np.array(normalised(self.surfaces[0].pose.shift)))
+        into = self._into  # all else stands in the frame of the first surface
+        points, (u, v) = into.points(given[:3]), given[3:5]
+        near = into.directions(given[5:]) if given[5:] else ()
+        middle = into.directions(np.array(normalised(self.surfaces[0].pose.shift)))
         aside = np.array(normalised(np.cross(middle, (0.0, 1.0, 0.01))))
         frame = aside, np.cross(middle, aside)
 
@@ -134,7 +135,7 @@ class RestOfPath:
             p, q, far = p + step[0], q + step[1], float(abs(step).max())
             if far < SETTLED:
                 break
-        return list(first.inverse().directions(tuple(at(p, q)))), reached
+        return list(into.inverse().directions(tuple(at(p, q)))), reached
 
 
 def bent(mirror: bool, indices: Sequence[float], along: Triple, slopes: Triple) -> tuple[list[Floats], Bools]:

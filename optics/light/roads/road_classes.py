@@ -28,6 +28,7 @@ from optics.light.roads.reflection import RoadSurface
 from optics.scene.luminaires import Luminaire
 from thbcad.checks import Floats
 
+MEAN, LEAST = "mean illuminance", "least illuminance"
 EVEN = 1.5  # times the mean of a class P, at most
 
 
@@ -53,9 +54,9 @@ class PedestrianClass:
     def limits(self) -> list[tuple[str, float, str, bool]]:
         """(name, limit, unit, whether it is the least) of every value."""
         return [
-            ("mean illuminance", self.mean, "lx", True),
-            ("mean illuminance, for uniformity", EVEN * self.mean, "lx", False),
-            ("least illuminance", self.least, "lx", True),
+            (MEAN, self.mean, "lx", True),
+            (f"{MEAN}, for uniformity", EVEN * self.mean, "lx", False),
+            (LEAST, self.least, "lx", True),
         ]
 
 
@@ -148,3 +149,9 @@ def road_checks(
         Check(what, float(value), limit, unit, at_least=least, error=float(error), subject="light")
         for (what, limit, unit, least), value, error in zip(asked.limits, values, errors)
     ]
+
+
+def uniformity(checks: Sequence[Check]) -> float | None:
+    """Return U0 (least over mean illuminance) of `road_checks`; None of classes M and without light."""
+    found = {check.name: check.value for check in checks}
+    return found[LEAST] / found[MEAN] if found.get(MEAN) else None

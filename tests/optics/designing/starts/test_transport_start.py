@@ -62,6 +62,21 @@ def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
     assert budget.off_target == 0
 
 
+@pytest.mark.parametrize("beam", [9.5, 6.0])
+def test_cells_of_the_rim_beside_the_light_are_refined_with_their_neighbours(tmp_path, backend, beam):
+    """Those that begin within 1.5 spans of the light, where a function may still meet it, and no others."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, {"source.half_width": [beam, beam]})))
+    (sag,), start = system.lens.sags, TransportStart(system, backend)
+    sag = sag.uniform(3)
+    spans, half = 8 * sag.space.kv_u.spans, system.lens.rear.half_width[0]
+    middle = half * (2 * sag.space.cells[:, 1:] + 1 - spans) / spans
+    beside = (np.abs(middle).max(axis=1) - beam) / (2 * half / spans)  # of a cell's middle, in spans
+    misfit = start.misfit(sag)
+    assert (misfit[beside < 1.0] > 0).all()
+    assert (misfit[beside > 2.0] == 0).all()
+    assert (beside > 0).any()
+
+
 def test_an_oblong_beam_is_spread_over_an_oblong_target(tmp_path, backend):
     changes = {
         "source.half_width": [9.5, 6.0],
