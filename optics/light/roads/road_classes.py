@@ -154,4 +154,5 @@ def road_checks(
 def uniformity(checks: Sequence[Check]) -> float | None:
     """Return U0 (least over mean illuminance) of `road_checks`; None of classes M and without light."""
     found = {check.name: check.value for check in checks}
-    return found[LEAST] / found[MEAN] if found.get(MEAN) else None
+    least, mean = found.get(LEAST), found.get(MEAN)
+    return least / mean if mean and least is not None else None
