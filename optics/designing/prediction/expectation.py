@@ -191,7 +191,10 @@ def _size(lens: Lens) -> tuple[float, float, float]:
     heights = []
     for surface in (lens.front, lens.rear):
         x, y = (np.linspace(-h, h, SAMPLES) for h in surface.half_width)
-        heights.append(surface.grid(x, y))
+        if surface.outline.is_rectangle:
+            heights.append(surface.grid(x, y))
+        else:
+            heights.append(surface(*surface.outline.filled(*np.meshgrid(x, y))))
     front, rear = heights
     return wide, high, float(lens.thickness + rear.max() - front.min())
 

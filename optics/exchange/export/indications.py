@@ -5,15 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Literal
 
 from optics.base.runtime import Check, UserError
 from optics.exchange.export.drawing_checks import drawing_checks
-from optics.exchange.export.sheet_facts import FACES, TOLERANCES, SheetFacts
+from optics.exchange.export.sheet_facts import FACES, TOLERANCES, Origin, SheetFacts
 from thbcad.drawings import Grid, Panel, Sheet, lens_sheet
 from thbcad.lens import Lens
 
-Origin = Literal["computed", "customary", "open", "given"]
 AGREED = "to be agreed"
 LONGEST = 120  # characters of a value
 RIM = 1e-9  # of the gauge: a point on the rim lies outside
@@ -47,13 +45,14 @@ class _Entry:
     """A row of the table.
 
     name : one that ends in * stands for front and rear
-    computed : where it is None, what is customary stands there; without that the entry is open
+    computed : a text, or one with another origin; where it is None, what is customary stands there; without
+        that the entry is open
     fixed : what is computed is a fact of the result.  asked : the entry stands only where it is given
     """
 
     name: str
     sentence: str
-    computed: Callable[[SheetFacts, str], str | None] = lambda facts, face: None
+    computed: Callable[[SheetFacts, str], str | tuple[str, Origin] | None] = lambda facts, face: None
     customary: str = ""
     fixed: bool = False
     asked: bool = False
@@ -61,7 +60,7 @@ class _Entry:
     def value(self, facts: SheetFacts) -> tuple[str, Origin]:
         found = self.computed(facts, "rear" if self.name.endswith("rear") else "front")
         if found is not None:
-            return found, "computed"
+            return (found, "computed") if isinstance(found, str) else found
         size = 2 * max(facts.lens.front.half_width + facts.lens.rear.half_width)
         grade = next(grade for most, grade in GRADES if size <= most)
         return (self.customary.format(grade=grade), "customary") if self.customary else (AGREED, "open")
@@ -72,8 +71,30 @@ def _in(form: str, value: object) -> str | None:
     return form.format(value) if value else None
 
 
-def _roughness(facts: SheetFacts, face: str) -> str | None:
+def _toleranced(nominal: str, unit: str, amount: tuple[str, Origin] | None) -> tuple[str, Origin]:
+    """Return a size with its tolerance."""
+    return (f"{nominal} +- {amount[0]}{unit}", amount[1]) if amount else (f"{nominal}, {TOLERANCE}", "open")
+
+
+def _index(facts: SheetFacts, face: str) -> tuple[str, Origin]:
+    problem = facts.system.problem
+    nominal = f"n = {problem.optic.known_index:.7g} at {problem.source.wavelength:g} nm"
+    return _toleranced(nominal, "", facts.amount("index"))
+
+
+def _thickness(facts: SheetFacts, face: str) -> tuple[str, Origin]:
+    return _toleranced(f"{facts.lens.thickness:g} mm", " mm", facts.amount("thickness"))
+
+
+def _texture(facts: SheetFacts, face: str) -> str | None:
     return _in("rms slope {:g} rad at most", getattr(facts.system.problem.optic, face).slope_rms)
+
+
+def _finish(facts: SheetFacts, face: str) -> str | None:
+    """Return the texture, or how smooth an insert must be for the shortest periods that the light feels."""
+    allowed = facts.finest(face)
+    finer = allowed is not None and allowed < POLISHED
+    return _texture(facts, face) or (f"polished insert, Rq {allowed:g} nm at most" if finer else None)
 
 
 def _coating(facts: SheetFacts, face: str) -> str:
@@ -81,17 +102,23 @@ def _coating(facts: SheetFacts, face: str) -> str:
     return "none" if share is None else f"reflects {share:.3g} of the light"
 
 
-def _centring(facts: SheetFacts, face: str) -> str | None:
+def _centring(facts: SheetFacts, face: str) -> tuple[str, Origin] | None:
     tilt = facts.amount("front.tilt_x", "front.tilt_y", factor=60.0)
     shift = facts.amount("front.decentre_x", "front.decentre_y")
-    return _in("{}'" + (f" ({shift} mm)" if shift else ""), tilt)
+    if tilt is None:
+        return None
+    origin: Origin = "computed" if "computed" in (tilt[1], shift and shift[1]) else "customary"
+    return f"{tilt[0]}'" + (f" ({shift[0]} mm)" if shift else ""), origin
 
 
+TOLERANCE = f"tolerance {AGREED}"
+POLISHED = 10  # nm, Ra that is usual of polished inserts
 AMOUNT = "the amount of tolerance.json, or what is allowed where less"
 TILT = f"tilt (decentre) of the front against the rear: {AMOUNT}"
 ZONE = "width of a zone over the clear aperture; shorter periods are held by slope"
 SLOPE = "rms by bands of period, each band by itself"
 TEXTURE = "where computed, as the light was traced"
+FINISH = f"{TEXTURE}, or as a band of the form errors allows"
 POINTS = "X,Y in mm, several apart by semicolons; outside the clear aperture"
 WALLS = "where computed, as lens.step has it"
 SHARP = "R 0.2 mm at most"
@@ -99,8 +126,8 @@ AXES = "z along the axis with the light, front from z = 0, rear from z = {:g} mm
 DATUMS = "A the plane z = 0, B the axis, C the plane y = 0"
 LENS = (
     _Entry("material", "of the design", lambda f, _: f.system.product.material, fixed=True),
-    _Entry("index", f"its tolerance: {AMOUNT}", lambda f, _: _in("+- {}", f.amount("index"))),
-    _Entry("thickness", f"its tolerance: {AMOUNT}", lambda f, _: _in("+- {} mm", f.amount("thickness"))),
+    _Entry("index", f"its tolerance: {AMOUNT}", _index),
+    _Entry("thickness", f"on the axis; its tolerance: {AMOUNT}", _thickness),
     _Entry("clear_aperture.*", "round the axis", lambda f, face: f.clear(face).text(), fixed=True),
     _Entry("slope.*", SLOPE, lambda f, face: f.slopes(face)),
 )
@@ -118,7 +145,7 @@ MOULDED = (
     _Entry("parting_line", f"outside the clear aperture; {WALLS}", lambda f, _: f.parting, fixed=True),
     _Entry("gate", POINTS),
     _Entry("ejectors", POINTS),
-    _Entry("finish.*", TEXTURE, _roughness, "polished insert, Ra 10 nm at most"),
+    _Entry("finish.*", FINISH, _finish, f"polished insert, Ra {POLISHED} nm at most"),
     _Entry("tolerance_class", "of plastic, for other sizes, as in ISO 20457", customary="TG4"),
     _Entry("grade", "of the material, and its maker"),
     _Entry("shrinkage", "sizes are those of the part", lambda f, _: "not applied", fixed=True),
@@ -131,7 +158,7 @@ CUT = (
     _Entry("4/", f"as in ISO 10110-6: {TILT}", _centring),
     _Entry("5/*", "imperfections, as in ISO 10110-7", customary="{grade}"),
     _Entry("6/*", "laser damage threshold", asked=True),
-    _Entry("texture.*", f"as in ISO 10110-8; {TEXTURE}", _roughness, "P3"),
+    _Entry("texture.*", f"as in ISO 10110-8; {TEXTURE}", _texture, "P3"),
     _Entry("coating.*", "as in ISO 10110-9, and as the light was traced", _coating),
     _Entry("datums", "of the general surfaces, as in ISO 10110-19", customary=DATUMS),
 )

@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, floor, log10, pi, radians, sqrt
+from math import cos, floor, inf, log10, pi, radians, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
 
+Origin = Literal["computed", "customary", "open", "given"]  # of an indication
 FACES = ("front", "rear")
 TOLERANCES = "tolerance.json"
 FRACTIONS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of the largest such rectangle, where test points lie
@@ -75,8 +76,9 @@ class SheetFacts:
         clear = self.system.clear_aperture(self.lens)
         return self._surface(face).outline if clear is None else clear[FACES.index(face)]
 
-    def amount(self, *names: str, factor: float = 1.0) -> str | None:
-        """Return the least amount of these tolerances, or what is allowed where that is less.
+    def amount(self, *names: str, factor: float = 1.0) -> tuple[str, Origin] | None:
+        """Return the least amount of these tolerances, "customary", or what is allowed where that is less,
+        "computed".
 
         None is not known: there are none, or the design by itself misses what its light must keep.
         """
@@ -84,8 +86,14 @@ class SheetFacts:
         rows = [known["tolerances"][name] for name in names if name in known.get("tolerances", ())]
         if not rows or known["missed_by_the_design"]:
             return None
-        amounts = [row[key] for row in rows for key in ("amount", "allowed") if row[key] is not None]
-        return rounded_down(factor * min(amounts))
+        allowed = min((row["allowed"] for row in rows if row["allowed"] is not None), default=inf)
+        amount = min(row["amount"] for row in rows)
+        return rounded_down(factor * min(amount, allowed)), "computed" if allowed < amount else "customary"
+
+    def finest(self, face: str) -> float | None:
+        """Return the least rms height that a band of periods allows, nm, rounded down."""
+        bands = self.bands(face)
+        return float(rounded_down(1e6 * min(b["allowed_rms"] for b in bands))) if bands else None
 
     def bands(self, face: str) -> list[Mapping[str, Any]]:
         """Return what is allowed by bands of period, the shortest first; empty where it is not known."""

@@ -280,7 +280,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
     "road": ("judge a road under lamps with this light by its lighting class, EN 13201", road_options),
     "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
     "tolerance": (
-        "say what errors of lens, source and target do to the light, and what the shop must hold",
+        "say what errors of lens, source and target do to the light, and what shop and mount must hold",
         tolerance_options,
     ),
     "tool": (

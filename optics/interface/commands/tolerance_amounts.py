@@ -46,7 +46,8 @@ def periods_of(text: str) -> tuple[float, float]:
 
 
 def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
-    """Return the limits of --limit by name, None where there are none; a bare number is a rise of rel_l2.
+    """Return the limits of --limit by name, None where there are none; a bare number is a rise of rel_l2.  A
+    number that ends in % is so many hundredths.
 
     Raises UserError : no number.
     """
@@ -54,11 +55,12 @@ def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
     for text in texts:
         name, equals, value = (part.strip() for part in text.rpartition("="))
         try:
-            limits[name if equals else "rise"] = float(value)
+            number = float(value.removesuffix("%"))
+            limits[name if equals else "rise"] = number / 100 if value.endswith("%") else number
         except ValueError:
             raise UserError(
-                "--limit takes a rise of rel_l2, such as 0.01, or NAME=VALUE, such as min_over_mean=0.7, got "
-                f"{text!r}"
+                "--limit takes a rise of rel_l2, such as 0.01 or 1%, or NAME=VALUE, as min_over_mean=0.7, "
+                f"got {text!r}"
             ) from None
     return limits or None
 

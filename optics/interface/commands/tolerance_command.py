@@ -158,7 +158,7 @@ def _page(study: _Study) -> str:
         pictures.append((f"change of the light by {name}", change_figure(effect, screen)))
     sentences = [*study.beside_the_report(), *shop_sentences(budget)]
     sections = [
-        PageSection("What the shop must hold", sentences, pictures=pictures),
+        PageSection("What shop and mount must hold", sentences, pictures=pictures),
         *_of_lenses(study),
         PageSection("Every tolerance by itself, the costliest first", head=HEAD, rows=effect_rows(budget)),
         _of_form(study),

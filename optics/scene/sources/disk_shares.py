@@ -48,7 +48,8 @@ class DiskLight:
         beyond = across(a) * up(v) + self._below(u)[:, None] - self._below(a)
         # between the axes and (s, t), with the sign of s t
         light = np.sign(s)[:, None] * np.sign(t) * np.where(u[:, None] <= a, inside, beyond)
-        return np.maximum(np.diff(np.diff(light, axis=0), axis=1), 0) / (4 * self.mean)
+        within = np.maximum(np.diff(np.diff(light, axis=0), axis=1), 0) / (4 * self.mean)
+        return np.where(np.add.outer(_nearest(s), _nearest(t)) < 1, within, 0)  # no roundings beside the disk
 
     def _within(self, axis: int) -> Callable[[Floats], Floats]:
         """Return the antiderivative G from 0 along an axis."""
@@ -71,3 +72,9 @@ class DiskLight:
         light = np.exp(-0.5 * (u / self.sigma[0]) ** 2) * self._within(1)(v) * v
         below = np.concatenate([[0.0], np.cumsum((half * weights * light).sum(axis=1))])
         return below[order.ravel()[panels + 1 :]]
+
+
+def _nearest(borders: Floats) -> Floats:
+    """Return the least squares of coordinates within intervals, (len(borders) - 1,)."""
+    low, high = borders[:-1], borders[1:]
+    return np.maximum(np.maximum(low, -high), 0) ** 2

@@ -15,8 +15,6 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from optics.base.runtime import UserError
 from optics.light.analysis import rel_l2, uniformity_metrics
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
@@ -64,13 +62,17 @@ class LightJudge:
 
     def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
         """Return the numbers of light, (rows, columns).  on_target : its flux there."""
-        system, least = self.light.system, None
-        if self.uniform:
-            error = self.light.error(irradiance)
-            least = uniformity_metrics(system, irradiance, error, self.blur)["min_over_mean"]
-            least = 0.0 if least is None and irradiance.sum() <= 0 else least
-        flux = system.problem.flux
+        least = self._evenness(irradiance)["min_over_mean"] if self.uniform else None
+        least = 0.0 if self.uniform and least is None and irradiance.sum() <= 0 else least
+        flux = self.light.system.problem.flux
         return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
+
+    def why_unknown(self, irradiance: Floats) -> str:
+        """Return why light has no min_over_mean, "" where it has one."""
+        return str(self._evenness(irradiance)["reason"]) if self.uniform else "the target is a picture"
+
+    def _evenness(self, irradiance: Floats) -> dict[str, Any]:
+        return uniformity_metrics(self.light.system, irradiance, self.light.error(irradiance), self.blur)
 
 
 def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float]:
@@ -96,18 +98,21 @@ def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:
         number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
         if name == "rise" and not (number and value > 0):
             raise UserError(f"limit must be a positive rise of rel_l2, such as 0.01, got {value!r}")
-        most = np.inf if name in ("rise", "rel_l2") else 1.0
-        if not (number and 0 < value < most):
-            raise UserError(f"the limit of {name} must lie between 0 and {most:g}, got {value!r}")
+        if not (number and 0 < value < 1):
+            raise UserError(
+                f"the limit of {name} must lie between 0 and 1, such as 0.05 or 5%, got {value!r}"
+            )
     if not limits:
         raise UserError("give a limit at least, such as rel_l2=0.05")
     return limits
 
 
-def bounds_of(limits: Limits, design: LightNumbers) -> dict[str, float]:
+def bounds_of(limits: Limits, design: LightNumbers, unknown: str) -> dict[str, float]:
     """Return the limits as values that light must keep, by name; of two for rel_l2 the lower one.
 
-    Raises UserError : min_over_mean of a picture.
+    unknown : why the design has no min_over_mean, where it has none.
+
+    Raises UserError : a limit of min_over_mean there.
     """
     bounds = {name: value for name, value in limits.items() if name != "rise"}
     if "rise" in limits:
@@ -116,10 +121,7 @@ def bounds_of(limits: Limits, design: LightNumbers) -> dict[str, float]:
             name: value for name, value in bounds.items() if name != "rel_l2"
         }
     if "min_over_mean" in bounds and design.min_over_mean is None:
-        raise UserError(
-            "min_over_mean is not known of this light: the target is a picture, or too narrow for boxes of "
-            "verify.grid; limit rel_l2 or efficiency"
-        )
+        raise UserError(f"min_over_mean is not known of this light: {unknown}; limit rel_l2 or efficiency")
     return bounds
 
 

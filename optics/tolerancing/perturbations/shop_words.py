@@ -1,4 +1,4 @@
-"""What the shop must hold, in plain sentences: the costliest errors first, and a table of all."""
+"""What shop and mount must hold, in plain sentences: the costliest errors first, and a table of all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers
 from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_trials import FREE
 
-SAID = 5  # tolerances that have a sentence; the others are in the table
+SAID = 5  # tolerances of each holder that have a sentence; the others are in the table
+HOLDERS = {True: "The shop", False: "Who mounts part, source and target"}  # by Tolerance.made
 NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light
 HEAD = (
     "tolerance",
@@ -27,7 +28,6 @@ SIGNS = {"rel_l2": "at most", "min_over_mean": "at least", "efficiency": "at lea
 def shop_sentences(budget: ToleranceBudget) -> list[str]:
     """Return what light must keep, which errors cost most, which cost nothing, and what to expect."""
     ranked = budget.by_cost()
-    limited = [e for e in ranked if e.allowed is not None]
     free = [e.tolerance.name for e in ranked if e.allowed is None]
     keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
     floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
@@ -42,9 +42,13 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
             f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
         )
     else:
-        lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
-        if more := len(limited) - SAID:
-            lines += [f"The other {more}, with lower cost, are in the table."] if more > 0 else []
+        for made, holder in HOLDERS.items():
+            limited = [e for e in ranked if e.allowed is not None and e.tolerance.made is made]
+            if limited:
+                lines.append(f"{holder} must hold, the costliest first:")
+                lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
+            if (more := len(limited) - SAID) > 0:
+                lines.append(f"The other {more}, with lower cost, are in the table.")
         if free:
             lines.append(
                 f"No care needed: {', '.join(free)}. No error of these was found that reaches a limit, up to "
@@ -52,7 +56,7 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
             )
     lines.append(
         f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "
-        "(root mean square)."
+        "(root mean square)." + _together(budget)
     )
     if budget.outages:
         number, worst = max(enumerate(budget.outages, 1), key=lambda row: row[1].rel_l2)
@@ -67,6 +71,19 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
             "(target.pixels)."
         )
     return lines
+
+
+def _together(budget: ToleranceBudget) -> str:
+    """Return what keeps the limits where everything is wrong at once."""
+    if budget.missed:
+        return ""
+    if budget.together is None:
+        return " What lenses do with all errors at once is counted by --samples."
+    verdict = "all amounts together keep that" if budget.together >= 1 else "hold all amounts together closer"
+    return (
+        f" That is {_number('rel_l2', budget.bounds['rel_l2'])} where every amount is multiplied by "
+        f"{budget.together:.2g}: {verdict}."
+    )
 
 
 def _held(effect: ToleranceEffect) -> str:

@@ -104,6 +104,16 @@ class ToleranceBudget:
         """
         return sqrt(max(self.rel_l2**2 + sum(e.rise for e in self.effects) / 3, 0.0))
 
+    @property
+    def together(self) -> float | None:
+        """What multiplies all amounts so that `expected` keeps the limit of rel_l2, to second order.
+
+        None without such a limit, where the design misses it, and where errors raise nothing.
+        """
+        room = self.bounds.get("rel_l2", 0.0) ** 2 - self.rel_l2**2
+        rise = self.expected**2 - self.rel_l2**2
+        return sqrt(room / rise) if room > 0 and rise > 0 else None
+
     def by_cost(self) -> list[ToleranceEffect]:
         """Return the effects, the costliest first; those that cost nothing by their share."""
         return sorted(self.effects, key=lambda e: (-e.cost, -e.rise))
@@ -125,6 +135,7 @@ class ToleranceBudget:
             "noise_of_a_pixel": self.noise,
             "distribution": "uniform between - amount and + amount, independent",
             "expected_rel_l2": self.expected,
+            "together": self.together,
             "tolerances": {e.tolerance.name: _data(e, shares, self.unit) for e in self.by_cost()},
         }
         if self.outages:
@@ -146,6 +157,7 @@ def _data(effect: ToleranceEffect, shares: Mapping[str, float], unit: str) -> di
     behind, ahead = (end.data() for end in effect.ends)
     return {
         "unit": tolerance.unit,
+        "held_by": "shop" if tolerance.made else "mount",
         "amount": tolerance.amount,
         "cost": effect.cost,
         "allowed": None if allowed is None else allowed.amount,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from math import isfinite, radians
@@ -34,12 +34,14 @@ class Tolerance:
     """What may be wrong by up to +- amount.
 
     unit : "mm", "degrees", "1", "%" or "K".  change : the Perturbation for the amount 1 of it.
+    made : whether the shop that makes the part holds it; else who mounts part, source and target.
     """
 
     name: str
     unit: str
     amount: float
     change: Perturbation
+    made: bool = True
 
     @property
     def words(self) -> str:
@@ -71,7 +73,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
             raise UserError(_why_not(system, name, known))
         checked = _checked(name, amount)
         chosen |= {one: checked for one in names}
-    return tuple(Tolerance(n, t.unit, chosen[n], t.change) for n, t in known.items() if chosen[n])
+    return tuple(replace(t, amount=chosen[n]) for n, t in known.items() if chosen[n])
 
 
 def _own(system: OpticalSystem, name: str) -> tuple[Optic | None, str]:
@@ -120,7 +122,7 @@ def _usual(system: OpticalSystem) -> list[Tolerance]:
     defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
     rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES, "source")
     if source.scalable:
-        rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01)))
+        rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01), made=False))
     # directions have no position
     room, throw = (0.0, 0.0) if system.target.far_field else (ROOM, THROW)
     return rows + _placed("target", room, throw, ROOM_TILT, AXES, "target")
@@ -147,7 +149,7 @@ def _of_element(system: OpticalSystem, optic: Optic, lens: Lens) -> list[Toleran
             rows.append(Tolerance(f"{own}{optic.face_name(name)}.power", "%", POWER, change))
     material = indexing_material(system.problem, optic)
     if material is not None and (material.dn_dt or material.expansion):
-        rows.append(Tolerance(f"{own}temperature", "K", TEMPERATURE, errors(temperature=1.0)))
+        rows.append(Tolerance(f"{own}temperature", "K", TEMPERATURE, errors(temperature=1.0), made=False))
     return rows
 
 
@@ -164,16 +166,16 @@ def _placed(
 
     field : begins the names of what changes.  errors : called with it, returns the Perturbation.
     """
-    rows = []
+    rows, made = [], field == "front"  # within the part
     for axis in range(3):
         along = tuple(float(axis == k) for k in range(3))
         name = "defocus" if axis == 2 else f"decentre_{AXES[axis]}"
         amount = defocus if axis == 2 else decentre
         if amount:
-            rows.append(Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along})))
+            rows.append(Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along}), made))
     for axis in range(3):
         if AXES[axis] in turned:
             about = tuple(radians(1.0) * (axis == k) for k in range(3))
             name = f"{part}.tilt_{AXES[axis]}"
-            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about})))
+            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about}), made))
     return rows

@@ -101,7 +101,8 @@ class _Trial:
         irradiance = self._linear.irradiance
         self.scaled = unit_mean(irradiance)
         self.here = self.judge.numbers(irradiance, self._linear.fates.on_target)
-        self.bounds = bounds_of(limits_of(limits, usual_limits(light, self.here)), self.here)
+        asked, unknown = limits_of(limits, usual_limits(light, self.here)), self.judge.why_unknown(irradiance)
+        self.bounds = bounds_of(asked, self.here, unknown)
         self._hopeless = bool(missed(self.bounds, self.here))
         self._pixel = float(np.mean(light.screen.pitch))
 

@@ -10,7 +10,7 @@ import pytest
 from optics.designing.optimisation import stages
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.expectation import predicted_rel_l2
+from optics.designing.prediction.expectation import _size, predicted_rel_l2
 from optics.designing.prediction.sensitivity import sensitivity
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
@@ -20,6 +20,7 @@ from optics.scene.system import OpticalSystem, solvable_system
 from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import landing_points, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
+from thbcad.meshes import to_trimesh
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
 
@@ -112,6 +113,14 @@ def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
     assert found.volume == pytest.approx(moved.lens.volume(), rel=1e-2)
     assert found.size[:2] == (20.0, 20.0)
     assert bool(found.note) == bool(moved.notes)
+
+
+def test_a_round_lens_is_as_deep_as_within_its_rim():
+    """Against the vertices of its mesh."""
+    problem = load_problem(EXAMPLES / "dome.toml", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
+    lens = OpticalSystem(problem).lens
+    heights = to_trimesh(lens, 1e-3).vertices[:, 2]
+    assert _size(lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
 
 def test_a_trap_is_told_before_the_design(tmp_path, backend):

@@ -124,15 +124,24 @@ def test_tolerances_become_profile_slopes_and_amounts(capsys, copy, tmp_path):
     said = re.findall(r"to (\d+) mm: ([\d.]+) mrad", found["slope.rear"][0])
     assert [int(last) for last, _ in said] == [2, 20]
     assert all(0.9 * slope < float(text) <= slope for slope, (_, text) in zip(slopes, said))
-    assert found["thickness"] == ("+- 0.032 mm", "computed")  # less is allowed than the amount
-    assert found["index"] == ("+- 0.0005", "computed")
-    assert found["centring"] == ("3'", "computed")  # a plane has no decentre
+    assert found["thickness"] == ("6 mm +- 0.032 mm", "computed")  # less is allowed than the amount
+    assert found["index"] == ("n = 1.5 at 550 nm +- 0.0005", "customary")
+    assert found["centring"] == ("3'", "customary")  # a plane has no decentre
+    assert found["finish.rear"] == ("polished insert, Ra 10 nm at most", "customary")
     tolerated(copy, missed_by_the_design=["rel_l2"])
-    assert origins(sheet(capsys, copy, "--out", tmp_path / "lens.svg"))["thickness"][1] == "open"
+    found = origins(sheet(capsys, copy, "--out", tmp_path / "lens.svg"))
+    assert found["thickness"] == ("6 mm, tolerance to be agreed", "open")
     tolerated(copy, form_error={"sentences": ["form errors want a point"]})
     data = sheet(capsys, copy, "--out", tmp_path / "lens.svg")
     assert origins(data)["slope.rear"][1] == "open"
     assert "form errors want a point" in data["notes"][0]
+
+
+def test_an_insert_is_as_smooth_as_the_light_needs(capsys, copy, tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), "RMS", (5.69e-6, 2e-3))
+    tolerated(copy)
+    found = origins(sheet(capsys, copy, "--out", tmp_path / "lens.svg"))
+    assert found["finish.rear"] == ("polished insert, Rq 5.6 nm at most", "computed")
 
 
 def test_test_points_are_the_sag_to_a_tenth_of_a_micrometre(capsys, copy, tmp_path):

@@ -33,7 +33,7 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     assert data["limits"] == {"rel_l2": pytest.approx(data["rel_l2"] + 0.01), "efficiency": 0.5}
     assert data["shift_floats"]
     page = (copy / "tolerance.html").read_text("utf-8")
-    assert "What the shop must hold" in page
+    assert "What shop and mount must hold" in page
     # the costs, two changes of the light, the allowed form error and a map of it on either side
     assert page.count("<img ") == 6
     assert {*data["form_error"]["sides"]} == {"front", "rear"}

@@ -82,6 +82,12 @@ def test_a_window_concentrates_nothing(concentrated):
     assert found.times == pytest.approx(1, abs=0.02)
 
 
+def test_a_round_beam_is_as_dense_as_its_disk(concentrated):
+    """Not as the square around it."""
+    _, found = concentrated(WINDOW | {"source.profile": "round"})
+    assert found.times == pytest.approx(1.0, abs=0.03)
+
+
 def test_light_that_spreads_is_densest_at_the_rear(concentrated):
     _, found = concentrated({"lens.rear.radius": 200.0, "target.half_width": [40.0, 40.0]})
     assert found.behind < 1

@@ -65,6 +65,16 @@ def test_the_share_of_a_small_cell_is_the_density_in_its_middle(profile):
         assert share / h**2 == pytest.approx(density, abs=1e-5)  # 1e-16 / h^2 of rounding, too
 
 
+def test_cells_beside_a_disk_are_dark():
+    """Without roundings, in which light would be looked for."""
+    r = np.linspace(-1, 1, 514)
+    nearest = np.minimum(np.abs(r[1:]), np.abs(r[:-1]))
+    for kind in ("round", "round_gaussian"):
+        shares = Profile(kind).shares(r, r)
+        assert np.array_equal(shares > 0, np.add.outer(nearest**2, nearest**2) < 1)
+        assert shares.sum() == pytest.approx(1, rel=1e-12)
+
+
 def test_the_shares_of_a_disk_are_its_areas():
     """Chords summed by adaptive quadrature, split where they meet the cell's corners."""
     s, t = borders(6, 5), borders(7, 6)

@@ -131,7 +131,7 @@ def test_the_shop_is_told_amounts_with_units(budget):
     lines = shop_sentences(found)
     assert any("Hold lens.decentre_x within +- " in line and " mm (" in line for line in lines)
     assert f"{found.rel_l2:.2%}" in lines[0]
-    assert f"{found.expected:.2%}" in lines[-1]
+    assert f"{found.expected:.2%} (root" in lines[-1]
 
 
 def test_an_extended_source_has_a_budget(tmp_path, backend):

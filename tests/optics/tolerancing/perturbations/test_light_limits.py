@@ -1,6 +1,7 @@
 """Limits of the light by choice, amounts that keep them, light that may shift as a whole, and the words."""
 
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 import pytest
@@ -141,15 +142,49 @@ def test_what_floats_is_not_what_is_held(even, backend) -> None:
     assert "may shift as a whole" in shop_sentences(floats)[0]
 
 
+def limited(budget):
+    return [e.tolerance.name for e in budget.effects if e.allowed is not None]
+
+
+def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> None:
+    """By a budget of these amounts: its expected rel_l2 is the limit, to second order."""
+    system, lens = even
+    found = budget_of(system, lens, backend, {"rel_l2": 0.05}, **DECENTRE)
+    less = {name: found.together * amount for name, amount in DECENTRE.items()}
+    again = budget_of(system, lens, backend, {"rel_l2": 0.05}, **less)
+    assert again.expected == pytest.approx(0.05, rel=0.03)
+    assert again.together == pytest.approx(1, rel=0.06)
+    assert f"where every amount is multiplied by {found.together:.2g}" in " ".join(shop_sentences(found))
+    uniform = budget_of(system, lens, backend, {"min_over_mean": 0.7}, **DECENTRE)
+    assert uniform.together is None
+    assert "--samples" in shop_sentences(uniform)[-1]
+
+
+def test_the_reason_why_no_uniformity_is_known_is_said(even, tmp_path, backend) -> None:
+    with pytest.raises(UserError, match="min_over_mean is not known of this light: the target is a picture;"):
+        budget_of(*small_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
+    system, lens = even_system(tmp_path, {"target.lit": [0.06, 0.06]})
+    with pytest.raises(UserError, match=r"are smaller than a pixel of .*; limit rel_l2 or efficiency"):
+        budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
+
+
 @pytest.mark.slow
 def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even, backend) -> None:
     system, lens = even
     chosen = {t.name: t.amount for t in tolerances_of(system) if t.name.startswith(("target.", "lens.tilt"))}
-    amounts = chosen | DECENTRE
+    made = {"front.tilt_x": 0.1, "index": 1e-3}
+    amounts = chosen | DECENTRE | made
     found = budget_of(system, lens, backend, 0.01, **amounts)
-    said = [line for line in shop_sentences(found) if line[:1].isdigit()]
+    lines = shop_sentences(found)
     ranked = [e.tolerance.name for e in found.by_cost()]
-    assert [line.split()[2] for line in said] == ranked[:5]
+    for holder, chosen in (
+        ("The shop", [name for name in ranked if name in made]),
+        ("Who mounts part, source and target", [name for name in ranked if name not in made]),
+    ):
+        k = lines.index(f"{holder} must hold, the costliest first:") + 1
+        said = [line.split()[2] for line in takewhile(lambda line: line[:1].isdigit(), lines[k:])]
+        assert said == chosen[: len(said)]
+        assert len(said) == min(5, len([n for n in chosen if n in limited(found)]))
     assert [row[0] for row in effect_rows(found)] == ranked
     assert {*ranked} == {*amounts}
     costs = [e.cost for e in found.by_cost()]
@@ -180,6 +215,7 @@ def test_counted_rays_are_said_to_lower_the_uniformity(even, backend) -> None:
         ({"min_over_mean": 70.0}, "the limit of min_over_mean must lie between 0 and 1"),
         ({"efficiency": float("nan")}, "the limit of efficiency must lie"),
         ({"rel_l2": True}, "the limit of rel_l2 must lie"),
+        (20, "the limit of rise must lie between 0 and 1, such as 0.05 or 5%, got 20"),
         ({"rise": 0.0}, "limit must be a positive rise"),
         (-1.0, "limit must be a positive rise"),
         ({}, "give a limit at least"),
@@ -193,8 +229,8 @@ def test_bad_limits_are_one_sentence(limits, words) -> None:
 
 def test_of_a_rise_and_a_limit_the_lower_one_holds() -> None:
     design = LightNumbers(0.04, 0.9, 0.8)
-    assert bounds_of({"rise": 0.02, "rel_l2": 0.05}, design) == {"rel_l2": 0.05}
-    assert bounds_of({"rise": 0.02, "rel_l2": 0.5}, design) == {"rel_l2": pytest.approx(0.06)}
+    assert bounds_of({"rise": 0.02, "rel_l2": 0.05}, design, "") == {"rel_l2": 0.05}
+    assert bounds_of({"rise": 0.02, "rel_l2": 0.5}, design, "") == {"rel_l2": pytest.approx(0.06)}
 
 
 def test_the_design_takes_nothing_of_its_limits_and_the_limits_are_one() -> None:
