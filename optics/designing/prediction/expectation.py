@@ -17,7 +17,7 @@ from optics.designing.prediction.freedom_note import freedom_note, gentler_geome
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
-from optics.light.blur import blur_of
+from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -126,7 +126,7 @@ def expected(
         least=least_half_widths(system, lens, backend),
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
-        blur=blur_of(system, system.path(lens), backend).width if system.blurred else _blur(system),
+        blur=_blur(system, lens, backend),
         from_transport=from_transport,
         rel_l2=predicted_rel_l2(start.lit, error)
         if error and from_transport and start.within(fit) and _is_known(system)
@@ -213,8 +213,9 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
     return span * magnification
 
 
-def _blur(system: OpticalSystem) -> float | None:
-    """Return the least width of the images of the source, None where it has no extent or it is not known."""
-    if not bounds_hold(system) or not system.axial:
-        return None
-    return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))
+def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> float | None:
+    """Return the width of the images of the source: the least one that is possible, of what etendue bounds,
+    else what the start makes.  None of a source without extent."""
+    if bounds_hold(system) and system.axial and not system.blurred:
+        return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))
+    return spot_width(system, lens, backend) if system.source.extended or system.blurred else None

@@ -127,7 +127,7 @@ class ToleranceBudget:
     def data(self) -> dict[str, Any]:
         """Return it as numbers by name, for tolerance.json; the costliest tolerance first."""
         shares = self.shares()
-        data = {
+        data: dict[str, Any] = {
             **self.light.data(),
             "limits": dict(self.bounds),
             "missed_by_the_design": [*self.missed],

@@ -30,6 +30,7 @@ STEPS = (  # of a design that compute: module and function
     ("optics.interface.api.design_files", "_checks"),
     ("optics.interface.api.design_files", "answered"),
     ("optics.interface.api.design_figures", "elements_sight"),
+    ("optics.interface.api.design_figures", "photograph"),
     ("optics.interface.commands.design_command", "system_of"),
 )
 
