@@ -10,7 +10,7 @@ for which `optics.designing.etendue.approximate` has a certificate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from optics.designing.etendue import Kernel, approximate
 from optics.light.analysis import rel_l2
 from optics.light.blur import Blur, blur_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
@@ -29,6 +29,8 @@ MOST_PIXELS = 256  # in each direction, that the best light is looked for on; mo
 FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
 KKT = 1e-5  # of the best light
 SMALL = 1e-3  # of rel_l2: less is none
+WIDER, FEWER_PIXELS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 128  # times, that targets are tried
+ROOM = 0.5  # of a limit, that the least may take: lenses reach about 1.7 times the least
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
 
 
@@ -64,6 +66,25 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
         plain=rel_l2(_blurred(blur, target, screen) / shown, picture),
         least=_least(system, target, shown, blur),
     )
+
+
+def wider_picture(
+    system: OpticalSystem, lens: Lens, backend: Backend, keeps: Callable[[float], bool]
+) -> tuple[float, float] | None:
+    """Return half-widths of a target at the same place whose light may keep limits: its detail is wider, the
+    spot is not.  None where WIDER does not reach.
+
+    keeps : called with a rel_l2, returns whether it keeps them.
+    """
+    for times in WIDER:
+        half = tuple(float(f"{times * h:.3g}") for h in system.problem.target.half_width)
+        wider = solvable_system(system.problem.with_(**{"target.half_width": half}))
+        screen = wider.target.screen()
+        target, shown = wider.target.irradiance(screen, 1.0), screen.projection()
+        least = _least(wider, target, shown, blur_of(wider, wider.path(lens), backend), FEWER_PIXELS)
+        if least is not None and keeps(least / ROOM):
+            return half[0], half[1]
+    return None
 
 
 def _blurred(blur: Blur, picture: Floats, screen: Screen) -> Floats:
@@ -111,13 +132,16 @@ def _who(system: OpticalSystem) -> str:
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _least(system: OpticalSystem, target: Floats, shown: Floats, blur: Blur) -> float | None:
-    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels; None of a wider spot.
+def _least(
+    system: OpticalSystem, target: Floats, shown: Floats, blur: Blur, most: int = MOST_PIXELS
+) -> float | None:
+    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels, at most so many in each
+    direction; None of a wider spot.
 
     With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than
     | k * F - T | / (max P | T / P |).
     """
-    merge = -(-max(system.target.settings.pixels) // MOST_PIXELS)
+    merge = -(-max(system.target.settings.pixels) // most)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]
     goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))

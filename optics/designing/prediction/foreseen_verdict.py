@@ -9,7 +9,7 @@ from math import atan2, degrees, hypot, inf
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.designing.prediction.blurred_picture import BlurLimits
+from optics.designing.prediction.blurred_picture import BlurLimits, wider_picture
 from optics.designing.prediction.expectation import Expectation
 from optics.light.analysis import contrast_error, picture_limit
 from optics.light.blur import spot_rms
@@ -28,7 +28,7 @@ def foreseen_misses(
 
     blur : what the blur leaves of the picture, where there is one.
     """
-    sentences = [*_of_the_error(system, expected, blur)]
+    sentences = [*_of_the_error(system, expected, blur), *_wider(system, blur, backend)]
     region, limits, screen = system.target.uniform_region, system.problem.verify, system.target.screen()
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
         wide = spot_rms(system, system.lens, backend)
@@ -63,23 +63,37 @@ def _aside(system: OpticalSystem) -> str:
 
 def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
-    limits, uniform = system.problem.verify, not system.target.as_picture
     known = [
         (WILL, blur.least if blur else None, "the blur allows"),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
     ]
-    screen = system.target.screen()
-    target = system.target.irradiance(screen, 1.0) / screen.projection()
     for word, value, why in known:
         if value is None:
             continue
-        of_contrast = contrast_error({"rel_l2_debiased": value, "rel_l2_error": 0.0}, target)[
-            "contrast_error"
-        ]
-        rows = [("rel_l2", value, picture_limit(limits, uniform))]
-        if not uniform and of_contrast is not None:
-            rows.append(("contrast_error", of_contrast, limits.contrast_error))
-        for key, found, limit in rows:
-            if found > limit:
-                least = " at least" if word == WILL else ""
-                yield f"{word}: {why} a {key} of {found:.2g}{least}, and verify.{key} asks for {limit:g}"
+        for key, found, limit in _missed(system, value):
+            least = " at least" if word == WILL else ""
+            yield f"{word}: {why} a {key} of {found:.2g}{least}, and verify.{key} asks for {limit:g}"
+
+
+def _missed(system: OpticalSystem, value: float) -> list[tuple[str, float, float]]:
+    """Return (key, what it is, its limit) of each limit of [verify] that light with a rel_l2 misses."""
+    limits, uniform, screen = system.problem.verify, not system.target.as_picture, system.target.screen()
+    target = system.target.irradiance(screen, 1.0) / screen.projection()
+    of_contrast = contrast_error({"rel_l2_debiased": value, "rel_l2_error": 0.0}, target)["contrast_error"]
+    rows = [("rel_l2", value, picture_limit(limits, uniform))]
+    if not uniform and of_contrast is not None:
+        rows.append(("contrast_error", of_contrast, limits.contrast_error))
+    return [row for row in rows if row[1] > row[2]]
+
+
+def _wider(system: OpticalSystem, blur: BlurLimits | None, backend: Backend) -> Iterator[str]:
+    """Yield the remedy where the blur forbids the light asked for."""
+    if blur is None or blur.least is None or not _missed(system, blur.least):
+        return
+    half = wider_picture(system, system.lens, backend, lambda least: not _missed(system, least))
+    if half is not None:
+        x, y = half
+        yield (
+            "a larger picture has wider detail, and the blur stays: at this distance --set "
+            f"target.half_width=[{x:g},{y:g}] may keep these limits"
+        )

@@ -1,5 +1,7 @@
 """Limits that a design will miss are said before it, and no prediction is made where nothing tells it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,10 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     sentences = foreseen(system, backend, limits)
     words = f"this design will miss its limit: the blur allows a rel_l2 of {limits.least:.2g} at least"
     assert any(said.startswith(words) and said.endswith("asks for 0.1") for said in sentences)
+    (remedy,) = (said for said in sentences if "at this distance --set target.half_width=" in said)
+    x, y = map(float, re.search(r"half_width=\[([\d.]+),([\d.]+)\]", remedy).groups())
+    wider = OpticalSystem(system.problem.with_(**{"target.half_width": (x, y)}))
+    assert blur_limits(wider, wider.lens, backend).least < 0.1
 
 
 def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
