@@ -36,7 +36,8 @@ def sweep(options: Namespace) -> Outcome:
     try:
         found = run_sweep(plan, progress=True)
     except KeyboardInterrupt:
-        note(f"what is done is stored in {out}; the same command goes on with the rest")
+        if out.exists():  # else nothing was done
+            note(f"what is done is stored in {out}; the same command goes on with the rest")
         raise
     grades = found.grades()
     data = {"folder": str(out), "counts": found.counts(), "grades": grades, "rows": found.table()}

@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt, grey_closing
 
 from thbcad.checks import Floats, Integers
 from thbcad.lens import SIDES, FreeformSurface, Lens
-from thbcad.moulds import Made, MouldedBody, Plate, lens_of
+from thbcad.moulds import FACES, Made, MouldedBody, Plate, lens_of
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
@@ -124,20 +124,38 @@ def solid_faces(solid: Made, samples: int = SAMPLES) -> tuple[list[Face], dict[s
 
 
 def _plate_faces(plate: Plate, samples: int) -> tuple[list[Face], dict[str, float]]:
-    """Return the faces of all lenses of a plate, those of the first with their names, and the land's six, of
-    which the lenses hide what they fill."""
+    """Return the faces of all lenses of a plate, front and rear of the first with their names, and the land's
+    six, without what lies within the lenses."""
     own, steeper = solid_faces(plate.lens, samples // isqrt(len(plate.places)))
     faces = [
-        replace(face, name=face.name * (not number)).posed(Pose.at((x, y, 0.0)))
+        replace(face, name=face.name * (not number and face.name in FACES)).posed(Pose.at((x, y, 0.0)))
         for number, (x, y) in enumerate(plate.places)
         for face in own
     ]
     flat = FreeformSurface(plate.outline.half_width)
     land, _ = solid_faces(Lens(flat, flat, plate.high - plate.low, plate.index), samples)
     beside = Pose.at((*plate.middle, plate.low))
-    return faces + [
+    ground = [
         replace(face, name="land" * (face.name == "rear"), colour=GROUND).posed(beside) for face in land
-    ], steeper
+    ]
+    # walls rise from the smaller rim, and hide what of the land they cut
+    smaller = min(plate.lens.front.half_width, plate.lens.rear.half_width)
+    for k in (0, 1):
+        ground[k] = replace(ground[k], points=_beside(ground[k].points, plate.places, smaller))
+    return faces + ground, steeper
+
+
+def _beside(points: Floats, places: Floats, half_width: tuple[float, float]) -> Floats:
+    """Return points of a plane (3, ...) with those within rectangles around places moved to the borders."""
+    moved = points.copy()
+    for place in places:
+        away = [moved[axis] - place[axis] for axis in (0, 1)]
+        depth = [half - np.abs(a) for half, a in zip(half_width, away)]
+        within, first = (depth[0] > 0) & (depth[1] > 0), depth[0] <= depth[1]
+        for axis, nearest in enumerate((first, ~first)):
+            out = within & nearest
+            moved[axis][out] += np.copysign(depth[axis], away[axis])[out]
+    return moved
 
 
 def within_foot(body: MouldedBody, number: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:

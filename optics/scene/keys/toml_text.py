@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any
 
-from optics.scene.keys.dotted_keys import Record, hints_of, lists_tables, table_of
+from optics.scene.keys.dotted_keys import Record, hints_of, lists_tables, table_of, variants_of
+
+SHARED = "with the keys of"  # begins the note of a table whose keys stand elsewhere
 
 
 def problem_to_toml(problem: Record, notes: bool = False) -> str:
@@ -19,26 +22,50 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
     lines: list[str] = []
     tables: list[str] = []
     for f in fields(record):
-        several = f.metadata["choices"] and len(f.metadata["choices"]) > 1
-        choices = " or ".join(map(repr, f.metadata["choices"])) if several else ""
-        words = "; ".join(w for w in (f.metadata["note"], choices) if w)
-        value, remark = getattr(record, f.name), f"  # {words}" if notes and words else ""
-        is_table = table_of(hints_of(type(record))[f.name]) is not None
+        value, remark = getattr(record, f.name), _remark(f) if notes else ""
+        table = table_of(hints_of(type(record))[f.name])
+        is_table = table is not None
         if value is None and (f.default is not None or not is_table):
             lines.append(f"{f.name} = false{remark}\n" if is_table or notes else "")
             continue
         if value is None:
-            tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
+            tables.append(f"\n# [{prefix}{f.name}]{remark}\n{_left_out(f, table)}" if notes else "")
             continue
         if lists_tables(hints_of(type(record))[f.name]):
             head = f"{prefix}{f.name}"
             tables += [f"\n[[{head}]]\n{_toml(table, f'{head}.', notes)}" for table in value]
-            tables.append(f"\n# [[{head}]]{remark}\n" if notes and not value else "")
+            empty = notes and not value
+            tables.append(f"\n# [[{head}]]{remark}\n{_left_out(f, table)}" if empty else "")
         elif is_dataclass(value) and not isinstance(value, type):
             tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:
             lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
     return "".join(lines) + "".join(tables)
+
+
+def _remark(field: Field[Any]) -> str:
+    """Return the comment that explains a key."""
+    several = field.metadata["choices"] and len(field.metadata["choices"]) > 1
+    choices = " or ".join(map(repr, field.metadata["choices"])) if several else ""
+    words = "; ".join(w for w in (field.metadata["note"], choices) if w)
+    return f"  # {words}" if words else ""
+
+
+def _left_out(field: Field[Any], table: type[Record] | None) -> str:
+    """Return the keys of a table that is left out, as comments; none of one whose keys stand elsewhere, or
+    that has tables itself."""
+    if table is None or field.metadata["note"].startswith(SHARED):
+        return ""
+    hints = hints_of(table)
+    own = [f for f in fields(table) if "note" in f.metadata]
+    if len(variants_of(table)) > 1 or any(table_of(hints[f.name]) for f in own):
+        return ""
+    lines = []
+    for f in own:
+        required = f.default is MISSING and f.default_factory is MISSING
+        default = "?" if required else "false" if f.default is None else _toml_value(f.default)
+        lines.append(f"# {f.name} = {default}{_remark(f)}\n")
+    return "".join(lines)
 
 
 def _toml_value(value: object) -> str:

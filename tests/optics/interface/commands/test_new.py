@@ -1,6 +1,7 @@
 """The commented problem file that `thbcad new` prints."""
 
 import io
+import re
 import sys
 from dataclasses import fields, is_dataclass
 
@@ -13,10 +14,12 @@ from optics.scene.problem import (
     ASKED_LIGHT,
     ASKED_SOURCES,
     STARTS,
+    StopSpec,
     answered_problem,
     commented_problem,
     load_problem,
 )
+from optics.scene.problem.body_schema import ArraySpec, BodySpec
 from tests.cases import EXAMPLES, ROOT
 
 
@@ -43,12 +46,20 @@ def test_the_page_of_keys_has_what_new_prints():
 
 def test_every_key_is_there_and_explained(tmp_path):
     lines = commented_problem().splitlines()
-    values = [line for line in lines if "=" in line]
+    values = [line for line in lines if "=" in line and line[:2] != "# "]
     (tmp_path / "my.toml").write_text("\n".join(lines))
     problem = load_problem(tmp_path / "my.toml")
     assert len(values) == len(keys(problem))
     assert [line for line in values if "#" not in line] == []
     assert all("#" not in line for line in problem_to_toml(problem).splitlines())
+
+
+@pytest.mark.parametrize(
+    ("table", "record"), [("[lens.array]", ArraySpec), ("[lens.body]", BodySpec), ("[[stop]]", StopSpec)]
+)
+def test_the_keys_of_tables_that_are_left_out_are_there_as_comments(table, record):
+    part = commented_problem().partition(f"\n# {table} ")[2].partition("\n\n")[0]
+    assert re.findall(r"^# (\w+) = \S+.*  # .+", part, re.M) == [f.name for f in fields(record)]
 
 
 LIKE = {

@@ -9,7 +9,7 @@ import pytest
 from optics.reporting.view import solid_faces
 from tests.optics.cases import hollow_lens, small_lens
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.moulds import BodyOptions, MouldedBody
+from thbcad.moulds import BodyOptions, MouldedBody, Plate
 from thbcad.sags import Conic
 
 LENSES = {"round": (small_lens(), 1.0), "rounded": (small_lens(), 0.3), "round, unlike": (hollow_lens(), 1.0)}
@@ -68,3 +68,15 @@ def test_a_body_is_closed_by_its_walls_and_its_land(share):
     for k, column, ring in ((0, 0, rings[0]), (1, 1, rings[-1])):
         x, y, z = ring[:, :, column]
         assert np.allclose(z, k * lens.thickness + (lens.front, lens.rear)[k](x, y), rtol=0, atol=1e-9)
+
+
+def test_the_land_of_a_plate_leaves_its_lenses_free():
+    """So that a hollow front shows its own ground; at the lenses' borders the land begins."""
+    lens = hollow_lens()
+    plate = Plate.of(lens, (2, 1), (24.0, 24.0))
+    hx, hy = min(lens.front.half_width, lens.rear.half_width)
+    faces, _ = solid_faces(plate, 82)
+    for face in faces[-6:-4]:
+        for x, y in plate.places:
+            away = np.maximum(np.abs(face.points[0] - x) / hx, np.abs(face.points[1] - y) / hy)
+            assert away.min() == pytest.approx(1, abs=1e-12)
