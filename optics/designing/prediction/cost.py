@@ -20,6 +20,7 @@ RAY = 0.055e-6  # s per ray and evaluation, where parallel rays meet the rear at
 FUNCTION = 24.0e-6  # s per function of the finest mesh, in files and checks
 MAPPED = 5.0  # s more for a transport map of rays that are not parallel where they are shaped
 BLURRED = 1.5  # s more where light is blurred
+IN_PLATE = 0.8  # s more for each lens of a plate, through which the crosstalk is traced
 SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
 # the peaks of overview.json and of the twenty pictures within 1.2 times
 BASE_MB = 930.0
@@ -39,6 +40,8 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     for axis in (0, 1):
         functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
     more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred else 0.0)
+    if system.problem.optic.array is not None:
+        more += IN_PLATE * system.problem.optic.array.count
 
     def bytes_of(stage: Stage, rays: float) -> float:
         return rays * (CELL_BYTES if stage.exact and not system.parallel else BYTES)

@@ -43,6 +43,7 @@ from thbcad.tools import (
 
 RAYS = 257  # in each direction: a map finer than a picture shows
 ANYWHERE = 257  # points in each direction, on the rim too
+OF_BLUR = 0.5  # of the blur without cusps: both together are wider by an eighth
 ROUND_DOWN = 1 - 1e-14  # below the roundings of an arctangent and a product
 
 
@@ -88,7 +89,7 @@ class SurfaceFindings:
     """A tool on one surface.
 
     graph : with air above it.  blur : None where the tool fits nowhere.  pitch : mm, step or feed
-    yardstick : pixels, by which light is blurred without cusps, at least one.
+    yardstick : pixels, half of the blur that there is without cusps, at least one.
     height_anywhere : mm, of cusps on the whole surface for each mm^2 of the pitch squared, sampled; NaN where
         the tool fits nowhere.
     light : with the cusps; None where it is unknown.  motion : of a nose that fits, else None
@@ -160,7 +161,7 @@ def tool_findings(
     if order.radius is None:
         names = []
     pixel = float(np.mean(system.target.screen().pitch))
-    yardstick = max(1.0, spot_width(system, lens, backend) / pixel) if names else 1.0
+    yardstick = max(1.0, OF_BLUR * spot_width(system, lens, backend) / pixel) if names else 1.0
     surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
     return ToolFindings(order, surfaces, draft(lens))
 

@@ -113,7 +113,7 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
 def _yardstick(surface: SurfaceFindings) -> str:
     if surface.yardstick == 1:
         return "one pixel"
-    return f"{surface.yardstick:.3g} pixels, the blur that there is without cusps,"
+    return f"{surface.yardstick:.3g} pixels, half of the blur that there is without cusps,"
 
 
 def _polish_line(order: ToolOrder, surface: SurfaceFindings) -> str:

@@ -43,6 +43,14 @@ def test_stored_designs_took_the_time_and_memory_that_is_predicted(name):
     assert 0.5 < memory / rows[f"{name}: peak memory"] < 2
 
 
+def test_a_stored_plate_took_the_time_that_is_predicted():
+    rows = json.loads((ROOT / "docs" / "data" / "gallery.json").read_text("utf-8"))["rows"]
+    (took,) = (row["value"] for row in rows if row["name"].startswith("street_plate: process start"))
+    system = OpticalSystem(load_problem(EXAMPLES / "street_plate.toml"))
+    seconds, _ = seconds_and_memory(system, stages(system, from_transport=False))
+    assert 1 / 1.3 < seconds / took < 1.3
+
+
 def started(folder, backend, changes):
     """Return the system with the lens of its transport start, and what `sensitivity` says of it."""
     system = loaded(folder, changes)

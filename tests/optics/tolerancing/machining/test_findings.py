@@ -156,7 +156,7 @@ LAMP = {"source.kind": "lambertian", "source.half_width": [0.6, 0.6], "source.di
 
 
 @pytest.mark.parametrize("changes", [SUN, LAMP], ids=["sun", "lamp"])
-def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
+def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, changes):
     """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
     system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
     lens = small_lens(rear=Conic())
@@ -165,7 +165,7 @@ def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
     expected = 2 * 60 * np.tan(np.radians(2.0)) if changes is SUN else 1.2 * 60 / (30 + 6 / 1.5)
     assert wide == pytest.approx(expected, rel=0.1)
     (surface,) = tool_findings(system, lens, ToolOrder(ball=6.0, surface="rear"), backend, 65).surfaces
-    assert surface.yardstick == pytest.approx(wide / (40 / 48), rel=1e-12)
+    assert surface.yardstick == pytest.approx(wide / 2 / (40 / 48), rel=1e-12)
     assert surface.pitch * surface.blur.worst()[0] == pytest.approx(surface.yardstick)
     assert surface.largest_pitch == pytest.approx(surface.pitch)
 
@@ -175,8 +175,8 @@ def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
     [
         ({}, 0.99, "at most, and the yardstick is one pixel"),
         ({}, 1.01, "more than one pixel"),
-        (SUN, 0.99, "pixels, the blur that there is without cusps"),
-        (SUN, 1.01, "pixels, the blur that there is without cusps"),
+        (SUN, 0.99, "pixels, half of the blur that there is without cusps"),
+        (SUN, 1.01, "pixels, half of the blur that there is without cusps"),
     ],
 )
 def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
@@ -187,8 +187,8 @@ def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
     def of(step):
         return tool_findings(system, bowl_lens(), ToolOrder(ball=5.0, step=step), backend, rays=33)
 
-    wide = spot_width(system, bowl_lens(), backend) if changes else 40 / 48
-    step = times * max(1.0, wide / (40 / 48)) / of(0.01).surfaces[0].blur.worst()[0]
+    half = spot_width(system, bowl_lens(), backend) / 2 if changes else 40 / 48
+    step = times * max(1.0, half / (40 / 48)) / of(0.01).surfaces[0].blur.worst()[0]
     findings = of(step)
     polish = tool_data(findings)["surfaces"]["rear"]["cusps"]["polish"]
     assert polish["needed"] == (times > 1)
