@@ -20,6 +20,12 @@ CANNOT = {
         ("polarisation", "polarization", "polarised", "polarized", "diffraction", "phase", "coherence"),
         "light is rays without phase, and sources are not polarised",
     ),
+    "laser": 'there is no source of that name: one that diverges is kind = "point" with its half_angle, or a '
+    'file of rays, and one that does not kind = "collimated" with profile = "gaussian"',
+    **dict.fromkeys(
+        ("asphere", "even_asphere", "biconic", "toroid", "coefficient", "polynomial", "a4", "a6"),
+        "a fixed face is a conic; of a free one a spline stands on it, which scripts may start from any sag",
+    ),
     "targets": "a problem has one target; a picture or [[target.zone]] holds several regions",
     **dict.fromkeys(
         ("lens.position", "lens.tilt"),
