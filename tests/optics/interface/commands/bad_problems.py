@@ -81,7 +81,7 @@ KEYS = [
     ("unknown key at the top", {"colour": "red"}, "colour", "the top level takes title, source"),
     ("unknown key of a table", {"lens.radius": 3.0}, "lens.radius", "[lens] takes index, thickness"),
     ("a key of another table", {"source.pixels": [8, 8]}, "source.pixels", "[source] takes kind"),
-    ("unknown table", {"laser.power": 3.0}, "laser", "the top level takes"),
+    ("unknown table", {"gadget.power": 3.0}, "gadget", "the top level takes"),
     ("key with blanks", lambda text: '" title" = "x"\n' + text, " title", "the top level takes"),
     ("key of 5000 letters", lambda text: "k" * 5000 + " = 1\n" + text, "kkk", "the top level takes"),
     ("key that colours terminals", lambda text: '"\\u001b[31m" = 1\n' + text, "\\x1b[31m", "takes"),
