@@ -52,4 +52,5 @@ def light_html(light: ExploredLight) -> str:
         words.insert(0, f"U0 = E_min/E_mean {numbers.min_over_mean:.3f}")
     pictures = figures_html(light_pictures(light.target, light.irradiance))
     grid = "display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:1em"
-    return f'<b>{", ".join(words)}</b><div style="{grid}">{pictures}</div>'
+    rows, columns = light.irradiance.shape  # fewer than those of the design, whose rel_l2 differs so far
+    return f'<b>{", ".join(words)}</b>, on {columns} x {rows} pixels<div style="{grid}">{pictures}</div>'

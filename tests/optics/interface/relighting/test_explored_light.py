@@ -86,6 +86,8 @@ def test_even_light_has_its_uniformity_on_at_most_so_many_pixels(tmp_path, backe
     light = explorer_of(system, backend, 48)({})
     assert light.irradiance.shape == light.target.shape == (24, 48)
     assert "U0 = E_min/E_mean" in light_html(light)
+    rows, columns = light.irradiance.shape
+    assert f"on {columns} x {rows} pixels" in light_html(light)
 
 
 def test_numbers_of_counted_rays_name_their_noise(tmp_path, backend):
