@@ -64,7 +64,7 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
         strokes=stroke_width(picture, screen.pitch) if system.target.settings.kind == "image" else None,
         variation=blur.shifts.variation,
         plain=rel_l2(_blurred(blur, target, screen) / shown, picture),
-        least=_least(system, target, shown, blur),
+        least=_least(system, blur),
     )
 
 
@@ -79,9 +79,7 @@ def wider_picture(
     for times in WIDER:
         half = tuple(float(f"{times * h:.3g}") for h in system.problem.target.half_width)
         wider = solvable_system(system.problem.with_(**{"target.half_width": half}))
-        screen = wider.target.screen()
-        target, shown = wider.target.irradiance(screen, 1.0), screen.projection()
-        least = _least(wider, target, shown, blur_of(wider, wider.path(lens), backend), FEWER_PIXELS)
+        least = _least(wider, blur_of(wider, wider.path(lens), backend), FEWER_PIXELS)
         if least is not None and keeps(least / ROOM):
             return half[0], half[1]
     return None
@@ -132,15 +130,15 @@ def _who(system: OpticalSystem) -> str:
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _least(
-    system: OpticalSystem, target: Floats, shown: Floats, blur: Blur, most: int = MOST_PIXELS
-) -> float | None:
+def _least(system: OpticalSystem, blur: Blur, most: int = MOST_PIXELS) -> float | None:
     """Return a lower bound of rel_l2 of the light of one blur, on merged pixels, at most so many in each
     direction; None of a wider spot.
 
     With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than
     | k * F - T | / (max P | T / P |).
     """
+    sharp = system.target.screen()
+    target, shown = system.target.irradiance(sharp, 1.0), sharp.projection()
     merge = -(-max(system.target.settings.pixels) // most)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]

@@ -24,7 +24,8 @@ ASIDE = 20  # degrees, from which on aiming the lens itself is worth a word: it 
 def foreseen_misses(
     system: OpticalSystem, expected: Expectation, blur: BlurLimits | None, backend: Backend
 ) -> list[str]:
-    """Return a sentence for every limit that a design will miss, or may miss, and for a body that fails.
+    """Return a sentence for every limit that a design will miss, or may miss, for the remedy of a blur, and
+    for a body that fails.
 
     blur : what the blur leaves of the picture, where there is one.
     """

@@ -35,7 +35,6 @@ MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
 STEPS = 0.5, 30.0  # degrees: from 5 MB of text to what still tells front from side
 DECIMALS = 4  # of the angles in files
 LUMINAIRE_SUFFIXES = (".ies", ".ldt")
-ONE_LENS = "it is the light of one lens; thbcad road --lenses counts those of a lamp"
 DIGITS = 1e-6  # of the peak, and of the flux: files have seven digits and more
 
 
@@ -101,7 +100,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
         f"at most {peak:.4g} {units.in_far_field.shown}",
         f"steps of {c:.4g} degrees in C, {gamma:.4g} in gamma; noise {light.noise:.2%} of the intensity (L2)",
         _on_target(shown),
-        *([] if system.problem.optic.array else [ONE_LENS]),
+        *([] if system.problem.optic.array else ["the light of one lens: thbcad road --lenses counts more"]),
         "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
     ]
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)

@@ -9,7 +9,7 @@ from typing import Any
 from optics.base.runtime import UserError, note, speaking_of
 from optics.interface.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
 from optics.interface.commands.problem_options import changes_of, result_path
-from optics.interface.sweeps import Sweep, SweepPlan, run_sweep, value_list
+from optics.interface.sweeps import STORE, Sweep, SweepPlan, run_sweep, value_list
 from optics.scene.problem import load_problem
 
 
@@ -36,7 +36,7 @@ def sweep(options: Namespace) -> Outcome:
     try:
         found = run_sweep(plan, progress=True)
     except KeyboardInterrupt:
-        if out.exists():  # else nothing was done
+        if (out / STORE).exists():  # else nothing was done
             note(f"what is done is stored in {out}; the same command goes on with the rest")
         raise
     grades = found.grades()

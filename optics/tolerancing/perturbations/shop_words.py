@@ -7,7 +7,7 @@ from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, 
 from optics.tolerancing.perturbations.tolerance_trials import FREE
 
 SAID = 5  # tolerances of each holder that have a sentence; the others are in the table
-HOLDERS = {True: "The shop", False: "Who mounts part, source and target"}  # by Tolerance.made
+HOLDERS = {"shop": "The shop", "mount": "Who mounts part, source and target"}  # by Tolerance.held_by
 NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light
 HEAD = (
     "tolerance",
@@ -42,8 +42,8 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
             f"allowed: improve it, or give a limit that it keeps, such as --limit {RISE:g}, a rise of rel_l2."
         )
     else:
-        for made, holder in HOLDERS.items():
-            limited = [e for e in ranked if e.allowed is not None and e.tolerance.made is made]
+        for held_by, holder in HOLDERS.items():
+            limited = [e for e in ranked if e.allowed is not None and e.tolerance.held_by == held_by]
             if limited:
                 lines.append(f"{holder} must hold, the costliest first:")
                 lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]

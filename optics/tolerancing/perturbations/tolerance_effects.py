@@ -157,7 +157,7 @@ def _data(effect: ToleranceEffect, shares: Mapping[str, float], unit: str) -> di
     behind, ahead = (end.data() for end in effect.ends)
     return {
         "unit": tolerance.unit,
-        "held_by": "shop" if tolerance.made else "mount",
+        "held_by": tolerance.held_by,
         "amount": tolerance.amount,
         "cost": effect.cost,
         "allowed": None if allowed is None else allowed.amount,

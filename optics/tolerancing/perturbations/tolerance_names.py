@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from math import isfinite, radians
+from typing import Literal
 
 from optics.base.runtime import UserError
 from optics.scene.problem import MirrorElement, Optic, Placed
@@ -24,6 +25,7 @@ POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits 
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
 TEMPERATURE = 20.0  # K: a room's 20 C against a luminaire's 40 C
 AXES = "xyz"
+Holder = Literal["shop", "mount"]
 # tolerances that not every lens or mirror has
 SOMETIMES = ("front.decentre", "front.power", "rear.power", "face.power", "temperature")
 MEDIUM = "thickness", "index", "temperature"  # what only a lens can have
@@ -34,14 +36,14 @@ class Tolerance:
     """What may be wrong by up to +- amount.
 
     unit : "mm", "degrees", "1", "%" or "K".  change : the Perturbation for the amount 1 of it.
-    made : whether the shop that makes the part holds it; else who mounts part, source and target.
+    held_by : the shop that makes the part, or who mounts part, source and target.
     """
 
     name: str
     unit: str
     amount: float
     change: Perturbation
-    made: bool = True
+    held_by: Holder = "shop"
 
     @property
     def words(self) -> str:
@@ -122,7 +124,7 @@ def _usual(system: OpticalSystem) -> list[Tolerance]:
     defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
     rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES, "source")
     if source.scalable:
-        rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01), made=False))
+        rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01), "mount"))
     # directions have no position
     room, throw = (0.0, 0.0) if system.target.far_field else (ROOM, THROW)
     return rows + _placed("target", room, throw, ROOM_TILT, AXES, "target")
@@ -149,7 +151,7 @@ def _of_element(system: OpticalSystem, optic: Optic, lens: Lens) -> list[Toleran
             rows.append(Tolerance(f"{own}{optic.face_name(name)}.power", "%", POWER, change))
     material = indexing_material(system.problem, optic)
     if material is not None and (material.dn_dt or material.expansion):
-        rows.append(Tolerance(f"{own}temperature", "K", TEMPERATURE, errors(temperature=1.0), made=False))
+        rows.append(Tolerance(f"{own}temperature", "K", TEMPERATURE, errors(temperature=1.0), "mount"))
     return rows
 
 
@@ -166,16 +168,19 @@ def _placed(
 
     field : begins the names of what changes.  errors : called with it, returns the Perturbation.
     """
-    rows, made = [], field == "front"  # within the part
+    rows: list[Tolerance] = []
+    held_by: Holder = "shop" if field == "front" else "mount"  # the front moves within the part
     for axis in range(3):
         along = tuple(float(axis == k) for k in range(3))
         name = "defocus" if axis == 2 else f"decentre_{AXES[axis]}"
         amount = defocus if axis == 2 else decentre
         if amount:
-            rows.append(Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along}), made))
+            rows.append(
+                Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along}), held_by)
+            )
     for axis in range(3):
         if AXES[axis] in turned:
             about = tuple(radians(1.0) * (axis == k) for k in range(3))
             name = f"{part}.tilt_{AXES[axis]}"
-            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about}), made))
+            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about}), held_by))
     return rows

@@ -125,6 +125,7 @@ def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suf
     once = out.read_bytes()
     again = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out)
     assert "noise" in again.out
+    assert "the light of one lens" in again.out
     assert f"steps of 10 alone {off[2]:.1%} off" in again.out
     (result / "irradiance.npz").unlink()
     bare = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out)

@@ -31,6 +31,22 @@ def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path,
     assert lines[2] == f"table {tmp_path / 'sweep.csv'}   page {tmp_path / 'sweep.html'}"
 
 
+@pytest.mark.parametrize("done", [False, True])
+def test_a_stopped_sweep_says_that_it_goes_on_where_something_is_stored(
+    by, monkeypatch, tmp_path, capsys, done
+):
+    by(quick)
+
+    def stopped(plan, progress):
+        if done:
+            run_sweep(plan, function=quick)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optics.interface.commands.sweep_command.run_sweep", stopped)
+    assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path)]) == 130
+    assert ("the same command goes on with the rest" in capsys.readouterr().err) is done
+
+
 def test_failing_variants_are_told_and_the_rows_are_data(by, tmp_path, capsys):
     by(picky)
     assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet", "--json"]) == 0
