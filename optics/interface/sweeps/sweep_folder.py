@@ -22,7 +22,8 @@ from optics.interface.sweeps.sweep_views import contact_sheet, metric_plots, plo
 from optics.scene.problem import Problem
 from thbcad.io import write_files
 
-STORE, RECORD = "sweep.sqlite", "sweep.json"
+STORE = "sweep.sqlite"
+RECORD = "sweep.json"
 TABLE, PARQUET, PAGE, SHEET = "sweep.csv", "sweep.parquet", "sweep.html", "contact_sheet.png"
 FILES = (RECORD, TABLE, PARQUET, PAGE, SHEET)
 
