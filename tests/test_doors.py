@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
@@ -46,6 +47,18 @@ def test_type_checkers_see_the_names_that_users_meet():
                 met = [a.name for a in node.names if public or a.name in shown[module_of(path)]]
                 assert [a.name for a in node.names if a.asname == a.name] == met, name(path)
                 assert {a.asname for a in node.names} <= {*met, None}, name(path)
+
+
+def test_what_a_door_offers_is_named_alone_where_it_is_made():
+    """The pages' builder finds no name that is one of a pair (`A, B = 1, 2`)."""
+    paired = []
+    for path in DOORS:
+        for file, offered in door_table(path).items():
+            home = importlib.import_module(f"{module_of(path)}.{file}")
+            pairs = [t for n in tree(Path(home.__file__)).body for t in getattr(n, "targets", ())]
+            named = {e.id for t in pairs if isinstance(t, ast.Tuple) for e in t.elts}
+            paired += [f"{home.__name__}.{n}" for n in named & set(offered)]
+    assert paired == []
 
 
 def test_a_door_says_in_one_sentence_what_its_room_is():
