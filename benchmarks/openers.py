@@ -65,7 +65,7 @@ print(json.dumps({
     "solids": len(solids),
     "faces": len(gmsh.model.getEntities(2)),
     "volume": sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids),
-    "box": gmsh.model.occ.getBoundingBox(3, solids[0][1]),
+    "box": gmsh.model.occ.getBoundingBox(*(solids or [(-1, -1)])[0]),
     "messages": [line for line in gmsh.logger.get() if not line.startswith("Info")],
 }))
 """

@@ -31,6 +31,7 @@ KKT = 1e-5  # of the best light
 SMALL = 1e-3  # of rel_l2: less is none
 WIDER, FEWER_PIXELS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 128  # times, that targets are tried
 ROOM = 0.5  # of a limit, that the least may take: lenses reach about 1.7 times the least
+ASLANT = 0.6  # slope to the axis of light at a corner of a wider target, at most: 31 degrees
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
 
 
@@ -69,19 +70,28 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
 
 
 def wider_picture(
-    system: OpticalSystem, lens: Lens, backend: Backend, keeps: Callable[[float], bool]
+    system: OpticalSystem, backend: Backend, keeps: Callable[[float], bool]
 ) -> tuple[float, float] | None:
     """Return half-widths of a target at the same place whose light may keep limits: its detail is wider, the
-    spot is not.  None where WIDER does not reach.
+    spot is not.
+
+    None where WIDER does not reach, of zones, which keep their size, and beyond ASLANT: the base lens tells
+    the spots of light that goes about along the axis.
 
     keeps : called with a rel_l2, returns whether it keeps them.
     """
+    target, receiver = system.problem.target, system.target.receiver
+    if target.kind == "zones" or not receiver.across_axis:
+        return None
     for times in WIDER:
-        half = tuple(float(f"{times * h:.3g}") for h in system.problem.target.half_width)
-        wider = solvable_system(system.problem.with_(**{"target.half_width": half}))
-        least = _least(wider, blur_of(wider, wider.path(lens), backend), FEWER_PIXELS)
+        half_x, half_y = (float(f"{times * h:.3g}") for h in target.half_width)
+        x, y, z = receiver.toward((0.0, 0.0, system.lens.thickness), half_x, half_y)
+        if np.hypot(x, y) > ASLANT * z:
+            return None
+        wider = solvable_system(system.problem.with_(**{"target.half_width": (half_x, half_y)}))
+        least = _least(wider, blur_of(wider, wider.path(wider.lens), backend), FEWER_PIXELS)
         if least is not None and keeps(least / ROOM):
-            return half[0], half[1]
+            return half_x, half_y
     return None
 
 

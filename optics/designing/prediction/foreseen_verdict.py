@@ -91,10 +91,10 @@ def _wider(system: OpticalSystem, blur: BlurLimits | None, backend: Backend) -> 
     """Yield the remedy where the blur forbids the light asked for."""
     if blur is None or blur.least is None or not _missed(system, blur.least):
         return
-    half = wider_picture(system, system.lens, backend, lambda least: not _missed(system, least))
+    half = wider_picture(system, backend, lambda least: not _missed(system, least))
     if half is not None:
-        x, y = half
+        where = "" if system.target.receiver.far_field else "at this distance "
         yield (
-            "a larger picture has wider detail, and the blur stays: at this distance --set "
-            f"target.half_width=[{x:g},{y:g}] may keep these limits"
+            f"a larger target has wider detail, and the blur stays: {where}--set "
+            f"target.half_width=[{half[0]:g},{half[1]:g}] may keep these limits"
         )

@@ -18,8 +18,9 @@ RIM = 1e-9  # of the gauge: a point on the rim lies outside
 GRADES = ((10.0, "3x0.16"), (30.0, "5x0.25"), (100.0, "5x0.4"), (inf, "5x0.63"))  # up to a width, mm
 PARTS = {"moulded": "moulded plastic part", "cut": "part that is cut, in the manner of ISO 10110"}
 ORIGINS = (
-    "computed: by this program. customary: a proposal. open: to be agreed. given: by the user. "
-    "Nothing here is said to conform to a standard: standards are named for what entries mean."
+    "computed: by this program. customary: a proposal, or an amount that thbcad tolerance was given. "
+    "open: to be agreed. given: by the user. Nothing here is said to conform to a standard: standards are "
+    "named for what entries mean."
 )
 NO_TOLERANCES = "thbcad tolerance has not run on this result: what it would compute is left open."
 WITHOUT_BODY = "Views show the lens without lens.body, whose walls lens.step holds."
@@ -92,9 +93,14 @@ def _texture(facts: SheetFacts, face: str) -> str | None:
 
 def _finish(facts: SheetFacts, face: str) -> str | None:
     """Return the texture, or how smooth an insert must be for the shortest periods that the light feels."""
-    allowed = facts.finest(face)
-    finer = allowed is not None and allowed < POLISHED
-    return _texture(facts, face) or (f"polished insert, Rq {allowed:g} nm at most" if finer else None)
+    if (texture := _texture(facts, face)) or (finest := facts.finest(face)) is None:
+        return texture
+    allowed, (low, high) = finest
+    return (
+        f"polished insert, Rq {allowed:g} nm at most, periods {low:g} to {high:g} mm"
+        if allowed < RQ_OVER_RA * POLISHED
+        else None
+    )
 
 
 def _coating(facts: SheetFacts, face: str) -> str:
@@ -113,6 +119,7 @@ def _centring(facts: SheetFacts, face: str) -> tuple[str, Origin] | None:
 
 TOLERANCE = f"tolerance {AGREED}"
 POLISHED = 10  # nm, Ra that is usual of polished inserts
+RQ_OVER_RA = 1.25  # of heights that are normally distributed
 AMOUNT = "the amount of tolerance.json, or what is allowed where less"
 TILT = f"tilt (decentre) of the front against the rear: {AMOUNT}"
 ZONE = "width of a zone over the clear aperture; shorter periods are held by slope"

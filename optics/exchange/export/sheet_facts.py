@@ -90,10 +90,13 @@ class SheetFacts:
         amount = min(row["amount"] for row in rows)
         return rounded_down(factor * min(amount, allowed)), "computed" if allowed < amount else "customary"
 
-    def finest(self, face: str) -> float | None:
-        """Return the least rms height that a band of periods allows, nm, rounded down."""
-        bands = self.bands(face)
-        return float(rounded_down(1e6 * min(b["allowed_rms"] for b in bands))) if bands else None
+    def finest(self, face: str) -> tuple[float, tuple[float, float]] | None:
+        """Return the least rms height that a band of periods allows, nm, rounded down, and the band, mm."""
+        if not (bands := self.bands(face)):
+            return None
+        least = min(bands, key=lambda band: float(band["allowed_rms"]))
+        low, high = least["band"]
+        return float(rounded_down(1e6 * least["allowed_rms"])), (low, high)
 
     def bands(self, face: str) -> list[Mapping[str, Any]]:
         """Return what is allowed by bands of period, the shortest first; empty where it is not known."""

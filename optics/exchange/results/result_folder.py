@@ -112,14 +112,14 @@ class ResultFolder:
                 f"{self.path} is not a result folder but a file; of a lens in STEP or lens.json one is made "
                 f"by `thbcad design PROBLEM.toml --lens {self.path}`"
             )
+        if not taken:
+            require_no_run(self.path)
         if not self.problem.exists():
             if self.checkpoint.exists():
                 raise UserError(
                     f"the design in {self.path} was stopped; end it by its problem file and --resume"
                 )
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
-        if not taken:
-            require_no_run(self.path)
         record, problem, lens = self._record(), load_problem(self.problem), self.read_lens()
         shapes = self.read_shapes(problem)
         if record["run_id"] != run_id(problem, lens, shapes.values()):

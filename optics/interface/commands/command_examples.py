@@ -61,7 +61,7 @@ EXAMPLES = {
     "tolerance": (
         "thbcad tolerance exports/pearl",
         "thbcad tolerance exports/pearl --tolerances shop.toml --set temperature=0 --limit 0.005 --json",
-        "thbcad tolerance exports/tophat --limit min_over_mean=0.7 --limit efficiency=0.85 --float-shift",
+        "thbcad tolerance exports/tophat_square --limit min_over_mean=0.7 --float-shift",
     ),
     "tool": (
         "thbcad tool exports/pearl --ball 3 --step 0.02",

@@ -74,9 +74,9 @@ class CommandParser(ArgumentParser):
         self.option("--out", metavar, help, **settings)
         self.force()
 
-    def force(self) -> None:
-        """Add --force."""
-        self.switch("--force", "replace files that another problem or program wrote")
+    def force(self, does: str = "replace files that another problem or program wrote") -> None:
+        """Add --force.  does : what, in words."""
+        self.switch("--force", does)
 
     def error(self, message: str) -> NoReturn:
         choice = CHOICE.search(message)

@@ -27,7 +27,7 @@ def sweep_options(command: CommandParser) -> None:
         "the folder must hold this sweep; what is done is not computed again, with or without this",
     )
     command.switch("--lenses", "also keep the lens of every variant; those stored without are designed again")
-    command.force()
+    command.force("drop what the folder holds, and replace files that another program wrote")
 
 
 def tolerance_options(command: CommandParser) -> None:
@@ -78,7 +78,7 @@ def tool_options(command: CommandParser) -> None:
         "--step",
         "MM",
         "with --ball: distance of rows (default: the largest whose cusps blur nowhere by more than a "
-        "pixel, or than the blur that there is)",
+        "pixel, or than half the blur that there is)",
         type=float,
     )
     command.option(

@@ -37,7 +37,7 @@ def sweep(options: Namespace) -> Outcome:
         found = run_sweep(plan, progress=True)
     except KeyboardInterrupt:
         if (out / STORE).exists():  # else nothing was done
-            note(f"what is done is stored in {out}; the same command goes on with the rest")
+            note(f"what is done is stored in {out}; the same command with --resume goes on")
         raise
     grades = found.grades()
     data = {"folder": str(out), "counts": found.counts(), "grades": grades, "rows": found.table()}

@@ -67,8 +67,8 @@ def compute(
                 progress.count(bool(result.failure))
     except UserError as error:
         raise UserError(
-            f"{error}; {progress.done} of {len(tasks.variants)} variants were stored, the same command goes "
-            "on with the rest"
+            f"{error}; {progress.done} of {len(tasks.variants)} variants were stored, the same command with "
+            "--resume goes on"
         ) from None
 
 

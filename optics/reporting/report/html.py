@@ -42,7 +42,7 @@ OF_LENS = (
     "rays_2",
 )
 FILES = {
-    "lens.step": "the closed solid, for CAD",
+    "lens.step": "the closed solid in its own frame, for CAD",
     "lens.json": "the exact surfaces",
     "problem.toml": "the problem with every default",
     "metrics.json": "the metrics below with every digit",
@@ -54,7 +54,7 @@ FILES = {
 }
 PARTS = {
     "scene.step": "all elements where they lie, as an assembly",
-    ".step": "the closed solid of that element",
+    ".step": "the closed solid of that element, in its own frame",
     ".lens.json": "its exact surfaces",
 }  # how names of other files end
 

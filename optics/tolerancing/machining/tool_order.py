@@ -27,7 +27,7 @@ class ToolOrder:
 
     ball : mm, radius of a ball end that cuts in rows.  nose : mm, radius of a nose that turns on a spiral
     step : mm between the rows' points of contact.  feed : mm for each revolution
-    None is the largest whose cusps blur nowhere by more than a pixel, or than the blur that there is.
+    None is the largest whose cusps blur nowhere by more than a pixel, or than half the blur that there is.
     rows : "x" or "y", along which the rows of a ball run
     speed : mm for each minute of a ball along its rows; None is SPEED
     rpm : revolutions for each minute.  acceleration : m/s^2, that the machine's z axis can do

@@ -24,6 +24,7 @@ Limits = Mapping[str, float]
 
 RISE = 0.01  # what rel_l2 may rise by where nothing else is said
 EVEN = 0.7  # min_over_mean that uniform light must keep where nothing else is said
+NOT_UNIFORM = "the light asked for is not uniform"  # why it has no min_over_mean
 NAMES = ("rise", "rel_l2", "min_over_mean", "efficiency")
 
 
@@ -69,7 +70,7 @@ class LightJudge:
 
     def why_unknown(self, irradiance: Floats) -> str:
         """Return why light has no min_over_mean, "" where it has one."""
-        return str(self._evenness(irradiance)["reason"]) if self.uniform else "the target is a picture"
+        return str(self._evenness(irradiance)["reason"]) if self.uniform else NOT_UNIFORM
 
     def _evenness(self, irradiance: Floats) -> dict[str, Any]:
         return uniformity_metrics(self.light.system, irradiance, self.light.error(irradiance), self.blur)

@@ -8,6 +8,7 @@ from optics.tolerancing.perturbations.tolerance_trials import FREE
 
 SAID = 5  # tolerances of each holder that have a sentence; the others are in the table
 HOLDERS = {"shop": "The shop", "mount": "Who mounts part, source and target"}  # by Tolerance.held_by
+MANY = 100  # times an amount: from here on it costs nothing
 NOISY = 0.01  # of a pixel's mean: from such noise on the least of all pixels is not that of the light
 HEAD = (
     "tolerance",
@@ -79,10 +80,16 @@ def _together(budget: ToleranceBudget) -> str:
         return ""
     if budget.together is None:
         return " What lenses do with all errors at once is counted by --samples."
-    verdict = "all amounts together keep that" if budget.together >= 1 else "hold all amounts together closer"
+    times = f"{budget.together:.2g}" if budget.together < MANY else f"{MANY} or more"
+    if float(f"{budget.together:.2g}") < 1:
+        verdict = "hold all amounts together closer"
+    elif any(effect.cost > 1 for effect in budget.effects):
+        verdict = "hold first what costs more than 100%"
+    else:
+        verdict = "these amounts together keep it so"
     return (
         f" That is {_number('rel_l2', budget.bounds['rel_l2'])} where every amount is multiplied by "
-        f"{budget.together:.2g}: {verdict}."
+        f"{times}: {verdict}."
     )
 
 

@@ -66,6 +66,31 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     assert blur_limits(wider, wider.lens, backend).least < 0.1
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"target.half_width": [25.0, 25.0], "target.distance": np.inf},  # degrees: eight times are no angle
+        {"target.half_width": [20.0, 20.0], "target.distance": 40.0},  # a wider one lies far off the axis
+        {
+            "target.half_width": [20.0, 20.0],
+            "target.distance": 100.0,
+            "target.surface": "cylinder",
+            "target.radius": -60.0,
+        },
+    ],
+)
+def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothing(
+    backend, tmp_path, changes
+):
+    image = np.zeros((48, 48), np.uint8)
+    image[8:40:6] = 255
+    system = loaded(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, image=image)
+    found, _ = expected(system, backend)
+    limits = blur_limits(system, system.lens, backend)
+    assert limits.least > 0.1
+    assert not any("larger target" in said for said in foreseen_misses(system, found, limits, backend))
+
+
 def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
     changes = SUN | {
         "target.kind": "tophat",

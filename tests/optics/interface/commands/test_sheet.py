@@ -141,7 +141,7 @@ def test_an_insert_is_as_smooth_as_the_light_needs(capsys, copy, tmp_path, monke
     monkeypatch.setitem(globals(), "RMS", (5.69e-6, 2e-3))
     tolerated(copy)
     found = origins(sheet(capsys, copy, "--out", tmp_path / "lens.svg"))
-    assert found["finish.rear"] == ("polished insert, Rq 5.6 nm at most", "computed")
+    assert found["finish.rear"] == ("polished insert, Rq 5.6 nm at most, periods 1 to 2 mm", "computed")
 
 
 def test_test_points_are_the_sag_to_a_tenth_of_a_micrometre(capsys, copy, tmp_path):

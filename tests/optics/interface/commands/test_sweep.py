@@ -44,7 +44,7 @@ def test_a_stopped_sweep_says_that_it_goes_on_where_something_is_stored(
 
     monkeypatch.setattr("optics.interface.commands.sweep_command.run_sweep", stopped)
     assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path)]) == 130
-    assert ("the same command goes on with the rest" in capsys.readouterr().err) is done
+    assert ("the same command with --resume goes on" in capsys.readouterr().err) is done
 
 
 def test_failing_variants_are_told_and_the_rows_are_data(by, tmp_path, capsys):

@@ -113,7 +113,10 @@ def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
         (["--limit", "much"], "--limit takes a rise of rel_l2"),
         (["--limit", "efficiency="], "--limit takes a rise of rel_l2"),
         (["--limit", "u0=0.7"], "there is no limit 'u0'"),
-        (["--limit", "efficiency=0.85", "--limit", "min_over_mean=0.7"], "the target is a picture"),
+        (
+            ["--limit", "efficiency=0.85", "--limit", "min_over_mean=0.7"],
+            "the light asked for is not uniform",
+        ),
         (["--tolerances", "none.toml"], "none.toml"),
         (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
         (["--tolerances", "lens.toml"], "lens.toml: title must be a number from 0, got 'small'; a file of"),

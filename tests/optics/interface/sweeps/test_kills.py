@@ -77,7 +77,7 @@ def test_ctrl_c_stops_at_once_and_keeps_what_is_done(tmp_path):
     sweep.send_signal(signal.SIGINT)
     _, errors = sweep.communicate(timeout=20)
     assert sweep.returncode == 130
-    assert "the same command goes on with the rest" in errors
+    assert "the same command with --resume goes on" in errors
     assert errors.endswith("thbcad: interrupted\n")
     assert "Traceback" not in errors
     assert len(stored(tmp_path)) >= SOME
@@ -118,7 +118,7 @@ def test_a_killed_scheduler_ends_the_client_in_one_sentence_and_resume_completes
     said = [line for line in errors.splitlines() if line.startswith("thbcad: ")]
     assert len(said) == 1
     assert "the dask scheduler at" in said[0]
-    assert "the same command goes on with the rest" in said[0]
+    assert "the same command with --resume goes on" in said[0]
     assert "Traceback" not in errors
     before = stored(out)
     with cluster(tmp_path / "again") as again:

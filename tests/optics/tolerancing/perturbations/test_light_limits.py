@@ -21,6 +21,7 @@ from optics.tolerancing.perturbations import (
     tolerances_of,
 )
 from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_of, limits_of, parts_taken
+from optics.tolerancing.perturbations.tolerance_effects import Allowed
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.cases import EXAMPLES, examples
 from tests.optics.cases import write_problem
@@ -100,7 +101,7 @@ def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) 
     system, lens = small_system(tmp_path)
     found = budget_of(system, lens, backend, index=1e-3)
     assert [*found.bounds] == ["rel_l2"]
-    with pytest.raises(UserError, match="min_over_mean is not known of this light: the target is a picture"):
+    with pytest.raises(UserError, match=r"min_over_mean is not known of this light: .* is not uniform"):
         budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
 
 
@@ -158,10 +159,20 @@ def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> N
     uniform = budget_of(system, lens, backend, {"min_over_mean": 0.7}, **DECENTRE)
     assert uniform.together is None
     assert "--samples" in shop_sentences(uniform)[-1]
+    loose = replace(found, bounds={"rel_l2": 50.0})
+    free, dear = (
+        replace(loose, effects=tuple(replace(e, allowed=allowed(e)) for e in found.effects))
+        for allowed in (lambda e: None, lambda e: Allowed(0.5 * e.tolerance.amount, found.light, "rel_l2"))
+    )
+    assert "multiplied by 100 or more: these amounts together keep it so." in " ".join(shop_sentences(free))
+    assert "multiplied by 100 or more: hold first what costs" in " ".join(shop_sentences(dear))
+    tight = replace(found, bounds={"rel_l2": found.rel_l2 + 1e-6})
+    assert "hold all amounts together closer." in " ".join(shop_sentences(tight))
 
 
 def test_the_reason_why_no_uniformity_is_known_is_said(even, tmp_path, backend) -> None:
-    with pytest.raises(UserError, match="min_over_mean is not known of this light: the target is a picture;"):
+    unknown = "min_over_mean is not known of this light: the light asked for is not uniform;"
+    with pytest.raises(UserError, match=unknown):
         budget_of(*small_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
     system, lens = even_system(tmp_path, {"target.lit": [0.06, 0.06]})
     with pytest.raises(UserError, match=r"are smaller than a pixel of .*; limit rel_l2 or efficiency"):
