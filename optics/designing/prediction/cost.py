@@ -3,7 +3,7 @@
     seconds = START + RAY * rays of all evaluations + FUNCTION * functions of the finest mesh
 
 RAY depends on how rays meet the rear.  Transport maps of rays that are traced, and blurred light, take their
-time too.  START, RAY and FUNCTION were fitted to stored designs on two cores.
+time too.  START, RAY and FUNCTION were fitted to stored designs on two cores of an AMD EPYC.
 """
 
 from __future__ import annotations
