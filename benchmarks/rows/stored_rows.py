@@ -24,7 +24,7 @@ INTRODUCTION = """\
 
 `thbcad bench NAME --store` measures a benchmark, and keeps rows and machine in `docs/data/NAME.json`.
 `thbcad bench --markdown` writes this page: some rows that pages quote, and all whose limits are missed.
-Limits in seconds were set on two cores of an AMD EPYC.
+Limits in seconds were set on faster machines.
 `reference` names another code in the same run, or the thesis.
 """
 COLUMNS = """\

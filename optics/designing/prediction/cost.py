@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from optics.designing.optimisation import PROBES, Stage, last_level, symmetry_axes
 from optics.scene.system import OpticalSystem
 
-# fitted to every second picture of docs/data/untuned.json and the designs of overview.json on one machine, then
-# times 1.2, between it and a slower one: stored designs of both are within 1.3 times
+# fitted to every second picture of docs/data/untuned.json and the designs of overview.json on one machine,
+# then times 1.2, between it and a slower one
 START = 3.2  # s, for start, STEP file, measurement, checks and figures
 RAY = 0.066e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
 FUNCTION = 28.0e-6  # s per function of the finest mesh, in files and checks

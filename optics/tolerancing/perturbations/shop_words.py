@@ -80,8 +80,9 @@ def _together(budget: ToleranceBudget) -> str:
         return ""
     if budget.together is None:
         return " What lenses do with all errors at once is counted by --samples."
-    times = f"{budget.together:.2g}" if budget.together < MANY else f"{MANY} or more"
-    if float(f"{budget.together:.2g}") < 1:
+    factor = float(f"{budget.together:.2g}")  # as it is told
+    times = f"{factor:g}" if factor < MANY else f"{MANY} or more"
+    if factor < 1:
         verdict = "hold all amounts together closer"
     elif any(effect.cost > 1 for effect in budget.effects):
         verdict = "hold first what costs more than 100%"
