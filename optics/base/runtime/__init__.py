@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .held_device import device, one_blas_thread
     from .helper_process import HelperProcess, ProcessEnded, answered, load, process_for, serve
     from .llvm import load_llvm
-    from .lost_interrupts import lost_interrupts_again
+    from .lost_interrupts import interrupts_later, lost_interrupts_again
     from .order_free_sums import OrderFreeSums
     from .plain_numbers import plain_number
     from .progress import Phase, Progress, ProgressEvent

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from optics.base.runtime.errors import UserError
 from optics.base.runtime.garbage import give_back_memory
 from optics.base.runtime.llvm import load_llvm, remedy
+from optics.base.runtime.lost_interrupts import interrupts_later
 from optics.base.runtime.systems import address_limit, usable_cores
 from thbcad.doors import loaded
 
@@ -132,13 +133,14 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     if room is not None and room < LEAST_ROOM:
         raise MemoryError("there is too little room for LLVM")
     load_llvm()
-    drjit = loaded("drjit")
-    if not drjit.has_backend(drjit.JitBackend.LLVM):  # where it searched by itself
-        raise UserError(f"Dr.Jit found no LLVM library; {remedy()}")
+    with interrupts_later():
+        drjit = loaded("drjit")
+        if not drjit.has_backend(drjit.JitBackend.LLVM):  # where it searched by itself
+            raise UserError(f"Dr.Jit found no LLVM library; {remedy()}")
+        types = _types()
     if threads is not None:
         drjit.set_thread_count(threads or usable_cores())
     name, dtype, resolution = PRECISIONS[precision]
-    types = _types()
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
 
 

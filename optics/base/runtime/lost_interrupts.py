@@ -1,11 +1,12 @@
-"""Interrupts that come where Python can raise nothing: they come again."""
+"""Interrupts that come where Python can raise nothing: they come again, or later."""
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Timer
+from threading import Timer, current_thread, main_thread
 
 from optics.base.runtime.systems import interrupt_main
 
@@ -37,3 +38,26 @@ def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
         sys.unraisablehook = before
         for timer in timers:  # what was to be stopped has ended
             timer.cancel()
+
+
+@contextmanager
+def interrupts_later() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM come at the end, where C++ code that calls Python ends the process on any error.
+
+    Handlers that Python does not run (the default one of SIGTERM, one that is ignored) stay as they are.
+    """
+    came: list[int] = []
+    before = {
+        number: handler
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if current_thread() is main_thread() and callable(handler := signal.getsignal(number))
+    }
+    for number in before:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            interrupt_main(came[0])

@@ -5,7 +5,15 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from optics.base.runtime import ARRAY_TYPES, PRECISIONS, Backend, UserError, load_llvm, usable_cores
+from optics.base.runtime import (
+    ARRAY_TYPES,
+    PRECISIONS,
+    Backend,
+    UserError,
+    interrupts_later,
+    load_llvm,
+    usable_cores,
+)
 from thbcad.doors import pip_command
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
@@ -30,12 +38,14 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
     if find_spec("mitsuba") is None:
         raise UserError(f"Mitsuba is not installed; {pip_command('mitsuba')}")
     load_llvm()
-    mitsuba = import_module("mitsuba")
+    with interrupts_later():
+        mitsuba = import_module("mitsuba")
     if not mitsuba.__version__.startswith(VERSION):
         raise UserError(
             f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; {pip_command('mitsuba')}"
         )
-    mitsuba.set_variant(variant)
+    with interrupts_later():
+        mitsuba.set_variant(variant)
     import_module("drjit").set_thread_count(threads or usable_cores())
     return mitsuba
 

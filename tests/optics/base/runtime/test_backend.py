@@ -1,6 +1,32 @@
-"""Operations of our own in Dr.Jit."""
+"""Dr.Jit while it is loaded, operations of our own in it, and its threads."""
+
+import subprocess
+import sys
 
 import pytest
+
+INTERRUPTED = """
+import enum, signal
+from optics.base.runtime import load_backend
+
+def made(kind, *arguments, made=enum.EnumMeta.__call__, **options):
+    if len(arguments) > 1:  # a class, not a member
+        signal.raise_signal(signal.SIGINT)
+    return made(kind, *arguments, **options)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+enum.EnumMeta.__call__ = made
+try:
+    load_backend()
+except KeyboardInterrupt:
+    print("interrupted", load_backend().dr.thread_count() > 0)
+"""
+
+
+def test_an_interrupt_while_dr_jit_is_loaded_is_one_behind_it():
+    """Its C++ code makes classes of Python, and ends the process where that fails."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "interrupted True\n"), done.stderr
 
 
 @pytest.mark.parametrize(
