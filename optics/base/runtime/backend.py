@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from optics.base.runtime.errors import UserError
 from optics.base.runtime.garbage import give_back_memory
@@ -71,18 +71,21 @@ class Backend:
         return replace(self, Float=self.types.Float64, dtype=dtype, resolution=resolution)
 
     def array(self, values: ArrayLike) -> DrArray:
-        """Return numbers as a flat Dr.Jit array.
-
-        Dr.Jit takes numpy's memory as it is.  Its kernels read whole packets, past the end of it, and are
-        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a
-        packet.
-        """
+        """Return numbers as a flat Dr.Jit array."""
         flat = np.ravel(values)
-        buffer = np.zeros(len(flat) + 2 * PACKET, dtype=self.dtype)
-        start = -(buffer.ctypes.data // buffer.itemsize) % PACKET
-        row = buffer[start : start + len(flat)]
+        row = self.room(len(flat))
         row[:] = flat
         return self.Float(row)
+
+    def room(self, count: int) -> NDArray[np.floating]:
+        """Return zeros that `Float` takes as they are, (count,).
+
+        Its kernels read whole packets, past the end of numpy's memory, and are compiled anew for every
+        alignment; so the numbers lie in a longer buffer, from the start of a packet.
+        """
+        buffer = np.zeros(count + 2 * PACKET, dtype=self.dtype)
+        start = -(buffer.ctypes.data // buffer.itemsize) % PACKET
+        return buffer[start : start + count]
 
     def custom(self, operation: type, *arguments: Any) -> Any:
         """Return `dr.custom(operation, *arguments)`; Ctrl-C in it is a KeyboardInterrupt as elsewhere.

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
 from optics.light.intersections.hits import DeviceRays, Vector
@@ -22,10 +23,11 @@ from thbcad.splines import KnotVector
 
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
 NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
+AT_ONCE = 4096  # cells, whose coefficients stay in the processor's memory
 
 
 # knots, net and power coefficients of the last splines: of a front and a rear, traced again and again
-_RECENT: deque[tuple[Sequence[KnotVector], Floats, Floats]] = deque(maxlen=2)
+_RECENT: deque[tuple[Sequence[KnotVector], Floats, NDArray[np.floating]]] = deque(maxlen=2)
 
 
 class PolynomialTable:
@@ -46,21 +48,28 @@ class PolynomialTable:
 
     def power(self, net: Floats) -> DrArray:
         """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
+        backend = self._backend
         for knots, known, table in tuple(_RECENT):  # other threads may add to it
-            if np.array_equal(known, net) and tuple(knots) == tuple(self._knots):
-                return self._backend.array(table)
+            if (
+                table.dtype == backend.dtype
+                and np.array_equal(known, net)
+                and tuple(knots) == tuple(self._knots)
+            ):
+                return backend.Float(table)
         ax, ay = self._maps
         cells = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
-        table = np.zeros((nx, ny, p, self._packets * PACKED))
-        table[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
+        width = self._packets * PACKED
+        table = backend.room(nx * ny * p * width)
+        table.reshape(nx, ny, p, width)[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
         _RECENT.append((self._knots, net.copy(), table))
-        return self._backend.array(table)
+        return backend.Float(table)
 
     def moduli(self, power: DrArray) -> float:
         """Return the greatest sum of the moduli of a cell's power coefficients."""
         table = power.numpy().reshape(self._cells[0] * self._cells[1], -1)
-        return float(abs(table).sum(axis=1).max())
+        ones = np.ones(table.shape[1], table.dtype)  # numpy is slow in sums of few numbers, BLAS is not
+        return max(float((abs(table[k : k + AT_ONCE]) @ ones).max()) for k in range(0, len(table), AT_ONCE))
 
     def __call__(self, power: DrArray, x: DrArray, y: DrArray) -> tuple[DrArray, ...]:
         """Return z, zx, zy, zxx, zxy, zyy of the spline with these power coefficients."""
