@@ -157,26 +157,29 @@ def test_text_is_read_and_written_alike_on_all_systems():
 
 def test_only_commands_set_signal_handlers():
     """A script that imports the library keeps its own; `serve`, a helper process in its main function,
-    begins with `obey`, and `optics/__main__.py` is the program."""
+    begins with `obey`, `optics/__main__.py` is the program, and `interrupts_later` puts back what it takes
+    (tests/optics/base/runtime/test_backend.py)."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
         path: [node.lineno for node in calls(path, *setters)]
         for path in PACKAGE_FILES
         if not name(path).startswith("optics/interface/commands/")
     }
-    second, systems = (ROOT / "optics/base/runtime" / f"{stem}.py" for stem in ("helper_process", "systems"))
+    stems = "helper_process", "lost_interrupts", "systems"
+    second, later, systems = (ROOT / "optics/base/runtime" / f"{stem}.py" for stem in stems)
     assert [name(path) for path, lines in found.items() if lines] == [
         "optics/__main__.py",
         name(second),
+        name(later),
         name(systems),
     ]
     ways = {
         n.name: n
-        for path in (second, systems)
+        for path in (second, later, systems)
         for n in nodes(path)
-        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "obey")
+        if isinstance(n, ast.FunctionDef) and n.name in ("serve", "interrupts_later", "obey")
     }
-    for path, way in ((second, ways["serve"]), (systems, ways["obey"])):
+    for path, way in ((second, ways["serve"]), (later, ways["interrupts_later"]), (systems, ways["obey"])):
         assert all(way.lineno < line <= way.end_lineno for line in found[path])
     assert [name(path) for path in PACKAGE_FILES if list(calls(path, "serve"))] == []
     (start,) = (call.lineno for path in PACKAGE_FILES for call in calls(path, "obey"))

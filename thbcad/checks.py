@@ -164,12 +164,20 @@ def half_widths(half_width: Any) -> tuple[float, float]:
     """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and
     finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
-    if not pair or not all(_is_real(w) and 0 < w <= GREATEST_HALF_WIDTH for w in half_width):
+    if not pair or not all(0 < _float64("half_width", w) <= GREATEST_HALF_WIDTH for w in half_width):
         got = " and ".join(map(_shown, half_width)) if pair else half_width
         raise ValueError(
             f"half_width must be two positive numbers of at most {GREATEST_HALF_WIDTH:g}, got {got}"
         )
     return float(half_width[0]), float(half_width[1])
+
+
+def row(name: str, x: ArrayLike) -> Floats:
+    """Return numbers as float64, (n,), or (1,) for a single one; raise ValueError where they are no row."""
+    x = np.atleast_1d(floats(x))
+    if x.ndim != 1:
+        raise ValueError(f"{name} must be one row of numbers, got shape {x.shape}")
+    return x
 
 
 def inside(name: str, x: ArrayLike, domain: tuple[float, float]) -> Floats:
@@ -214,10 +222,16 @@ def require_sorted(knots: Floats) -> None:
 
 def require_subset(knots: Floats, finer: Floats) -> None:
     """Raise ValueError unless the sorted row `finer` holds every one of `knots`, as often at least."""
+    missing = lacking(knots, finer)
+    if missing.size:
+        raise ValueError(f"the finer knot vector lacks the knot {missing[0]}")
+
+
+def lacking(knots: Floats, finer: Floats) -> Floats:
+    """Return which of `knots` the sorted row `finer` does not hold, or not as often."""
     values, counts = np.unique(knots, return_counts=True)
-    lacking = np.searchsorted(finer, values, "right") - np.searchsorted(finer, values, "left") < counts
-    if lacking.any():
-        raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
+    found = np.searchsorted(finer, values, "right") - np.searchsorted(finer, values, "left")
+    return np.asarray(values[found < counts])
 
 
 def uniform_breaks(spans: SupportsIndex, start: float, stop: float) -> Floats:

@@ -29,6 +29,19 @@ def knot_vectors(draw, min_degree=1, max_degree=10, max_spans=5, scales=SCALES):
 
 
 @st.composite
+def unclamped(draw, max_degree=5, shortest=-6):
+    """A knot vector whose knots go on outside the domain, with spans of ratio up to 10^-shortest, some of them
+    empty."""
+    p = draw(st.integers(1, max_degree))
+    spans = draw(st.integers(1, 4))
+    # no knot more than twice, nor in the first and the last span
+    gaps = draw(st.lists(st.floats(shortest, 0), min_size=2 * p + spans, max_size=2 * p + spans))
+    empty = draw(st.sets(st.integers(p + 1, p + spans - 2))) if p > 1 and spans > 2 else set()
+    widths = [0.0 if k in empty and k - 1 not in empty else 10.0**gap for k, gap in enumerate(gaps)]
+    return KnotVector(p, np.r_[0.0, np.cumsum(widths)])
+
+
+@st.composite
 def parameters(draw, kv, size=6):
     """Parameters in the domain: fractions of it, the breaks, and the float64 neighbours of breaks."""
     shares = draw(st.lists(st.integers(0, 2**20), min_size=1, max_size=size))

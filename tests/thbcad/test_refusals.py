@@ -1,5 +1,6 @@
 """What all classes and verbs refuse alike: other types, complex numbers, bad orders and numbers."""
 
+import warnings
 from fractions import Fraction
 
 import numpy as np
@@ -20,6 +21,7 @@ from thbcad import (
     THBSurface,
     approximated,
     circular_arc,
+    error_bounds,
     fit,
     greatest_slope,
     interpolate,
@@ -97,6 +99,12 @@ def test_nouns_need_knot_vectors_and_spaces(bad):
             lambda: fit(SPACE, ([0.5], [0.5], [1.0]), 1.0),
             "got tuple; fit and least_squares take points as Sam",
         ),
+        (lambda: error_bounds(Conic(10.0), SAG), "surface must be a BSplineSurface, got THBSurface"),
+        (lambda: approximated(np.hypot, KV, KV, 1.0), "function must be a BoundedFunction, got ufunc"),
+        (lambda: FREEFORM.grid(NET, [1.0]), r"x must be one row of numbers, got shape \(7, 7\)"),
+        (lambda: POLYNOMIAL.grid([1.0], NET), r"y must be one row of numbers, got shape \(7, 7\)"),
+        (lambda: Conic(9.0).grid(NET, [1.0]), r"x must be one row of numbers, got shape \(7, 7\)"),
+        (lambda: SAG.grid([[0.5]], [1.0]), r"u must be one row of numbers, got shape \(1, 1\)"),
         (lambda: value_range(None), "graph must be a BSplineSurface, got NoneType"),
         (lambda: value_range([SHEET, 3]), "graph must be a BSplineSurface, got int"),
         (lambda: least_radii(NET[0]), "graph must be a BSplineSurface, got float64"),
@@ -246,6 +254,13 @@ def test_integers_beyond_float64_are_refused_in_a_short_sentence(call, name, dig
 def test_other_numbers_beyond_float64_are_refused(value):
     with pytest.raises(ValueError, match="thickness must be"):
         Lens(FREEFORM, FREEFORM, value, 1.5)
+
+
+def test_numbers_of_any_type_make_the_same_record():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert FreeformSurface(np.float32([5, 4])) == FreeformSurface((5, 4))
+    assert Conic(-np.inf) == Conic()
 
 
 @pytest.mark.parametrize("derivative", [[1, 0], np.array([1, 0])])

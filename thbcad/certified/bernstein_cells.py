@@ -104,7 +104,6 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
         patches = [patch]
     else:
         patches, error = list(whole), 0.0
-    patches = [patch.clamp() for patch in patches]
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(
@@ -113,7 +112,10 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     degrees = {(patch.kv_u.degree, patch.kv_v.degree) for patch in patches}
     if len(degrees) != 1:
         raise ValueError(f"bounds need one or more patches of equal degrees, got degrees {sorted(degrees)}")
-    return patches, error
+    if all(kv.is_clamped for patch in patches for kv in patch.knot_vectors):
+        return patches, error
+    size = max(float(np.abs(patch.coefficients).max()) for patch in patches)
+    return [patch.clamp() for patch in patches], error + rounding(roundings(*degrees.pop()), size)
 
 
 def tensor_form(surface: BSplineSurface | THBSurface) -> tuple[BSplineSurface, float]:

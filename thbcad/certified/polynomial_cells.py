@@ -18,6 +18,7 @@ from thbcad.checks import EPS, Bools, Floats, Integers
 from thbcad.outlines import Outline
 from thbcad.splines import halves
 
+BESIDE = 1e-12  # of a half-width: where a graph may end beyond its outline, by rounding
 TINY = float(np.finfo(np.float64).tiny)  # above every error of a subnormal result
 
 Size = TypeVar("Size", float, Floats)
@@ -125,12 +126,27 @@ def rounding(count: int, size: Size) -> Size:
 
 
 def within(pieces: Iterable[Cells], outline: Outline | None) -> Iterator[Cells]:
-    """Yield cells of which only what lies within an outline counts; None and a rectangle leave them as they
-    are."""
-    if outline is None or outline.is_rectangle:
-        yield from pieces
-    else:
-        yield from confined(pieces, Region(outline))
+    """Yield cells of which only what lies within an outline counts; None leaves them as they are.
+
+    Raises ValueError : cells beyond the rectangle of the outline.
+    """
+    if outline is None:
+        return iter(pieces)
+    inner = _require_inside(pieces, outline)
+    return inner if outline.is_rectangle else confined(inner, Region(outline))
+
+
+def _require_inside(pieces: Iterable[Cells], outline: Outline) -> Iterator[Cells]:
+    """Yield cells; raise ValueError for those that reach beyond the rectangle of an outline."""
+    for cells in pieces:
+        reach = np.abs(cells.box).max(axis=(0, 2))
+        if (reach > (1 + BESIDE) * np.array(outline.half_width)).any():
+            x, y = outline.half_width
+            raise ValueError(
+                f"the surface goes on beyond its outline, to {reach[0]:g} and {reach[1]:g} mm; "
+                f"give its segment ({-x:g}, {x:g}), ({-y:g}, {y:g})"
+            )
+        yield cells
 
 
 def confined(pieces: Iterable[Cells], region: Region, slip: float = 0.0) -> Iterator[Cells]:

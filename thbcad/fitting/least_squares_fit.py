@@ -128,7 +128,7 @@ def least_squares(
     require_type("robust", robust, bool)
     require_smoothing(smoothing)
     problem = _Problem.of(space, samples, smoothing != 0, progress or (lambda done, most: None))
-    if robust:
+    if robust and (samples.weights > 0).any():
         return _robust(problem, smoothing)
     return problem.fit(problem.equations(np.ones(len(samples))), smoothing)
 

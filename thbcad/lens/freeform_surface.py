@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, coordinates, floats, half_widths, inside, require_orders, require_type
+from thbcad.checks import Floats, coordinates, floats, half_widths, inside, require_orders, require_type, row
 from thbcad.hierarchy import space_rows
 from thbcad.outlines import Outline
 from thbcad.pictures import card, frame_size, interval_text, line_path, map_element, svg
@@ -112,11 +112,11 @@ class FreeformSurface:
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative on the grid x x y, (len(x), len(y)).
 
-        Raises ValueError : positions outside the rectangle or NaN, an order that is not a non-negative
-            integer.
+        Raises ValueError : positions that are no row, outside the rectangle or NaN, an order that is not a
+            non-negative integer.
         """
         x, y = (
-            np.atleast_1d(inside(name, a, (-h, h)))
+            row(name, inside(name, a, (-h, h)))
             for name, a, h in zip("xy", self._onto_rim(x, y), self.half_width)
         )
         derivative = require_orders(derivative)

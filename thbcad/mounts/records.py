@@ -73,6 +73,8 @@ class MountFlange:
             raise ValueError(f"flange.size must be two numbers [x, y], got {pair!r}")
         for value in pair:
             _require_number(f"flange.{wanted}", value, above=0.0)
+        if self.size is not None:
+            object.__setattr__(self, "size", tuple(map(float, self.size)))
         if isinstance(self.seat, str):
             _require_choice("flange.seat", self.seat, SIDES)
         else:
@@ -119,6 +121,11 @@ class Places:
     circle: float = number(0.0, least=0.0)
     count: int = 0
     start: float = number(0.0)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.at, list | tuple):
+            points = tuple(tuple(point) if isinstance(point, list) else point for point in self.at)
+            object.__setattr__(self, "at", points)
 
     def points(self, where: str) -> list[Point]:
         """Return the positions, mm; raise ValueError where there are none, or both kinds."""
@@ -238,3 +245,5 @@ class Mount:
 
     def __post_init__(self) -> None:
         _checked(self, "mount")
+        for name in ("holes", "posts"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike
 
-from thbcad.checks import EPS, Floats, floats, require_number, require_order, require_orders, require_type
+from thbcad.checks import (
+    EPS,
+    Floats,
+    floats,
+    require_number,
+    require_order,
+    require_orders,
+    require_type,
+    row,
+)
 from thbcad.splines import KnotVector, NURBSCurve
 
 GREATEST = 1e40  # of radius, 1 / radius and conic constant: their products and powers are finite
@@ -36,6 +45,8 @@ class Conic:
         for name, quantity in (("radius", "radius"), ("constant", "conic constant")):
             require_number(quantity, getattr(self, name), finite=name == "constant")
             object.__setattr__(self, name, float(getattr(self, name)))
+        if self.is_plane:
+            object.__setattr__(self, "radius", np.inf)
         if self.radius == 0:
             raise ValueError(f"radius must be a number other than 0, got {self.radius}")
         if not self.is_plane and not 1 / GREATEST <= abs(self.radius) <= GREATEST:
@@ -117,7 +128,7 @@ class Conic:
 
         Raises ValueError : a grid that extends beyond the end of the conic.
         """
-        x, y = floats(x), floats(y)
+        x, y = row("x", x), row("y", y)
         return self(x[:, None], y[None, :], derivative)
 
     def _square(self, r2: Coordinate) -> Coordinate:

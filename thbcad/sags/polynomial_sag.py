@@ -32,6 +32,7 @@ from thbcad.checks import (
     require_number,
     require_order,
     require_orders,
+    row,
 )
 from thbcad.sags.proven_approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
 from thbcad.values import Value
@@ -128,7 +129,7 @@ class PolynomialSag(Value):
         derived = self.derivative(*require_orders(derivative))
         by_x, by_y = (
             chebyshev.chebvander(a / h, n)
-            for a, h, n in zip(self._inside(x, y), self.half_width, derived.degrees)
+            for a, h, n in zip(self._inside(row("x", x), row("y", y)), self.half_width, derived.degrees)
         )
         return by_x @ derived.coefficients @ by_y.T
 

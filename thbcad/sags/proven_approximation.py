@@ -21,7 +21,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import EPS, Bools, Floats, require_number
+from thbcad.checks import EPS, Bools, Floats, require_number, require_type
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 
 MOST_CONTROL_POINTS = 2000  # per direction
@@ -118,8 +118,12 @@ def node_slack(breaks: ArrayLike, degree: int) -> Floats:
 
 
 def error_bounds(function: BoundedFunction, surface: BSplineSurface) -> CellBounds:
-    """Return proven bounds of |f - s| on every cell of any scalar spline surface, rounding errors
-    included."""
+    """Return proven bounds of |f - s| on every cell of a scalar surface, rounding errors included.
+
+    Raises ValueError : another kind of function or surface, as a THBSurface without `to_bspline`.
+    """
+    require_type("function", function, BoundedFunction)
+    require_type("surface", surface, BSplineSurface)
     kv_x, kv_y = surface.kv_u, surface.kv_v
     p, q = kv_x.degree, kv_y.degree
     remainder_x = _remainder(kv_x)[:, None] * function.derivative_bound(p + 1, 0, kv_x.breaks, kv_y.breaks)
@@ -156,6 +160,7 @@ def approximated(
     Raises ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that
         needs more control points than that; a function without finite bounds.
     """
+    require_type("function", function, BoundedFunction)
     require_number("tolerance", tolerance, above=0)
     while True:
         surface = interpolate(kv_x, kv_y, function.grid(kv_x.greville(), kv_y.greville()))

@@ -12,11 +12,12 @@ from scipy.sparse import csr_array
 from thbcad.checks import (
     Floats,
     Integers,
-    floats,
+    lacking,
     require_number,
     require_order,
     require_subset,
     require_type,
+    row,
 )
 from thbcad.splines.knots import Knots
 from thbcad.splines.polar_forms import bezier_rows, blossom_rows
@@ -49,9 +50,7 @@ class KnotVector(Knots):
             integer.
         """
         require_order(derivative)
-        u = np.atleast_1d(floats(u))
-        if u.ndim != 1:
-            raise ValueError(f"u must be one row of numbers, got shape {u.shape}")
+        u = row("u", u)
         span = self.span_of(u)
         arguments = np.broadcast_to(u[:, None], (len(u), self.degree))
         return span - self.degree, blossom_rows(self.knots, self.degree, span, arguments, int(derivative))
@@ -77,7 +76,8 @@ class KnotVector(Knots):
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 
         Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector
-        (thesis 3.30-3.35, where R = P.T).  Knots outside the domain may be any.
+        (thesis 3.30-3.35, where R = P.T).  Knots outside the domain may be any; where those of `finer` refine
+        ours, no entry is negative.
 
         Raises ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree or
             domain.
@@ -152,9 +152,27 @@ class KnotVector(Knots):
     def _polar(self, piece: KnotVector) -> csr_array[np.float64]:
         """Return the operator to the coefficients on `piece`, whose domain lies in ours and has its knots:
         polar forms at its own."""
+        knots, span = self._spans_of(piece)
+        return self._banded(span, blossom_rows(knots, self.degree, span, piece.inner_knots()))
+
+    def _spans_of(self, finer: KnotVector) -> tuple[Floats, Integers]:
+        """Return our knots after p more, and the span of them in which each function of `finer` begins.
+
+        Where the finer vector's knots outside the domain refine ours, its coefficients are convex
+        combinations of ours, as in the Oslo algorithm; else they go on from the domain's first span.
+        """
+        p, begins = self.degree, finer.knots[: finer.dim]
+        outer = self.knots[(self.knots > finer.knots[0]) & (self.knots <= finer.start)]
+        if lacking(outer, finer.knots).size:
+            begins = np.maximum(begins, finer.start)
+        knots = np.concatenate([self.knots[0] - np.arange(p, 0, -1) * (self.stop - self.start), self.knots])
+        return knots, np.minimum(np.searchsorted(knots, begins, "right") - 1, p + self.dim - 1)
+
+    def _banded(self, span: Integers, rows: Floats) -> csr_array:
+        """Return the operator with `rows` of polar forms in spans of `_spans_of`; no function of the p more
+        knots counts."""
         p = self.degree
-        span = self.span_of(np.maximum(piece.knots[: piece.dim], piece.start))
-        return band_matrix(span - p, blossom_rows(self.knots, p, span, piece.inner_knots()), self.dim)
+        return band_matrix(span - p, rows, p + self.dim)[:, p:]
 
     def derivative(self) -> tuple[KnotVector, csr_array]:
         """Return the knot vector of degree p - 1 of derivatives and the operator to them, csr_array (dim - 1,
@@ -179,13 +197,13 @@ class KnotVector(Knots):
         """
         p = self.degree
         finer = self.elevate()
-        span = self.span_of(np.maximum(finer.knots[: finer.dim], self.start))
+        knots, span = self._spans_of(finer)
         arguments = finer.inner_knots()
         rows = sum(
-            (blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1)),
+            (blossom_rows(knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1)),
             np.zeros((finer.dim, p + 1)),
         )
-        return band_matrix(span - p, rows / (p + 1), self.dim)
+        return self._banded(span, rows / (p + 1))
 
 
 UNIT = KnotVector(1, np.array([0.0, 0.0, 1.0, 1.0]))  # of straight lines over [0, 1]

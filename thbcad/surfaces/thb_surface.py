@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Bools, Floats, coordinates, floats, locked, read_only, require_type
+from thbcad.checks import Bools, Floats, coordinates, locked, read_only, require_type, row
 from thbcad.hierarchy import Cells, THBSpace, mesh_lines, space_rows
 from thbcad.pictures import card, frame_size, interval_text, map_element, svg
 from thbcad.splines import AnySurface, BSplineSurface
@@ -95,7 +95,7 @@ class THBSurface(AnySurface):
         """
         if self.space.is_compact:
             return self._tensor.grid(u, v, derivative)
-        u, v = (np.atleast_1d(floats(x)) for x in (u, v))
+        u, v = row("u", u), row("v", v)
         values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
         return values.reshape(len(u), len(v), *values.shape[1:])
 

@@ -10,8 +10,9 @@ from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import cox_de_boor
 from tests.cases import examples
-from tests.thbcad.cases import SCALES, coefficients, knot_vectors, parameters, spaces
+from tests.thbcad.cases import SCALES, coefficients, knot_vectors, parameters, spaces, unclamped
 from thbcad.certified.extreme_values import minimum, value_range
+from thbcad.outlines import Outline
 from thbcad.sags import square_coefficients
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -25,6 +26,26 @@ def graphs(draw, **options):
     """Random scalar surfaces."""
     kv_u, kv_v = draw(knot_vectors(**options)), draw(knot_vectors(**options))
     return BSplineSurface(kv_u, kv_v, draw(coefficients(kv_u.dim, kv_v.dim)))
+
+
+@pytest.mark.parametrize("derivative", ORDERS)
+@given(kv=unclamped(4), height=st.floats(-1, 1))
+def test_bounds_over_unclamped_knots_hold_a_constant(derivative, kv, height):
+    """To clamp them rounds, which short spans multiply in derivatives."""
+    sheet = BSplineSurface(kv, KnotVector.uniform(2, 2), np.full((kv.dim, 4), height))
+    true = 0.0 if any(derivative) else height
+    for bounds in value_range(sheet, derivative):
+        assert bounds.lower <= true <= bounds.upper
+
+
+@pytest.mark.parametrize("outline", [Outline((1, 2)), Outline((1, 2), (0.2, 0.3)), Outline.ellipse((1, 2))])
+def test_bounds_within_an_outline_are_those_of_the_graph_that_ends_there(outline):
+    kv = KnotVector.uniform(2, 4, -3, 3)
+    slope = BSplineSurface(kv, kv, np.add.outer(kv.greville(), 0 * kv.greville()))
+    with pytest.raises(ValueError, match=r"beyond its outline, to 3 and 3 mm; .*\(-1, 1\), \(-2, 2\)"):
+        value_range(slope, outline=outline)
+    _, most = value_range(slope.segment((-1, 1), (-2, 2)), outline=outline)
+    assert most.lower <= 1 <= most.upper <= 1 + 1e-9
 
 
 def exactly(graph, u, v, derivative):

@@ -225,6 +225,13 @@ def test_a_function_without_samples_is_named():
         least_squares(space, Samples(u[far], v[far], u[far]))
 
 
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("samples", [Samples([], [], []), Samples([0.1], [0.1], [1.0], [0.0])], ids=len)
+def test_samples_without_weight_determine_nothing(samples, robust):
+    with pytest.raises(Underdetermined, match="25 of 25 functions have no sample in their support"):
+        least_squares(tensor(2, 3), samples, robust=robust)
+
+
 def test_a_function_with_too_few_samples_is_named():
     """Functions 4 and 5 in u live where all samples lie on one line: only their sum there is known."""
     u, v, _, _ = tensor(2, 4).quadrature()

@@ -7,7 +7,7 @@ import pytest
 
 from tests.thbcad.mounts.cases import PLAIN, ROUND, SQUARE, changed
 from thbcad.mounts import mount_of, read_mount
-from thbcad.mounts.records import Places, Post
+from thbcad.mounts.records import Hole, Mount, MountFlange, Places, Post
 
 NUMBERS = [
     "flange__thickness",
@@ -103,6 +103,15 @@ def test_bad_mounts_are_one_sentence(table, sentence):
 def test_integers_beyond_float64_are_one_sentence(key):
     sentence = refusal(changed(SQUARE, **{key: 10**400}))
     assert sentence.endswith("must be a number that float64 can hold, got an integer of about 400 digits")
+
+
+def test_a_mount_of_lists_is_that_of_tuples():
+    size, at = [30.0, 26.0], [[12.0, 0.0]]
+    listed = Mount(MountFlange(1.0, size=size), [Hole(Places(at), 2.0)])
+    size[0] = at[0][0] = -5.0
+    same = Mount(MountFlange(1.0, size=(30.0, 26.0)), (Hole(Places(((12.0, 0.0),)), 2.0),))
+    assert listed == same
+    assert hash(listed) == hash(same)
 
 
 @pytest.mark.parametrize("word", ["peg", "", None, 3])

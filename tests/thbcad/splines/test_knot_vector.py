@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 from oracles.spline_definitions import boehm, cox_de_boor, gamma
 from tests.cases import examples
-from tests.thbcad.cases import SCALES, insertions, knot_vectors, parameters
+from tests.thbcad.cases import SCALES, insertions, knot_vectors, parameters, unclamped
 from thbcad.splines.knot_vector import KnotVector
 
 EPS = np.finfo(float).eps
@@ -166,6 +166,20 @@ def test_prolongation_keeps_the_spline(data):
     # sums
     error = abs((finer.collocation(u) @ p - kv.collocation(u)).toarray()).max()
     assert error <= float(gamma(17 * kv.degree + 2))
+
+
+@given(unclamped(), st.data())
+def test_operators_between_unclamped_knots_are_convex_combinations(kv, data):
+    """However short the first span is beside those outside the domain."""
+    u = data.draw(parameters(kv))
+    for finer, operator in (
+        *((f, kv.prolongation(f)) for f in (kv.bisect(), kv.insert(data.draw(insertions(kv))))),
+        (kv.elevate(), kv.elevation()),
+    ):
+        assert operator.min() >= 0
+        rounding = float(gamma(17 * finer.degree + 2))
+        assert abs(operator.sum(axis=1) - 1).max() <= rounding
+        assert abs((finer.collocation(u) @ operator - kv.collocation(u)).toarray()).max() <= rounding
 
 
 @given(st.data())

@@ -14,12 +14,15 @@ def made(kind, *arguments, made=enum.EnumMeta.__call__, **options):
         signal.raise_signal(signal.SIGINT)
     return made(kind, *arguments, **options)
 
-signal.signal(signal.SIGINT, signal.default_int_handler)
+handlers = signal.default_int_handler, lambda number, frame: None
+for number, handler in zip((signal.SIGINT, signal.SIGTERM), handlers):
+    signal.signal(number, handler)
 enum.EnumMeta.__call__ = made
 try:
     load_backend()
 except KeyboardInterrupt:
     print("interrupted", load_backend().dr.thread_count() > 0)
+assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
 """
 
 
