@@ -30,7 +30,7 @@ def knot_vectors(draw, min_degree=1, max_degree=10, max_spans=5, scales=SCALES):
 
 @st.composite
 def unclamped(draw, max_degree=5, shortest=-6):
-    """A knot vector whose knots go on outside the domain; spans have ratios up to 10^-shortest or are empty."""
+    """A knot vector with knots outside the domain; its spans have ratios up to 10^-shortest, or are empty."""
     p = draw(st.integers(1, max_degree))
     spans = draw(st.integers(1, 4))
     # no knot more than twice, nor in the first and the last span
