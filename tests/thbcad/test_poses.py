@@ -102,6 +102,17 @@ def test_poses_travel_and_do_not_change():
         pose.shift[0] = 5
 
 
+def test_mirror_axes_are_those_in_which_a_pose_is_its_own_image():
+    poses = {
+        (0, 1): Pose.at((0.0, 0.0, 70.0)),
+        (0,): Pose.at((0.0, 3.0, 70.0), (0.4, 0.0, 0.0)),
+        (1,): Pose.at((0.0, 0.0, 70.0), (0.0, 0.4, 0.0)),
+        (): Pose.at((0.0, 0.0, 70.0), (0.0, 0.0, 0.1)),
+    }
+    assert {axes: pose.mirror_axes for axes, pose in poses.items()} == {axes: axes for axes in poses}
+    assert Pose.at((1.0, 2.0, 70.0)).mirror_axes == ()
+
+
 @pytest.mark.parametrize(
     ("rotation", "shift", "words"),
     [

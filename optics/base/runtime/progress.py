@@ -66,7 +66,7 @@ class Progress:
     ) -> None:
         self._show, self._clock = show, clock
         self._now, *self._ahead = phases
-        self._begun = self._since = clock()
+        self._since = clock()
         self._done = 0.0  # work
         self._past = self._past_work = 0.0  # weighted seconds and work of the phases before
         self._single = self._single_work = 0.0  # the same of those on one core

@@ -25,7 +25,7 @@ from thbcad.certified import (
     supports_of,
 )
 from thbcad.checks import Floats
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
 CELLS = 16  # of a surface in each direction, between which its heights are bounded
@@ -133,12 +133,12 @@ def _prisms(lit: dict[str, Floats], heights: tuple[float, float]) -> dict[str, C
 def _surfaces(lens: Lens, lit: dict[str, Floats]) -> dict[str, Stack]:
     front, rear = lens.own_graphs()
     return {
-        "front": _lit_surface(front, lens.front, 0.0, lit["front"]),
-        "rear": _lit_surface(rear, lens.rear, lens.thickness, lit["rear"]),
+        "front": _lit_surface(front, 0.0, lit["front"]),
+        "rear": _lit_surface(rear, lens.thickness, lit["rear"]),
     }
 
 
-def _lit_surface(graph: BSplineSurface, surface: FreeformSurface, vertex: float, lit: Floats) -> Stack:
+def _lit_surface(graph: BSplineSurface, vertex: float, lit: Floats) -> Stack:
     """Return the lit part of a surface: its cells, each between the least and the greatest coefficient of the
     splines that are not zero there."""
     kvs, operators, ends = [], [], []

@@ -82,13 +82,13 @@ def _assembled(system: OpticalSystem, bodies: Sequence[Body], files: Mapping[str
     return scene_step(parts, system.product, system.problem.export.schema)
 
 
-def scene_checks(system: OpticalSystem, lens: Lens, path: Path, staged: bool = False) -> list[Check]:
+def scene_checks(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
     """Return the Checks of names, places and numbers of the parts that OCCT reads in the file of a scene.
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
     """
     read_file(path)  # a file that is cut off or damaged never reaches OCCT
-    return _checks(_bodies(system, lens, staged), path)
+    return _checks(_bodies(system, lens, staged=False), path)
 
 
 def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:

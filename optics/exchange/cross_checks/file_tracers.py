@@ -51,7 +51,7 @@ class FileTracer:
 
     trace : rays to landing points.  coarser : the same through meshes of every second node, None where the
         faces are traced exactly.
-    start : z before the lens, mm.  index : refractive index in the file.
+    start : z before the lens, mm.
     resolution : of landing points, mm (degrees in the far field), by the digits of the program's numbers;
         None where the problem's limit holds.
     """
@@ -60,7 +60,6 @@ class FileTracer:
     trace: Callable[[Rays], LandingPoints]
     coarser: Callable[[Rays], LandingPoints] | None
     start: float
-    index: float
     resolution: float | None
 
 
@@ -103,13 +102,13 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
         def trace(rays: Rays) -> LandingPoints:
             return through(RaysBehind(rays.origin.T, rays.direction.T, rays.flux)).landing(target)
 
-        return FileTracer(name, trace, None, start, index, None)
+        return FileTracer(name, trace, None, start, None)
     fine, coarse = _by_mitsuba(file, system, index, nodes)
     digits = PRECISIONS["single"][2]
     resolution = (
         float(np.degrees(digits)) if target.far_field else digits * float(np.linalg.norm(target.pose.shift))
     )
-    return FileTracer(name, fine, coarse, start, index, resolution)
+    return FileTracer(name, fine, coarse, start, resolution)
 
 
 def _lowest(face: OpticalForm, surface: FreeformSurface) -> float:

@@ -103,11 +103,6 @@ class Receiver(Value, ABC):
         """Whether it is a plane across the axis z with its middle on it, or the far field around it."""
         return not self.pose.rotates and not self.pose.shift[:2].any()
 
-    @property
-    def mirror_axes(self) -> tuple[int, ...]:
-        """Directions (0 for x, 1 for y) in which it is its own mirror image, its chart too."""
-        return self.pose.mirror_axes
-
     def moved(self, motion: Pose) -> Self:
         """Return the receiver elsewhere.  motion : in the frame of the scene."""
         return self if motion.is_identity else replace(self, pose=motion @ self.pose)

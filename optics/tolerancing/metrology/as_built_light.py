@@ -55,7 +55,6 @@ class AsBuilt:
     outlying : that some points lie far from where the others do, a sentence; empty where none do.
     """
 
-    designed: Lens
     lens: Lens
     measured: MeasuredPoints
     side: Side
@@ -150,7 +149,6 @@ def light_as_built(
     for other in {*aligned} - {way}:
         rel_l2_of[other] = rel_l2(made_surface(designed, aligned[other], chosen.fit.smoothing).surface)
     return AsBuilt(
-        designed=lens,
         lens=made,
         measured=measured,
         side=side,

@@ -35,7 +35,7 @@ class SampleBatch:
     rel_l2, efficiency, made : (sets, lenses), inf, 0 and False of lenses that could not be traced.
     made : the verdict on the light.
     failures : the different sentences why not.
-    seconds : of all traces together.  peak_mb : the most memory that one worker held.
+    seconds : of all traces together.
     """
 
     rel_l2: Floats
@@ -43,7 +43,6 @@ class SampleBatch:
     made: NDArray[np.bool_]
     failures: tuple[str, ...] = ()
     seconds: float = 0.0
-    peak_mb: float = 0.0
 
     def quantile(self, part: float) -> Range:
         """Return the rel_l2 that a part of all lenses stays below."""

@@ -123,16 +123,16 @@ def sample_lenses(
     items = [*alone, *chain.from_iterable(sets)]
     found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
     failures: dict[str, None] = {}
-    seconds = peak = 0.0
+    seconds = 0.0
     with closing(run_tasks(traced, items, pool, model)) as results:
         for done, result in enumerate(results, 1):
             if result.failure:
                 failures[result.failure] = None
             else:
                 found[result.index] = result.value
-            seconds, peak = seconds + result.seconds, max(peak, result.peak_mb)
+            seconds += result.seconds
             if progress:
                 progress(done, len(items))
     rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(SampleBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
+    return Sampled(SampleBatch(rel, efficiency, made > 0, tuple(failures), seconds), sets, by_form)

@@ -46,20 +46,9 @@ def test_beta_functions_are_areas_of_the_density():
 
 
 @pytest.mark.slow
-@examples(15)
-@given(kernels(), targets())
-def test_deltas_are_the_general_problem(kernel, target):
-    require_general(kernel, target)
-
-
-@pytest.mark.slow
 @examples(60)
 @given(kernels(), targets())
-def test_deltas_are_the_general_problem_many_times(kernel, target):
-    require_general(kernel, target)
-
-
-def require_general(kernel, target):
+def test_deltas_are_the_general_problem(kernel, target):
     """With steps enough to converge: an ill-conditioned blur takes more than the default 5000."""
     rows, columns = (deltas(side) for side in kernel.light_shape(target.shape))
     result = approximate_in_basis(kernel, target, rows, columns, 1e-6, 50_000)

@@ -84,15 +84,3 @@ def test_a_height_names_a_plane_and_infinity_the_far_field():
     assert plane.pose.shift.tolist() == [0, 0, 12]
     turned = receiver_at(12.0, Pose.at(rotation_vector=(np.pi / 2, 0, 0)))
     np.testing.assert_allclose(turned.pose.shift, [0, -12, 0], atol=1e-14)
-
-
-@pytest.mark.parametrize("kind", [Plane, FarField])
-def test_a_receiver_is_its_own_mirror_image_where_its_pose_is(kind):
-    poses = {
-        (0, 1): Pose.at((0.0, 0.0, 70.0)),
-        (0,): Pose.at((0.0, 3.0, 70.0), (0.4, 0.0, 0.0)),
-        (1,): Pose.at((0.0, 0.0, 70.0), (0.0, 0.4, 0.0)),
-        (): Pose.at((0.0, 0.0, 70.0), (0.0, 0.0, 0.1)),
-    }
-    assert {axes: kind(pose).mirror_axes for axes, pose in poses.items()} == {axes: axes for axes in poses}
-    assert kind(Pose.at((1.0, 2.0, 70.0))).mirror_axes == ()
