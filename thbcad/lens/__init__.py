@@ -27,7 +27,15 @@ if TYPE_CHECKING:
         manufacturability,
         mass,
     )
-    from .product import Product, face_colour, one_line, optical_places, require_line
+    from .product import (
+        LENS_SIDES,
+        MIRROR_SIDES,
+        Product,
+        face_colour,
+        one_line,
+        optical_places,
+        require_line,
+    )
     from .rims import (
         CORNERS,
         SIDES,

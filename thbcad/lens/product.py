@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields
 FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
 LONGEST = 500  # characters; OCCT writes unreadable IGES files from 1000 on and ends the process from 2000 on
 
-LENS_SIDES, MIRROR_SIDES = ("front", "rear"), ("face", "back")  # names of the optical faces in files
+LENS_SIDES = "front", "rear"  # names of the optical faces in files
+MIRROR_SIDES = "face", "back"
 COLOURS = {
     "front": (0.72, 0.85, 0.95),
     "face": (0.72, 0.85, 0.95),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import map_coordinates
 
+from optics.base.runtime import UserError
 from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
 from optics.light.refraction import ShapedSurface, normalised
 
@@ -117,9 +118,18 @@ class Middle:
         return np.array([p / r, q / r])
 
     def _foreshortening(self) -> float:
-        """Return the ratio of the greatest and the least solid angle of equal areas."""
+        """Return the ratio of the greatest and the least solid angle of equal areas.
+
+        Raises UserError : there is none of some.
+        """
         places = [(a, b) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)]
-        sizes = [abs(np.linalg.det(self._derivative(self._perspective, place))) for place in places]
+        with np.errstate(invalid="ignore", divide="ignore"):  # at right angles to the way
+            sizes = [abs(np.linalg.det(self._derivative(self._perspective, place))) for place in places]
+        if not min(sizes) > 0:
+            raise UserError(
+                "the target is seen edge-on from the surface that is to send light to it; change target.tilt "
+                "or target.position"
+            )
         return float(max(sizes) / min(sizes))
 
     def _projected(self) -> TransportChart:

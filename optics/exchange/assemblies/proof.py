@@ -45,7 +45,7 @@ from thbcad.io import (
     points_of,
     read_file,
 )
-from thbcad.lens import Lens, OpticalForm, optical_forms
+from thbcad.lens import LENS_SIDES, MIRROR_SIDES, Lens, OpticalForm, optical_forms
 
 PLACEMENT = "ITEM_DEFINED_TRANSFORMATION"
 TOLERANCE = 1e-6  # mm, as of a lens by itself
@@ -153,12 +153,14 @@ def part_checks(
 
 
 def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
-    """Return the Checks that the text holds the surfaces of front and rear, number by number, once each."""
+    """Return the Checks that the text holds the surfaces of front and rear, or of a mirror's face and back,
+    number by number, once each."""
     fresh = {face.name: face for face in brep_of_text(step_bytes(lens).decode("latin-1")).faces}
+    mirror = any(face.name in MIRROR_SIDES for face in text.solid.faces)
     checks = []
-    for name in ("front", "rear"):
+    for side, name in zip(LENS_SIDES, MIRROR_SIDES if mirror else LENS_SIDES):
         named = [face for face in text.solid.faces if face.name == name]
-        off = abs(len(named) - 1) + sum(not same_surface(face, fresh[name]) for face in named)
+        off = abs(len(named) - 1) + sum(not same_surface(face, fresh[side]) for face in named)
         checks.append(
             Check.none_of(f"text of the file: faces named {name} that are not the {name} of the lens", off)
         )

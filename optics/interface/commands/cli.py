@@ -125,7 +125,7 @@ def _printing() -> Iterator[None]:
     except OSError as error:
         _drop(sys.stdout)
         if not isinstance(error, BrokenPipeError):
-            raise
+            raise UserError(f"cannot print to stdout: {error.strerror}; what was written stays") from None
 
 
 class _Forgiving:

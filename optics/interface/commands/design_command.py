@@ -94,6 +94,8 @@ def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
     Raises UserError : the file cannot be read or holds no lens; see `given_lens` and `solvable_system`.
     """
     path, problem = Path(options.lens), load_problem(options.problem, changes_of(options))
+    if path.is_dir():
+        path = path / "lens.json"
     with reading(path):
         if path.suffix.lower() == ".json":
             lens = read_lens(path)

@@ -24,10 +24,12 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
     A lens of two conics gets a sag of zeros on its rear, as a problem has at least one free surface.  What
     shape does not tell (material, coatings, roughness, limits) is the problem's.
 
-    Raises UserError : a problem with [[element]]; an outline that no problem file knows.
+    Raises UserError : a problem with [[element]]; a mirror; an outline that no problem file knows.
     """
     if problem.lens is None:
         raise UserError("a lens that is there already lies on the axis: take a problem with [lens]")
+    if lens.index == 1:
+        raise UserError("a mirror, of index 1, is given where a lens is wanted")
     if lens.front.sag is None and lens.rear.sag is None:
         space = THBSpace(*(KnotVector.uniform(Freeform.degree, 1, -h, h) for h in lens.rear.half_width))
         lens = replace(lens, rear=lens.rear.with_sag(THBSurface(space, np.zeros(space.dim))))

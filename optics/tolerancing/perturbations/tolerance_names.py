@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
-from math import isfinite, radians
+from math import radians
 from typing import Literal
 
 from optics.base.runtime import UserError
@@ -26,6 +26,7 @@ SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
 TEMPERATURE = 20.0  # K: a room's 20 C against a luminaire's 40 C
 AXES = "xyz"
 Holder = Literal["shop", "mount"]
+MOST = 1e6  # of an amount, in any unit
 # tolerances that not every lens or mirror has
 SOMETIMES = ("front.decentre", "front.power", "rear.power", "face.power", "temperature")
 MEDIUM = "thickness", "index", "temperature"  # what only a lens can have
@@ -112,8 +113,10 @@ def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -
 
 
 def _checked(name: str, amount: object) -> float:
-    if isinstance(amount, bool) or not isinstance(amount, int | float) or not isfinite(amount) or amount < 0:
-        raise UserError(f"the tolerance {name} must be a number from 0, such as {name}=0.05, got {amount!r}")
+    if isinstance(amount, bool) or not isinstance(amount, int | float) or not 0 <= amount <= MOST:
+        raise UserError(
+            f"the tolerance {name} must be a number from 0 to {MOST:g}, such as {name}=0.05, got {amount!r}"
+        )
     return float(amount)
 
 

@@ -170,8 +170,8 @@ class _NumberedFace(NamedTuple):
 
 def _missing(name: str) -> str:
     return (
-        f"the part holds no face with the surface of the {name}, which clean() may have merged with others; "
-        f"{REMEDY}"
+        f"the part holds no face with the surface of the {name}: it has another lens, or clean() merged the "
+        f"face with others; {REMEDY}"
     )
 
 

@@ -1,5 +1,7 @@
 """Lenses that are there already: their light, as of a design, from files of other programs."""
 
+from dataclasses import replace
+
 import build123d as bd
 import numpy as np
 import pytest
@@ -77,6 +79,8 @@ def test_rounded_outlines_and_what_is_none_of_a_problem_file(tmp_path):
     assert (both.problem.lens.outline, both.problem.lens.corner_radius) == ("rounded", 2.0)
     with pytest.raises(optics.UserError, match="is none that a problem file knows"):
         optics.Design.of_lens(problem, lens(((10, 10), (2, 3)), ((10, 10), (2, 3))))
+    with pytest.raises(optics.UserError, match="a mirror, of index 1, is given"):
+        optics.Design.of_lens(problem, replace(lens(((10, 10), (2, 2)), ((5, 5), (1, 1))), index=1.0))
 
 
 @pytest.mark.slow
@@ -106,6 +110,7 @@ def test_a_step_file_where_a_result_is_wanted_is_told_the_way(foreign, capsys, t
     assert "--resume, --from and --live" in refused(capsys, "design", toml, "--lens", path, "--resume")
     (tmp_path / "no.step").write_text("no")
     assert "no.step" in refused(capsys, "design", toml, "--lens", tmp_path / "no.step")
+    assert f"{tmp_path / 'lens.json'}" in refused(capsys, "design", toml, "--lens", tmp_path)
 
 
 def test_a_design_of_a_system_for_scripts_names_what_makes_one(tmp_path):

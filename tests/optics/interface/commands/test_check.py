@@ -10,6 +10,7 @@ from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
+from tests.optics.interface.commands.cases import refused
 
 
 def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
@@ -200,6 +201,12 @@ def test_the_place_that_check_proposes_makes_the_light_that_total_reflection_for
     assert metrics["rel_l2"] < 0.1
     assert metrics["fates_w"]["rear_reflected"] < 0.1
     assert metrics["fates_w"]["total_internal"] == 0
+
+
+def test_a_target_along_the_light_is_refused(capsys):
+    changes = ("target.tilt=[0, 0, 0]", "target.pixels=[16, 16]")
+    words = [word for change in changes for word in ("--set", change)]
+    assert "the target is seen edge-on" in refused(capsys, "check", ROOT / "examples" / "folded.toml", *words)
 
 
 def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):

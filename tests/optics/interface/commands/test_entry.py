@@ -171,7 +171,10 @@ def test_with_stderr_closed_nothing_of_it_goes_to_stdout(tmp_path, file):
 def test_what_cannot_be_printed_is_one_sentence(words):
     with FULL.open("w") as full:
         done = ended(*words, stdout=full)
-    assert (done.returncode, done.stderr) == (2, "thbcad: cannot write or read: No space left on device\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "thbcad: cannot print to stdout: No space left on device; what was written stays\n",
+    )
 
 
 @pytest.mark.parametrize("words", [["--help"], ["new"]], ids=str)

@@ -1,5 +1,7 @@
 """`thbcad verify part.step --lens lens.json`."""
 
+from dataclasses import replace
+
 import pytest
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
@@ -12,6 +14,7 @@ from tests.thbcad.cad.parts.cases import LENSES, MOTIONS, box, located
 from thbcad import read_lens, write_lens, write_step
 from thbcad.cad import cut, join
 from thbcad.cad.shapes import lens_part
+from thbcad.lens import MIRROR_SIDES, Product
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +35,15 @@ def test_the_command_proves_a_part(step, tmp_path):
     outcome = verify(options(step, tmp_path / "lens.json"))
     assert outcome.code == 0
     assert any("landing points by OCCT" in line for line in outcome.lines)
+
+
+def test_the_faces_of_a_mirror_have_names_of_their_own(tmp_path):
+    blank = replace(LENSES["round"], index=1.0)
+    write_lens(blank, tmp_path / "lens.json")
+    write_step(blank, tmp_path / "mirror.step", Product(sides=MIRROR_SIDES))
+    outcome = verify(options(tmp_path / "mirror.step", tmp_path / "lens.json"))
+    assert any(line.startswith("ok     text of the file: faces named back") for line in outcome.lines)
+    assert [line for line in outcome.lines if line.startswith("FAILED text")] == []
 
 
 @pytest.mark.parametrize("wrong", ["no such file", "folder", "cut off", "no lens"])

@@ -112,6 +112,16 @@ def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend
         assert there == pytest.approx(found.rel_l2 + 0.002, abs=2e-4)
 
 
+def test_an_amount_that_puts_out_the_light_is_no_free_one(budget, backend):
+    """No ray then tells how far light moves."""
+    system, lens, target, found = budget
+    (effect,) = tolerance_budget(
+        system, lens, target, backend, few(system, **{"lens.decentre_x": 500.0}), limits=0.002
+    ).effects
+    assert effect.ends[1].efficiency == 0
+    assert 0.4 < effect.allowed.amount / found.effects[0].allowed.amount < 1.01  # both use 40 % at least
+
+
 @pytest.mark.parametrize(
     ("name", "amount", "words"),
     [
@@ -174,6 +184,7 @@ def test_a_target_that_follows_the_light_goes_back_where_it_alone_was_moved(tmp_
         ({"target.defoc": 0.1}, "did you mean target.defocus"),
         ({"lens.tilt": float("nan")}, "must be a number from 0"),
         ({"index": -1.0}, "must be a number from 0"),
+        ({"lens.decentre": 1e300}, r"must be a number from 0 to 1e\+06"),
         ({"index": "much"}, "must be a number from 0"),
         ({"title": "small"}, "there is no tolerance 'title'"),
         ({"temperature": 20.0}, "names no material"),
