@@ -52,9 +52,9 @@ def interrupts_later() -> Iterator[None]:
         for number in (signal.SIGINT, signal.SIGTERM)
         if current_thread() is main_thread() and callable(handler := signal.getsignal(number))
     }
-    for number in before:
-        signal.signal(number, lambda number, _: came.append(number))
     try:
+        for number in before:
+            signal.signal(number, lambda number, _: came.append(number))
         yield
     finally:
         for number, handler in before.items():
