@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from optics.designing.etendue.certificate import kkt_residual, norm, per_column_sum, scaled_bound
     from optics.designing.etendue.kernel import Kernel as Kernel, Real
     from optics.designing.etendue.problem_bounds import (
-        CURVED,
         FIXED,
         FIXED_QUICK,
         SEARCH,
+        UNBOUND,
         OneBlur,
         base_rear,
         blur_sentence,

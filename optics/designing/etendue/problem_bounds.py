@@ -21,7 +21,10 @@ from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
-CURVED = "etendue bounds the light on planes and in the far field; no bound is given of a curved target"
+UNBOUND = (
+    "etendue bounds the light of one lens on planes and in the far field; no bound is given of a curved "
+    "target, or of a plate of lenses"
+)
 FORMS = {  # of the source's image, by the kind of its profile
     "uniform": "uniform rectangle along x and y",
     "round": "uniform ellipse along x and y",
@@ -150,7 +153,7 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     The blur of a beam is known, and needs no bound.  That of a lens off the axis, or of a mirror, is no
     model.  z_freedom must be known.
     """
-    notes = EtendueNotes([CURVED] if system.source.etendue and not bounds_hold(system) else [], [])
+    notes = EtendueNotes([UNBOUND] if system.source.etendue and not bounds_hold(system) else [], [])
     if not bounds_hold(system):
         return notes
     universal = universal_bound(system)

@@ -78,9 +78,10 @@ def throughput(system: OpticalSystem) -> Throughput:
 
 
 def bounds_hold(system: OpticalSystem) -> bool:
-    """Return whether etendue bounds the light of a system: its source has extent, its target is no curve."""
-    receiver = system.target.receiver
-    return bool(system.source.etendue) and (receiver.far_field or isinstance(receiver, Plane))
+    """Return whether etendue bounds the light of a system: its source has extent, its target is no curve, and
+    it is one lens."""
+    receiver, alone = system.target.receiver, system.problem.optic.array is None
+    return bool(system.source.etendue) and alone and (receiver.far_field or isinstance(receiver, Plane))
 
 
 def radiance(system: OpticalSystem) -> float:

@@ -1,7 +1,7 @@
 """A scene as one STEP file: its elements where they lie, and source and screen as thin parts on request."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
@@ -11,7 +11,7 @@ import numpy as np
 from optics.base.runtime import Check, UserError
 from optics.exchange.verification import differing_numbers
 from optics.scene.receivers import Plane
-from optics.scene.system import OpticalSystem, scene_parts
+from optics.scene.system import OpticalSystem, scene_parts, source_frames
 from thbcad.cad.exchange import (
     PlacedShape,
     conic_faces,
@@ -101,7 +101,7 @@ def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:
 
 def _bodies(system: OpticalSystem, lens: Lens, staged: bool) -> list[Body]:
     bodies = [(part_of(p.made), product_of(p.made, p.product), p.pose) for p in scene_parts(system, lens)]
-    return [_source(system), *bodies, *_screen(system)] if staged else bodies
+    return [*_sources(system), *bodies, *_screen(system)] if staged else bodies
 
 
 def _place_check(part: PlacedShape, pose: Pose, name: str) -> Check:
@@ -119,14 +119,16 @@ def _number_check(part: PlacedShape, body: Part, name: str) -> Check:
     return Check.none_of(f"scene: numbers of {name} that differ from those in memory", off)
 
 
-def _source(system: OpticalSystem) -> Body:
-    """Return the source as a plate, whose rear shines."""
-    source = system.problem.source
-    half = source.half_width if min(source.half_width) > 0 else (POINT, POINT)
-    corners = half if source.profile in ("round", "round_gaussian") else (0.0, 0.0)
-    face = FreeformSurface(half, Conic(np.inf, 0.0), None, corners)
-    plate = part_of(Lens(face, face, THIN, 1.5))
-    return plate, Product("source"), Pose.at((0.0, 0.0, -source.distance - THIN))
+def _sources(system: OpticalSystem) -> Iterator[Body]:
+    """Yield every source as a plate, whose rear shines."""
+    frames = source_frames(system.problem)
+    for number, (source, pose) in enumerate(frames, 1):
+        half = source.half_width if min(source.half_width) > 0 else (POINT, POINT)
+        corners = half if source.profile in ("round", "round_gaussian") else (0.0, 0.0)
+        face = FreeformSurface(half, Conic(np.inf, 0.0), None, corners)
+        plate = part_of(Lens(face, face, THIN, 1.5))
+        name = "source" if len(frames) == 1 else f"source {number}"
+        yield plate, Product(name), pose @ Pose.at((0.0, 0.0, -source.distance - THIN))
 
 
 def _screen(system: OpticalSystem) -> list[Body]:

@@ -175,7 +175,8 @@ def compare_light(
 
     backend : of double precision.
     """
-    path = system.path(lens).without_absorption().without_stops()  # of which a STEP file tells nothing
+    # of these a STEP file tells nothing
+    path = system.path(lens).without_absorption().without_stops().without_coats()
     parts = random_rays(system.source, tracer.start, count, system.problem.run.seed + 1, RAYS_AT_ONCE)
     screen, sums = _traced(system, path, tracer, parts, count, backend)
     ours, error = _without_them(system, path, screen, count, backend)

@@ -15,9 +15,11 @@ from optics.scene.sources import (
     LambertianArea,
     LightSource,
     LuminaireSource,
+    PlacedSource,
     PointSource,
     Profile,
     Rays,
+    SourceGroup,
 )
 from thbcad.checks import Floats
 
@@ -37,6 +39,18 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
+    if isinstance(source, PlacedSource):
+        inner = source.source
+        return _drawn(inner, inner.middle[2], flux, fresh).posed(source.pose)
+    if isinstance(source, SourceGroup):
+        shares = [member.flux / source.flux for member in source.members]
+        counts = fresh.multinomial(len(flux), shares)
+        parts = [_drawn(member, start, flux[:count], fresh) for member, count in zip(source.members, counts)]
+        return Rays(
+            np.concatenate([part.origin for part in parts], axis=1),
+            np.concatenate([part.direction for part in parts], axis=1),
+            flux,
+        )
     if isinstance(source, LuminaireSource):
         # directions of the full sphere, kept with the probability of their light
         light = source.directions.light

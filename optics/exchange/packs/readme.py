@@ -98,7 +98,9 @@ class Told:
         ]
         (u, v), lines = screen.half_width, len(system.wavelengths)
         where = receiver.normal if screen.angular else receiver.points
-        beam = "a beam along +z" if system.source.from_afar else f"at z = {-source.distance:.9g}"
+        place = f"at z = {-source.distance:.9g}" if source.lone else f"at {_vector(system.source.middle)}"
+        turned = f", tilted by {_vector(source.own_tilt)} degrees" if any(source.own_tilt) else ""
+        beam = "a beam along +z" if system.source.from_afar else place + turned
         far = "directions of the far field, u = atan(l / n), v = atan(m / n) seen along its middle"
         return {
             "source": "several, where rays start" if system.source.several else f"{source.kind}, {beam}",

@@ -9,9 +9,9 @@ from typing import Any
 
 from optics.base.runtime import UserError
 from optics.designing.etendue import (
-    CURVED,
     FIXED,
     SEARCH,
+    UNBOUND,
     ImageBound,
     OneBlur,
     Throughput,
@@ -110,7 +110,7 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
         return UNKNOWN
     if not passing.source:
         return NO_LIMIT
-    return "" if bounds_hold(system) else CURVED
+    return "" if bounds_hold(system) else UNBOUND
 
 
 def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any], ImageBound, list[str]]:

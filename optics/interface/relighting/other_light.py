@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, measure
-from optics.scene.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
+from optics.scene.problem import SUN, MirrorElement, Optic, Problem, Source, base_of, freedom_of, load_problem
 from optics.scene.system import OpticalSystem, index_at, pose_of, solvable_system, source_of
 from thbcad.lens import Lens
 from thbcad.sags import Conic
@@ -25,17 +26,26 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
 
     Raises UserError : a source that does not go with the lens, such as one that lies in it.
     """
-    other = replace(system.problem, source=source)
-    index = _index_at(system, source.wavelength)
-    moved = solvable_system(other if other.optic.index == index else other.with_optic(index=index))
-    return measure(moved.shaped_as(system.shapes), replace(lens, index=index), backend)
+    other, own = replace(system.problem, source=source), system.problem.source.wavelength
+    shapes = dict(system.shapes)
+    for optic in system.problem.optics:
+        if isinstance(optic, MirrorElement):
+            continue
+        index = _index_at(optic, source.wavelength, own)
+        if optic.index != index:
+            other = other.with_optic(optic, index=index)
+        if optic.called in shapes:
+            shapes[optic.called] = replace(shapes[optic.called], index=index)
+        if optic == system.problem.optic:
+            lens = replace(lens, index=index)
+    return measure(solvable_system(other).shaped_as(shapes), lens, backend)
 
 
-def _index_at(system: OpticalSystem, nm: float) -> float:
+def _index_at(optic: Optic, nm: float, own: float) -> float:
     try:
-        return index_at(system.problem.optic, nm, system.problem.source.wavelength)
+        return index_at(optic, nm, own)
     except UserError:
-        return system.lens.index
+        return optic.known_index
 
 
 ACROSS = 9  # points of a face each way, its corners among them
@@ -59,13 +69,13 @@ def other_source(words: str, problem: Problem) -> Source:
         beam = own if source_of(problem).from_afar else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
-        own, size = problem.source, _number(found, "size")
+        size = _number(found, "size")
         half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
         return Source(
             kind="lambertian",
             half_width=(size / 2, size / 2),
-            distance=_distance(found, problem),
-            flux=own.flux,
+            **_place(found, problem),
+            flux=problem.flux,
             unit=own.unit,
             half_angle=half_angle,
             wavelength=own.wavelength,
@@ -75,8 +85,8 @@ def other_source(words: str, problem: Problem) -> Source:
         return Source(
             kind="luminaire",
             file=str(lamp),
-            distance=_distance(found, problem),
-            flux=own.flux,
+            **_place(found, problem),
+            flux=problem.flux,
             unit=own.unit,
             wavelength=own.wavelength,
         )
@@ -97,22 +107,21 @@ def _beam(problem: Problem) -> Source:
         kind="collimated",
         half_width=(wide, tall),
         distance=Source.distance + max(0.0, -float(covered[2].min())) + freedom_of(spec),
-        flux=own.flux,
+        flux=problem.flux,
         unit=own.unit,
         wavelength=own.wavelength,
     )
 
 
-def _distance(found: re.Match[str], problem: Problem) -> float:
-    """Return where a lamp stands before the front vertex, mm."""
+def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
+    """Return where a lamp stands, by keys: so far before the front vertex, or in the place of the source."""
+    own = problem.source
     if found["distance"]:
-        return _number(found, "distance")
-    if source_of(problem).from_afar:
-        raise UserError(
-            "the lens is made for parallel light, which has no place: say where the light is, "
-            f"{found[0]}@30mm"
-        )
-    return problem.source.distance
+        return {"distance": _number(found, "distance")}
+    if source_of(problem).from_afar or own.others or own.array:
+        which = "several lights" if own.others or own.array else "parallel light, which has no place"
+        raise UserError(f"the lens is made for {which}: say where the light is, {found[0]}@30mm")
+    return {"distance": own.distance, "position": own.position, "tilt": own.own_tilt}
 
 
 def _number(found: re.Match[str], name: str) -> float:

@@ -85,7 +85,7 @@ def beam_irradiance(
     on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
     off = arriving.transmitted - on
     irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
-    return LightEstimate(irradiance, light.error, on, off), arriving.landing(on, off)
+    return LightEstimate(irradiance, light.error, on, off, light.off_error), arriving.landing(on, off)
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
-    target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
+    # a target at any scale is compared, also with no light
+    target = system.target.irradiance(screen, light.on_target + light.off_target or 1.0) / shown
     irradiance, flux = light.irradiance / shown, system.problem.flux
     metrics = compare(irradiance, target)
     metrics |= light.over(shown).error_of_rel_l2(target)

@@ -23,7 +23,8 @@ def passing_share(path: LightPath) -> dict[str, float | None]:
         for surface, (a, b) in zip(path.surfaces, pairwise(path.media))
     )
     passing = prod(own if share is None else share for own, share in zip(bare, shares))
-    return {"coated_transmittance" if len(shares) == 2 else "row_transmittance": passing}
+    lens = [surface.kind for surface in path.surfaces] == ["refract", "refract"]
+    return {"coated_transmittance" if lens else "row_transmittance": passing}
 
 
 def passing_words(metrics: Mapping[str, Any]) -> str:

@@ -33,7 +33,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     places = made.places if isinstance(made, Plate) else np.zeros((1, 2))
     side = isqrt((count - 1) // len(places)) + 1
     rays = system.source.rays((side, side))
-    path = system.path(lens)
+    path = system.shaded_path(lens)
     tracer, last = Tracer(backend, path, rays), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(last)

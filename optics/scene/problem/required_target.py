@@ -42,6 +42,11 @@ def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:
         raise UserError(
             "lens.array has no stops, which would stand beside one lens alone; leave out [[stop]]"
         )
+    if target.kind == "zones":
+        raise UserError(
+            "zones are limits of all the light, and lens.array designs one lens for its own part: leave out "
+            "lens.array, and give source.flux the light of all lenses"
+        )
     if not target.far_field and (target.curved or any(target.tilt) or target.position is not None):
         raise UserError(
             "lens.array shifts the light of one lens over a plane across the axis, or adds it in the far "

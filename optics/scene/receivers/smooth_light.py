@@ -41,6 +41,9 @@ def smoothest_light(screen: Screen, rows: Sequence[ZoneRow], flux: float) -> Flo
     light = np.zeros(screen.shape)
     for _ in range(PASSES if any(row.brightest or row.least_of_peak for row in rows) else 1):
         limits = [limit for row in rows for limit in _limits(row, light)]
+        if not limits:  # all depend on a peak: the first light is even
+            light = np.full(screen.shape, flux / float((screen.projection() * screen.pixel_area).sum()))
+            continue
         matrix = csr_array(np.vstack([reading for reading, _ in limits])) @ to_pixels
         signs = np.array([sign for _, sign in limits])
         light = (to_pixels @ _solved(bending, matrix.toarray(), signs, arriving)).reshape(screen.shape)

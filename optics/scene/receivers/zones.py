@@ -63,7 +63,7 @@ class ZoneReading(NamedTuple):
     @property
     def margin(self) -> float:
         """By how much the nearer limit is kept, relative to it; below 0 where it is missed."""
-        over = self.value / self.limit - 1
+        over = self.value / self.limit - 1 if self.limit else -1.0  # a part of the peak of no light
         return over if self.at_least else -over
 
 

@@ -120,7 +120,9 @@ class LightTarget:
     @property
     def forbidden(self) -> list[str]:
         """The rows that the smoothest light misses, and by how much: too little flux may arrive."""
-        rows, light = self.zone_rows(self.screen()), self.light
+        screen, light = self.screen(), self.light
+        rows, held = self.zone_rows(screen), float((light * screen.projection()).sum()) * screen.pixel_area
+        light = light * min(1.0, self.flux / held)  # limits may take more than there is
         missed = ((row.name, -row.reading(light, 0 * light).margin) for row in rows)
         return [f"{name} by {share:.0%}" for name, share in missed if share > LEAST_MISS]
 

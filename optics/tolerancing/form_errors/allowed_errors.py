@@ -135,10 +135,15 @@ def form_errors_of(
     backend : of double precision.  rise : of rel_l2 that each band alone may bring, above 0.
     progress : called with the name of a side and a band, its number from 0, and how many there are.
 
-    Raises UserError : a rise that is not positive; an extended or blurred source; a lens that brings no
-        light.
+    Raises UserError : a rise that is not positive; an extended or blurred source; a plate before a plane; a
+        lens that brings no light.
     """
     require_lens_on_axis(system, "errors of form", "thbcad tolerance knows its other errors")
+    if len(system.seen_receivers) > 1:
+        raise UserError(
+            "errors of form are computed of the light of one lens, and on a plane that of a plate is a sum; "
+            "leave out lens.array, or take the far field"
+        )
     if not 0 < rise < np.inf:
         raise UserError(f"the rise of rel_l2 that form errors may bring must be positive, got {rise}")
     nx, ny = (min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels)

@@ -180,11 +180,12 @@ def light_with_cusps(
     slopes: Callable[[Floats, Floats], Floats],
     widest: float,
 ) -> CuspLight | None:
-    """Return the light of a lens whose "front" or "rear" has cusps; None for a source with extent.
+    """Return the light of a lens whose "front" or "rear" has cusps; None for a source with extent, and of a
+    plate before a plane, whose light is a sum.
 
     slopes : the range of slopes at positions x, y, (2, n).  widest : pixels, the greatest blur
     """
-    if system.source.extended or system.blurred:
+    if system.source.extended or system.blurred or len(system.seen_receivers) > 1:
         return None
     screen = system.target.screen()
     colours = [

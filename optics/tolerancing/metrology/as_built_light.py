@@ -145,6 +145,7 @@ def light_as_built(
 
     made = with_surface(lens, side, chosen.surface)
     measurement = measure(system, made, backend)
+    corrects = correct and len(system.seen_receivers) == 1  # tolerances follow the light of one lens
     rel_l2_of = {way: float(measurement.metrics["rel_l2"])}
     for other in {*aligned} - {way}:
         rel_l2_of[other] = rel_l2(made_surface(designed, aligned[other], chosen.fit.smoothing).surface)
@@ -163,7 +164,7 @@ def light_as_built(
         rel_l2_of=rel_l2_of,
         known=known,
         light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
-        correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
+        correction=rigid_correction(system, made, measurement.target, backend) if corrects else None,
     )
 
 

@@ -64,7 +64,8 @@ class LightJudge:
     def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
         """Return the numbers of light, (rows, columns).  on_target : its flux there."""
         least = self._evenness(irradiance)["min_over_mean"] if self.uniform else None
-        least = 0.0 if self.uniform and least is None and irradiance.sum() <= 0 else least
+        if self.uniform and least is None and irradiance[self.light.system.target.lit_pixels].sum() <= 0:
+            least = 0.0
         flux = self.light.system.problem.flux
         return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
 
@@ -127,10 +128,14 @@ def bounds_of(limits: Limits, design: LightNumbers, unknown: str) -> dict[str, f
 
 
 def parts_taken(bounds: Limits, design: LightNumbers, now: LightNumbers) -> dict[str, float]:
-    """Return the part of each limit that light takes; inf of one that the design itself does not keep."""
+    """Return the part of each limit that light takes; inf of one that the design does not keep, or that light
+    does not tell."""
     before, behind = design.data(), now.data()
     parts = {}
     for name, bound in bounds.items():
+        if name not in behind:
+            parts[name] = float("inf")
+            continue
         power = 2 if name == "rel_l2" else 1
         room, taken = (a**power - before[name] ** power for a in (bound, behind[name]))
         if name != "rel_l2":

@@ -165,7 +165,7 @@ def _data(effect: ToleranceEffect, shares: Mapping[str, float], unit: str) -> di
         "at_allowed": None if allowed is None else allowed.light.data(),
         f"moves_{unit}": effect.moves[0],
         "moves_pixels": effect.moves[1],
-        **{name: [behind[name], ahead[name]] for name in behind},
+        **{name: [behind.get(name), ahead.get(name)] for name in {**behind, **ahead}},
         "rel_l2_predicted": None if effect.predicted is None else list(effect.predicted),
         "tenth_of_a_pixel": effect.tenth,
         "prediction_error": effect.prediction_error,

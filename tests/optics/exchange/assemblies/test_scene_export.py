@@ -39,6 +39,15 @@ def test_source_and_screen_stand_in_their_places_as_thin_parts(row, tmp_path, ch
     assert np.abs(screen.pose.rotation - system.target.receiver.pose.rotation).max() <= 1e-15
 
 
+def test_each_of_several_sources_is_a_part_at_its_place(row, tmp_path):
+    array = {"columns": 2, "rows": 1, "pitch": (9.0, 9.0)}
+    of_four = row.problem.with_(**{"source.array": array, "source.position": (3.0, 0.0, -45.0)})
+    system, path = OpticalSystem(of_four), tmp_path / "staged.step"
+    assert wrong(export_scene(system, system.lens, path, staged=True)) == []
+    places = {part.name: part.pose.shift.tolist() for part in read_scene(path) if "source" in part.name}
+    assert places == {"source 1": [-1.5, 0.0, -45.1], "source 2": [7.5, 0.0, -45.1]}
+
+
 def test_another_place_and_another_shape_are_told(row, tmp_path):
     path = tmp_path / "scene.step"
     assert wrong(export_scene(row, row.lens, path)) == []

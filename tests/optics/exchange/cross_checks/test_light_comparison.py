@@ -53,6 +53,7 @@ def failed(found, system):
 
 
 CASES = {
+    "coated, occt": ({"lens.front.reflectance": 0.3}, "occt"),
     "beam, mitsuba": ({}, "mitsuba"),
     "beam, optiland": ({}, "optiland"),
     "area, occt": (LAMBERTIAN, "occt"),

@@ -212,7 +212,7 @@ def test_a_target_along_the_light_is_refused(capsys):
 def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):
     lamp = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
     path = str(write_problem(tmp_path, lamp | {"target.surface": "sphere", "target.radius": 90.0}))
-    sentence = "etendue bounds the light on planes and in the far field; no bound is given of a curved target"
+    sentence = "etendue bounds the light of one lens on planes and in the far field; no bound is given of a "
     for command in ("check", "etendue"):
         assert main([command, path]) == 0
         assert capsys.readouterr().out.count(sentence) == 1

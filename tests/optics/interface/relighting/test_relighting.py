@@ -12,8 +12,8 @@ from optics.interface.relighting import other_source, relit
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, solvable_system
-from tests.cases import ROOT, slow_unless
+from optics.scene.system import OpticalSystem, index_at, solvable_system
+from tests.cases import EXAMPLES, ROOT, slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
 
@@ -51,6 +51,30 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
             distance,
             3.0,
         )
+
+
+def test_a_lamp_stands_where_a_placed_source_was_with_all_of_its_flux(tmp_path):
+    placed = POINT | {"source.position": [3.0, 0.0, -25.0], "source.weight": 0.5}
+    led = other_source("led:1mm", problem_of(tmp_path, placed))
+    assert (led.position, led.flux, led.weight) == ((3.0, 0.0, -25.0), 1.5, 1.0)
+    array = {"source.array.columns": 2, "source.array.rows": 2, "source.array.pitch": [2.0, 2.0]}
+    several = problem_of(tmp_path, POINT | array)
+    assert other_source("led:1mm@9mm", several).flux == 12.0
+    with pytest.raises(UserError, match="made for several lights: say where the light is, led:1mm@30mm"):
+        other_source("led:1mm", several)
+
+
+def test_every_lens_of_a_row_has_its_index_at_another_wavelength(monkeypatch):
+    problem = load_problem(EXAMPLES / "two_elements.toml")
+    problem = problem.with_(**{"element.L1.material": "PMMA", "element.L1.index": "auto"})
+    auto = {"element.M1.face.radius": 2000.0, "element.M1.face.freeform.z_freedom": 1.0}
+    system, seen = OpticalSystem(problem.with_(**auto)), []
+    monkeypatch.setattr("optics.interface.relighting.other_light.measure", lambda *given: seen.append(given))
+    relit(system, system.lens, replace(problem.source, wavelength=420.0), None)
+    ((moved, lens, _),) = seen
+    wanted = index_at(system.problem.optics[0], 420.0, problem.source.wavelength)
+    assert moved.path(lens).media[1].index == pytest.approx(wanted, rel=1e-12)
+    assert wanted > 1.504
 
 
 def test_the_sun_covers_a_mirror_that_lies_elsewhere_from_before_it():

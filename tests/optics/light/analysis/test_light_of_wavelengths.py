@@ -44,6 +44,14 @@ def prism(system):
     return system.lens.with_sags([THBSurface(sag.space, np.tile(heights, sag.space.kv_u.dim))])
 
 
+@pytest.mark.parametrize("changes", [GLOWING | TWO, DIVERGING], ids=["spectrum", "beam that diverges"])
+def test_the_error_of_light_beside_the_target_is_told(tmp_path, backend, changes):
+    system = system_of(tmp_path, changes | {"target.half_width": [5.0, 5.0]})
+    metrics = measure(system, system.lens, backend).metrics
+    assert metrics["stray"] > 0.1
+    assert metrics["stray_error"] > 0
+
+
 def test_a_prism_bends_each_wavelength_by_its_own_snells_law(tmp_path, backend):
     """Rows of pixels hold what a beam leaves in them whose rays leave the prism parallel, by numpy."""
     changes = TWO | {"lens.rear.radius": np.inf, "target.pixels": [32, 96], "target.half_width": [20.0, 60.0]}

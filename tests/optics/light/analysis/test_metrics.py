@@ -47,6 +47,14 @@ def test_metrics_follow_their_formulas():
     assert -1 <= metrics["ssim"] <= 1
 
 
+def test_a_lens_that_no_light_leaves_fails_as_a_picture(tmp_path, backend):
+    plate = {"shape": "rectangle", "half_width": [50, 50], "position": [0, 0, -1], "hole": False}
+    dark = {"source.distance": 5.0, "stop": [plate]}
+    metrics = measured(tmp_path, backend, dark, image=picture()).metrics
+    assert (metrics["efficiency"], metrics["rel_l2_debiased"]) == (0.0, 1.0)
+    assert metrics["contrast_error"] > 1
+
+
 def test_a_dark_screen_is_an_error_of_one():
     assert compare(np.zeros((8, 8)), np.ones((8, 8)))["rel_l2"] == 1.0
 

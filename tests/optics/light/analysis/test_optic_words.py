@@ -3,10 +3,13 @@
 import pytest
 
 from optics.light.analysis import passing_share, passing_words
+from optics.scene.paths import AIR, LightPath, Surface
 from optics.scene.problem import load_problem
+from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
 from tests.optics.cases import write_problem
+from thbcad.lens import FreeformSurface
 
 
 @pytest.mark.parametrize(
@@ -20,6 +23,12 @@ from tests.optics.cases import write_problem
 def test_a_coated_lens_is_said_to_be_one(tmp_path, keys, words):
     system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
     assert passing_words(passing_share(system.path(system.lens))) == words
+
+
+def test_two_mirrors_are_no_lens():
+    mirror = Surface(FreeformSurface((5, 5)), kind="reflect", share=0.9)
+    path = LightPath((mirror, mirror), (AIR, AIR, AIR), receiver_at(100.0))
+    assert passing_words(passing_share(path)) == "the elements pass 81.0% at normal incidence"
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
+from optics.designing.etendue import bounds_hold
 from optics.light.analysis import crosstalk, measure
 from optics.light.outgoing import outgoing_intensity, outgoing_rays
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
+from optics.tolerancing.form_errors import form_errors_of
+from optics.tolerancing.machining import light_with_cusps
 from optics.tolerancing.perturbations import PerturbedLight
 from tests.optics.cases import write_problem
 
@@ -29,6 +32,18 @@ def pair(tmp_path):
         return OpticalSystem(plate), OpticalSystem(replace(plate, lens=replace(plate.lens, array=None)))
 
     return made
+
+
+def test_what_follows_one_lens_leaves_the_sum_of_a_plate_alone(pair, backend):
+    plate, one = pair(NEAR)
+    order, slopes = ("rear", lambda x, y: np.zeros((2, x.size))), 0.1
+    assert light_with_cusps(plate, plate.lens, backend, *order, slopes) is None
+    assert light_with_cusps(one, one.lens, backend, *order, slopes) is not None
+    with pytest.raises(UserError, match=r"errors of form .* a plate is a sum; leave out lens\.array"):
+        form_errors_of(plate, plate.lens, backend, 0.01)
+    assert (bounds_hold(plate), bounds_hold(one)) == (False, False)  # no extent
+    lamps = pair(NEAR | POINT | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]})
+    assert [bounds_hold(system) for system in lamps] == [False, True]
 
 
 def test_in_the_far_field_two_lenses_give_twice_the_light_of_one(pair, backend):

@@ -6,7 +6,7 @@ import pytest
 import optics
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import outgoing_rays
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem, pose_of
 from tests.cases import ROOT
 from tests.optics.cases import rough, write_problem
@@ -39,6 +39,19 @@ def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes
     through = metrics["fates_w"]["on_target"] + metrics["fates_w"]["off_target"]
     assert rear.total == pytest.approx(through, rel=0.05)  # 600 of 4096 rays of the lamp
     assert (rear.wavelength == 550).all()
+
+
+def test_light_that_a_screen_before_its_mirror_takes_is_in_no_file(backend):
+    free = {"spans": (2, 2), "max_level": 0, "z_freedom": 0.1}
+    face = {"half_width": (10, 10), "freeform": free}
+    mirror = {"kind": "mirror", "name": "M1", "position": (0, 0, 100), "thickness": 3.0, "face": face}
+    screen = {"kind": "tophat", "position": (0, 0, 20.0), "tilt": (180.0, 0, 0), "half_width": (5, 5)}
+    beam = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 50.0}
+    problem = Problem(source=beam, element=(mirror,), target=screen | {"pixels": (16, 16)})
+    system = OpticalSystem(problem)
+    rays = outgoing_rays(system, system.lens, backend, 40_000, "rear")
+    shadow = (5 / 9.5) ** 2
+    assert rays.total == pytest.approx(0.9 * (1 - shadow), rel=0.01)
 
 
 def test_rays_of_a_row_start_on_its_last_face(tmp_path):

@@ -35,6 +35,14 @@ def test_a_pitch_is_one_number_or_two_and_a_problem_without_a_plate_has_none(tmp
             {"stop": [{"shape": "rectangle", "half_width": [3.0, 3.0], "position": [0, 0, -2.0]}]},
             "leave out [[stop]]",
         ),
+        (
+            {
+                "target.kind": "zones",
+                "target.zone": [{"points": [[0, 0]], "least": 1.0}],
+                "source.unit": "lm",
+            },
+            "give source.flux the light of all lenses",
+        ),
         ({"target.tilt": [10.0, 0, 0]}, "leave out target.position, target.tilt and target.radius"),
     ],
     ids=str,

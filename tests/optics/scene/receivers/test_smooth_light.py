@@ -53,6 +53,17 @@ def test_what_the_flux_forbids_is_missed_and_seen_as_such():
     assert (dim * SCREEN.projection()).sum() * SCREEN.pixel_area < 60.0
 
 
+@pytest.mark.parametrize(
+    ("limits", "peak"), [((20.0, 40.0, 0.0), True), ((0.0, np.inf, 0.8), False)], ids=["peak", "share"]
+)
+def test_a_table_of_the_peak_alone_starts_from_even_light(limits, peak):
+    table = zone_rows("alone", np.array([[1.0, 0.0]]), SCREEN, limits, 0.1, peak=peak)
+    found = smoothest_light(SCREEN, table, FLUX)
+    assert (found * SCREEN.projection()).sum() * SCREEN.pixel_area == pytest.approx(FLUX, rel=2 * KEPT)
+    assert [row.reading(found, 0 * found).margin >= 0 for row in table] == [True]
+    assert [row.reading(0 * found, 0 * found).margin for row in table] == [-1.0]
+
+
 def test_limits_that_follow_the_peak_are_kept_where_it_comes_to_lie():
     at = zone_places("whole", (), SCREEN)
     table = [

@@ -15,6 +15,7 @@ from optics.tolerancing.perturbations import (
     tolerance_budget,
     tolerances_of,
 )
+from optics.tolerancing.perturbations.light_limits import LightNumbers, missed, parts_taken
 from tests.optics.cases import FREE_REAR, FRONT, write_problem
 from tests.optics.tolerancing.perturbations.cases import few, small_light, small_system
 
@@ -110,6 +111,23 @@ def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend
         lights = [PerturbedLight(system, lens, backend)(effect.tolerance.at(s * amount)) for s in (-1, 1)]
         assert there == pytest.approx(max(rel_l2(light, target) for light, _ in lights), rel=1e-12)
         assert there == pytest.approx(found.rel_l2 + 0.002, abs=2e-4)
+
+
+def test_an_error_that_leaves_the_lit_region_dark_has_a_uniformity_of_0(tmp_path, backend):
+    keys = {"target.kind": "tophat", "target.lit": [0.2, 0.2], "target.half_width": [40.0, 40.0]}
+    system, lens = small_system(tmp_path, keys, 0.0)
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    amounts = few(system, **{"target.decentre_x": 22.0})
+    (effect,) = tolerance_budget(system, lens, target, backend, amounts).effects
+    assert [end.min_over_mean for end in effect.ends] == [0.0, 0.0]
+    assert effect.ends[1].efficiency > 0.5
+    assert effect.allowed.amount < 22.0
+
+
+def test_a_limit_that_light_does_not_tell_is_missed():
+    known, unknown = LightNumbers(0.1, 0.9, 0.9), LightNumbers(0.1, 0.9, None)
+    assert parts_taken({"min_over_mean": 0.7}, known, unknown) == {"min_over_mean": np.inf}
+    assert missed({"min_over_mean": 0.7}, unknown) == {"min_over_mean": 0.7}
 
 
 def test_an_amount_that_puts_out_the_light_is_no_free_one(budget, backend):
