@@ -47,7 +47,8 @@ class DesignFigures:
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
     ) -> None:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
-        placed = system.lens_on_axis and not (system.source.from_afar or system.source.by_rays)
+        alone = system.problem.source.lone and not (system.source.from_afar or system.source.by_rays)
+        placed = system.lens_on_axis and alone
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance

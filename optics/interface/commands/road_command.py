@@ -42,7 +42,7 @@ def road(options: Namespace) -> Outcome:
         f"lamps {installation.height:g} m high, {installation.spacing:g} m apart, rows: {installation.rows}; "
         f"{installation.lanes} lanes of {installation.lane_width:g} m, "
         f"maintenance {installation.maintenance:g}",
-        f"{lamp.flux:.6g} lm leave each lens, {installation.lenses} in a lamp"
+        f"{lamp.flux:.6g} lm leave each lens or plate, {installation.lenses} in a lamp"
         + (f"; noise {noise:.2%} of the intensity (L2)" if noise else ""),
         *([f"{options.r_table}: specular factor S1 = {surface.specular:.3g}"] if surface else []),
         *check_lines(checked),

@@ -31,7 +31,8 @@ MOST_RAYS = 1 << 15  # per direction
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
 RECORD = "trace.json"
 FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png")
-OF_LENS = ("phase_space.png", "fresnel.png")  # of a lens on the axis
+OF_LENS = ("fresnel.png",)  # of a lens on the axis
+PHASE_SPACE = ("phase_space.png",)  # of such a lens with one source, on the axis too
 DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
 
 
@@ -45,7 +46,9 @@ def trace(options: Namespace) -> Outcome:
     system, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
-    files = (*FILES, *OF_LENS * system.lens_on_axis, *DIAGRAMS * system.target.far_field)
+    alone = system.lens_on_axis and system.problem.source.lone
+    own_files = *OF_LENS * system.lens_on_axis, *PHASE_SPACE * alone
+    files = (*FILES, *own_files, *DIAGRAMS * system.target.far_field)
     require_own(folder, (*files, RECORD), RECORD, options.force)
     from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
@@ -61,8 +64,9 @@ def trace(options: Namespace) -> Outcome:
         data["etendue"] = conservation(system, lens, exact)
     data["faults"] = path_faults(exact, system.own_path(lens), rays)
     if system.lens_on_axis:
-        contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
         contents["fresnel.png"] = fresnel_figure(exact, lens.index)
+    if alone:
+        contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
     if system.all_ways:
         data["nonsequential"] = nonsequential(system, lens, exact)
     if system.problem.optic.array is not None:
@@ -70,12 +74,23 @@ def trace(options: Namespace) -> Outcome:
     for name, content in contents.items():
         write_bytes(folder / name, content)
     write_record(folder / RECORD, data, files)
+    return Outcome(data, [*_lines(data, system.units), *_left_out(system), f"wrote {folder}"])
+
+
+def _left_out(system: OpticalSystem) -> list[str]:
+    """Return what is not shown, or not of all the light."""
     left_out = []
+    if system.problem.optic.array is not None:
+        left_out.append("the light is that of one lens of the plate, of its own source")
+    if system.spectral:
+        left_out.append(f"the light is that of {system.problem.source.wavelength:g} nm alone")
     if not system.lens_on_axis:
-        left_out = ["phase space is left out: it is shown of a lens on the axis"]
+        left_out.append("phase space is left out: it is shown of a lens on the axis")
+    elif not system.problem.source.lone:
+        left_out.append("phase space is left out: it is shown of one source on the axis")
     elif not system.axial:
-        left_out = ["phase space is shown behind the lens alone: the target does not lie across the axis"]
-    return Outcome(data, [*_lines(data, system.units), *left_out, f"wrote {folder}"])
+        left_out.append("phase space is shown behind the lens alone: the target does not lie across the axis")
+    return left_out
 
 
 def _light_contents(system: OpticalSystem, image: Floats, flux: float) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ LAMP = str(EXAMPLES / "lamp.ies")
 POLES = "--height", "8", "--spacing", "24"
 GOLDEN = """\
 lamps 8 m high, 24 m apart, rows: right; 2 lanes of 3.5 m, maintenance 0.8
-99.9982 lm leave each lens, 30 in a lamp
+99.9982 lm leave each lens or plate, 30 in a lamp
 ok     mean illuminance: 6.03 lx (at least 5)
 ok     mean illuminance, for uniformity: 6.03 lx (at most 7.5)
 ok     least illuminance: 2.18 lx (at least 1)

@@ -51,6 +51,27 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
         assert arrays["irradiance"].sum() * pixel == pytest.approx(data["fates_w"]["on_target"], rel=1e-12)
 
 
+PLATE = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 25.0, "lens.thickness": 8.0}
+LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
+COLOURS = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "phases"),
+    [
+        (PLATE, "the light is that of one lens of the plate, of its own source", True),
+        (COLOURS, "the light is that of 550 nm alone", True),
+        (LAMP | {"source.position": [1.0, 0.0, -25.0]}, "it is shown of one source on the axis", False),
+    ],
+    ids=["plate", "colours", "placed"],
+)
+def test_what_is_not_shown_is_said(capsys, result, changes, words, phases):
+    folder = result(changes)
+    done = run(capsys, "trace", folder, "--rays", 16)
+    assert words in done.out
+    assert (folder / "trace" / "phase_space.png").exists() is phases
+
+
 def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
     """A beam within a plane mirror at 45 degrees: all that is reflected lands, the rest is absorbed."""
     face = {"half_width": (10, 15)}
