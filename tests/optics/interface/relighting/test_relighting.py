@@ -1,6 +1,7 @@
 """Other light in words, and what a lens makes of it: the sun against the angles of its rays."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -69,7 +70,8 @@ def test_every_lens_of_a_row_has_its_index_at_another_wavelength(monkeypatch):
     problem = problem.with_(**{"element.L1.material": "PMMA", "element.L1.index": "auto"})
     auto = {"element.M1.face.radius": 2000.0, "element.M1.face.freeform.z_freedom": 1.0}
     system, seen = OpticalSystem(problem.with_(**auto)), []
-    monkeypatch.setattr("optics.interface.relighting.other_light.measure", lambda *given: seen.append(given))
+    module = import_module("optics.interface.relighting.other_light")
+    monkeypatch.setattr(module, "measure", lambda *given: seen.append(given))
     relit(system, system.lens, replace(problem.source, wavelength=420.0), None)
     ((moved, lens, _),) = seen
     wanted = index_at(system.problem.optics[0], 420.0, problem.source.wavelength)
