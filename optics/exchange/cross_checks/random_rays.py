@@ -45,12 +45,8 @@ def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Gen
     if isinstance(source, SourceGroup):
         shares = [member.flux / source.flux for member in source.members]
         counts = fresh.multinomial(len(flux), shares)
-        parts = [_drawn(member, start, flux[:count], fresh) for member, count in zip(source.members, counts)]
-        return Rays(
-            np.concatenate([part.origin for part in parts], axis=1),
-            np.concatenate([part.direction for part in parts], axis=1),
-            flux,
-        )
+        members = zip(source.members, counts)
+        return Rays.joined([_drawn(member, start, flux[:count], fresh) for member, count in members if count])
     if isinstance(source, LuminaireSource):
         # directions of the full sphere, kept with the probability of their light
         light = source.directions.light

@@ -148,7 +148,7 @@ class SourceGroup(LightSource):
         return PlacedSource(flux=self.flux, distance=brightest.distance, source=lone, pose=pose)
 
     def rays(self, counts: Counts, fresh: Fresh = None) -> Rays:
-        return _joined(list(self.parts(counts, fresh)))
+        return Rays.joined(list(self.parts(counts, fresh)))
 
     def parts(
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS
@@ -163,11 +163,3 @@ def _around(points: Floats) -> Stack:
     """Return figures that hold points, (3, n) mm."""
     supports = supports_of(points[:2].T)
     return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports]))
-
-
-def _joined(parts: list[Rays]) -> Rays:
-    """Return the rays of all parts."""
-    origin, direction = (
-        np.concatenate([getattr(p, k) for p in parts], axis=1) for k in ("origin", "direction")
-    )
-    return Rays(origin, direction, np.concatenate([p.flux for p in parts]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,14 @@ class Rays:
             if values.shape != shape:
                 raise ValueError(f"{name} must have the shape {shape}, got {values.shape}")
             object.__setattr__(self, name, values)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Rays]) -> Rays:
+        """Return the rays of all parts."""
+        origin, direction = (
+            np.concatenate([getattr(p, k) for p in parts], axis=1) for k in ("origin", "direction")
+        )
+        return cls(origin, direction, np.concatenate([p.flux for p in parts]))
 
     @property
     def total(self) -> float:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         scene_parts,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
-    from optics.scene.system.reach import can_be_lit, require_lens_on_axis
+    from optics.scene.system.reach import can_be_lit, require_lens_on_axis, require_light_of_one_lens
     from optics.scene.system.soundness import advice, load_system, solvable_system
     from optics.scene.system.source import Own, source_frames, source_of
     from optics.scene.system.target import LightTarget, target_irradiance

@@ -135,6 +135,20 @@ def require_lens_on_axis(system: OpticalSystem, what: str, instead: str) -> None
         )
 
 
+def require_light_of_one_lens(system: OpticalSystem, what: str) -> None:
+    """Refuse a plate before a plane, whose light is a sum, where only that of one lens is followed.
+
+    what : is not known of it.
+
+    Raises UserError : names the key.
+    """
+    if len(system.seen_receivers) > 1:
+        raise UserError(
+            f"{what} follow the light of one lens, and on a plane that of a plate is a sum; leave out "
+            "lens.array, or take the far field"
+        )
+
+
 def _named(optic: Optic) -> str:
     """Return what a sentence calls a lens or a mirror."""
     return optic.table if isinstance(optic, Placed) else "the lens"

@@ -24,7 +24,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import rel_l2
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import OpticalSystem, require_lens_on_axis, require_light_of_one_lens
 from optics.tolerancing.form_errors.local_formula import SIDES, Floats, LocalFormula, local_formula_of
 from optics.tolerancing.form_errors.period_bands import Band, BandFormula, period_bands_of, seen_by_cells
 from optics.tolerancing.perturbations import HeightSum, random_field
@@ -139,11 +139,7 @@ def form_errors_of(
         lens that brings no light.
     """
     require_lens_on_axis(system, "errors of form", "thbcad tolerance knows its other errors")
-    if len(system.seen_receivers) > 1:
-        raise UserError(
-            "errors of form are computed of the light of one lens, and on a plane that of a plate is a sum; "
-            "leave out lens.array, or take the far field"
-        )
+    require_light_of_one_lens(system, "errors of form")
     if not 0 < rise < np.inf:
         raise UserError(f"the rise of rel_l2 that form errors may bring must be positive, got {rise}")
     nx, ny = (min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels)

@@ -10,14 +10,14 @@ from operator import add
 
 import numpy as np
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import Backend
 from optics.light.analysis import coloured, traced_cells
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, require_light_of_one_lens
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_media
 from thbcad.checks import Floats
@@ -56,11 +56,7 @@ class PerturbedLight:
         per_pixel: int | None = None,
         floats: bool = False,
     ) -> None:
-        if len(system.seen_receivers) > 1:
-            raise UserError(
-                "tolerances follow the light of one lens, and on a plane that of a plate is a sum; leave out "
-                "lens.array, or take the far field"
-            )
+        require_light_of_one_lens(system, "tolerances")
         self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)

@@ -68,6 +68,11 @@ def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
     assert (np.abs(mean - wanted) <= 5 * spread / np.sqrt(COUNT) + regular).all()
 
 
+def test_fewer_rays_than_sources_are_drawn_too(tmp_path):
+    source = OpticalSystem(load_problem(write_problem(tmp_path, SOURCES["three areas"]))).source
+    assert [part.flux.size for part in random_rays(source, -5.0, 3, 1, 2)] == [2, 1]
+
+
 def test_the_same_seed_draws_the_same_rays_and_another_one_others(tmp_path):
     source = OpticalSystem(load_problem(write_problem(tmp_path))).source
     one, same, other = (next(random_rays(source, -5.0, 100, seed, 100)).origin for seed in (1, 1, 2))
