@@ -157,7 +157,8 @@ def shape_lens(
     if crossing or system.problem.limits != Limits():
         for optic, shape in shaped.free_elements(lens):
             made = manufacturability(shape, optic.density or None)
-            for sentence in limit_sentences(system.problem.about(optic), made, crossing):
+            name = "" if optic is system.problem.optic else optic.called
+            for sentence in limit_sentences(system.problem.about(optic), made, crossing, name):
                 listener.note(sentence)
     return lens, state
 

@@ -55,11 +55,12 @@ def trace(options: Namespace) -> Outcome:
     backend = load_backend(options.precision, system.problem.run.threads)
     exact = backend if options.precision == "double" else system.backend
     start = perf_counter()
-    image, fates, counts = sequential(system, lens, backend, options.rays)
+    every = system.with_all_sources
+    image, fates, counts = sequential(every, lens, backend, options.rays)
     seconds = perf_counter() - start
-    contents = _light_contents(system, image, fates.transmitted)
+    contents = _light_contents(every, image, fates.transmitted)
     rays = system.own_rays(system.source.rays(TRIED), lens)
-    data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(system, lens, fates, counts)}
+    data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(every, lens, fates, counts)}
     if system.lens_on_axis:
         data["etendue"] = conservation(system, lens, exact)
     data["faults"] = path_faults(exact, system.own_path(lens), rays)
@@ -80,10 +81,9 @@ def trace(options: Namespace) -> Outcome:
 def _left_out(system: OpticalSystem) -> list[str]:
     """Return what is not shown, or not of all the light."""
     left_out = []
-    if system.problem.optic.array is not None:
-        left_out.append("the light is that of one lens of the plate, of its own source")
     if system.spectral:
-        left_out.append(f"the light is that of {system.problem.source.wavelength:g} nm alone")
+        nm = system.problem.source.wavelength
+        left_out.append(f"light by other ways, etendue and phase space are those of {nm:g} nm alone")
     if not system.lens_on_axis:
         left_out.append("phase space is left out: it is shown of a lens on the axis")
     elif not system.problem.source.lone:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from functools import reduce
-from operator import add
+from operator import add, or_
 from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE
+from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_of_rays import traced_parts
+from optics.light.analysis.light_of_wavelengths import light_of_plate, spectral_light
 from optics.light.analysis.optic_words import passing_share
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
@@ -17,11 +20,11 @@ from optics.light.tracing import (
     RayPath,
     SequentialFates,
     TargetArea,
-    Tracer,
     trace_nonsequential,
     trace_paths,
 )
-from optics.scene.receivers import BoxWindow, receiver_at
+from optics.scene.paths import LightPath
+from optics.scene.receivers import BoxWindow, Screen, receiver_at
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -40,22 +43,34 @@ CROSSTALK_RAYS, REPLICATES = (64, 64), 4
 def sequential(
     system: OpticalSystem, lens: Lens, backend: Backend, rays: int
 ) -> tuple[Floats, SequentialFates, dict[str, int]]:
-    """Trace rays x rays rays and measure them with box pixels.
+    """Trace rays x rays rays and measure them with box pixels: so many of each lens of a plate, with all
+    sources behind it, at every wavelength.
 
     Returns (irradiance (rows, columns), flux by fate, rays by fate).
     """
-    screen = system.target.screen()
+    screen, counts = system.target.screen(), list[dict[str, int]]()
     splat = Splat(backend, screen, BoxWindow())
-    image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
-    for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
-        tracer = Tracer(backend, system.shaded_path(lens), part)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
+
+    def traced(
+        system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+    ) -> tuple[LightEstimate, SequentialFates]:
+        image, fates = np.zeros(screen.pixels[0] * screen.pixels[1]), list[SequentialFates]()
+        parts = system.source.parts((rays, rays), None, RAYS_AT_ONCE)
+        fresh = np.random.default_rng(system.problem.run.seed)
+        for tracer, landing in traced_parts(path, system.slope_rms, parts, fresh, backend):
             image = image + splat(landing.x, landing.y, landing.flux).numpy()
             fates.append(tracer.fates(landing, screen.half_width))
             counts.append(tracer.counts(landing, screen.half_width))
-    numbers = {name: sum(c[name] for c in counts) for name in counts[0]}
-    return image.reshape(screen.shape, order="F"), reduce(add, fates), numbers
+        every, irradiance = reduce(add, fates), image.reshape(screen.shape, order="F")
+        return LightEstimate(irradiance, np.zeros(screen.shape), every.on_target, every.off_target), every
+
+    light = light_of_plate(
+        system,
+        system.shaded_path(lens),
+        lambda path: spectral_light(system, path, screen, backend, traced),
+    )
+    numbers = {name: sum(c.get(name, 0) for c in counts) for name in reduce(or_, counts)}
+    return light.estimate.irradiance, light.fates, numbers
 
 
 def sequential_metrics(

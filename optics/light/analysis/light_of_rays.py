@@ -15,7 +15,7 @@ import numpy as np
 from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import Splat
-from optics.light.tracing import SequentialFates, Tracer
+from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
 from optics.scene.sources import RayGrid, Rays
@@ -67,11 +67,26 @@ def _trace(
     splat = Splat(backend, screen, BoxWindow())
     image: DrArray = 0.0
     fates = []
+    for tracer, landing in traced_parts(path, slope_rms, parts, fresh, backend):
+        image = image + splat(landing.x, landing.y, landing.flux)
+        fates.append(tracer.fates(landing, screen.half_width))
+    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)
+
+
+def traced_parts(
+    path: LightPath,
+    slope_rms: Sequence[float],
+    parts: Iterator[RayGrid | Rays],
+    fresh: np.random.Generator,
+    backend: Backend,
+) -> Iterator[tuple[Tracer, Landing]]:
+    """Yield (tracer, landing) of parts of rays, without derivatives.
+
+    slope_rms : rad, of each surface.  fresh : draws their slope errors.
+    """
     for part in parts:
         errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in slope_rms]
         tracer = Tracer(backend, path.with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace()
-            image = image + splat(landing.x, landing.y, landing.flux)
-            fates.append(tracer.fates(landing, screen.half_width))
-    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)
+        yield tracer, landing

@@ -39,21 +39,24 @@ class Wish:
     allowed: str = ""
 
 
-def limit_sentences(problem: Problem, metrics: Manufacturability, crossing: float = 0.0) -> list[str]:
+def limit_sentences(
+    problem: Problem, metrics: Manufacturability, crossing: float = 0.0, element: str = ""
+) -> list[str]:
     """Return a sentence for every remedy, with the limits that the lens may miss and that it serves.
 
     crossing : mm, by which surfaces crossed that the optimiser asked for.
+    element : the name of the lens, where it is not the one that is designed.
     """
-    wishes = []
+    wishes, of = [], element and f"{element}: "
     for miss in limit_misses(problem, metrics):
         if miss.most > 0:
             wanted = f"wanted at {'most' if miss.beyond else 'least'} {miss.wanted:g} {miss.unit}"
-            cause = f"{miss.quantity}: got {_got(miss)} {miss.unit}, {wanted}{miss.where}"
+            cause = f"{of}{miss.quantity}: got {_got(miss)} {miss.unit}, {wanted}{miss.where}"
             kept = f"limits.{miss.key}={_allowed(problem, miss)}"
             wishes.append(Wish(cause, *_setting(problem, metrics, miss), kept))
     if crossing:
         thicker = _rounded(problem.optic.thickness + crossing, True)
-        cause = f"the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
+        cause = f"{of}the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
         wishes.append(Wish(cause, problem.optic.key("thickness"), [thicker], True))
     wishes, given_up = _without_conflict(problem, metrics, wishes)
     sentences = []

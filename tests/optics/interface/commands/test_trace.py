@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from optics.exchange.results import ResultFolder
-from optics.light.analysis import sequential
+from optics.light.analysis import measure, sequential
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
@@ -59,17 +59,41 @@ COLOURS = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450
 @pytest.mark.parametrize(
     ("changes", "words", "phases"),
     [
-        (PLATE, "the light is that of one lens of the plate, of its own source", True),
-        (COLOURS, "the light is that of 550 nm alone", True),
+        (COLOURS, "light by other ways, etendue and phase space are those of 550 nm alone", True),
         (LAMP | {"source.position": [1.0, 0.0, -25.0]}, "it is shown of one source on the axis", False),
     ],
-    ids=["plate", "colours", "placed"],
+    ids=["colours", "placed"],
 )
 def test_what_is_not_shown_is_said(capsys, result, changes, words, phases):
     folder = result(changes)
     done = run(capsys, "trace", folder, "--rays", 16)
     assert words in done.out
     assert (folder / "trace" / "phase_space.png").exists() is phases
+
+
+@pytest.mark.parametrize(
+    ("changes", "images"),
+    [(PLATE | LAMP, 2), (LAMP | COLOURS, 2), (LAMP | {"lens.rear.slope_rms": 0.05}, 1)],
+    ids=["plate", "colours", "rough"],
+)
+def test_trace_shows_the_light_that_is_measured(capsys, result, changes, images):
+    """Of every lens of a plate, at every wavelength, spread by rough faces: fates and picture as measured."""
+    folder = result(changes)
+    system, lens, _ = ResultFolder(folder).read()
+    measured = measure(system, lens, system.backend)
+    data = json.loads(run(capsys, "trace", folder, "--rays", 256, "--json").out)
+    assert data["rays"] == images * 256**2
+    for name, flux in measured.metrics["fates_w"].items():
+        assert data["fates_w"][name] == pytest.approx(flux, abs=2e-3 * system.with_all_sources.problem.flux)
+    with np.load(folder / "trace" / "irradiance.npz", allow_pickle=False) as arrays:
+        blocks, known = (_blocks(light) for light in (arrays["irradiance"], measured.irradiance))
+    assert np.abs(blocks - known).max() < 0.1 * known.max()  # light by other ways is measured too
+
+
+def _blocks(light):
+    """Means over a fourth of the picture's width and height each, in which the noise of rays is small."""
+    rows, columns = light.shape
+    return light.reshape(4, rows // 4, 4, columns // 4).mean((1, 3))
 
 
 def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):

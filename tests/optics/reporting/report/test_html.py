@@ -133,6 +133,18 @@ def test_of_a_missed_limit_a_note_says_more(problem_file):
     assert '<ul class="notes"><li>the start is poor</li></ul>' in page
 
 
+def test_every_missed_limit_is_listed_once(problem_file):
+    """By a note that tells several causes, of an element by its name, and without a note by the check."""
+    missed = ["thickness short of limits.thickness, at x = 1, y = 2", "mass beyond limits.mass"]
+    checks = [Check(name, 1.5, 0, "mm") for name in (*missed, f"M1: {missed[0]}", f"M2: {missed[0]}")]
+    notes = ["M1: mass: got 3 g; M1: thickness: got 2 mm: --set x=1", "mass: got 9 g; thickness: got 2 mm"]
+    page = judged(problem_file, None, *checks, notes=notes)
+    (problems,) = re.findall('<ul class="bad">(.*?)</ul>', page)
+    assert problems == "".join(
+        f"<li>{text}</li>" for text in (f"M2: {missed[0]}: got 1.5 mm, wanted at most 0 mm", *notes)
+    )
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [

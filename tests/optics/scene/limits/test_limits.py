@@ -209,6 +209,8 @@ def test_limits_that_ask_for_the_same_have_one_remedy(tmp_path):
     (sentence,) = limit_sentences(both, found, crossing=0.1)
     assert sentence.count("wanted at least") == 3
     assert sentence.endswith("cross by 0.1 mm: --set lens.thickness=6.751")  # the edge is 7.25 mm
+    (named,) = limit_sentences(both, found, crossing=0.1, element="L1")
+    assert named.count("L1: ") == 4
 
 
 def test_a_lens_that_must_be_thicker_and_thinner_becomes_flatter(tmp_path):
