@@ -34,7 +34,8 @@ class Model:
     """Irradiance on the target's pixels as a differentiable function of the sag coefficients.
 
     Made by `System.model`, and made so again where it is copied or pickled.  Irradiance is (rows, columns),
-    W/mm^2; in the far field it is intensity, W/sr.  For W read lm where that is `source.unit`.
+    W/mm^2; in the far field it is intensity, W/sr.  For W read lm where that is `source.unit`.  Of a plate
+    it is the light of one lens with its own source, and `System.measure` has that of all.
 
     >>> system = System(problem)  # of the problem in the example of Problem
     >>> space = system.space()

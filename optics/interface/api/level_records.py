@@ -25,7 +25,7 @@ from thbcad.lens import Lens
 class LevelRecord:
     """A level of a design, as it was behind its optimisation.
 
-    name : such as "level 3" or "finish".
+    name : such as "level 3" or "finish".  lens : of several free elements the last.
     gradients : for every free surface of the lens, front first, the sum of |dL/dz| of a grid of vertices over
         every leaf cell (thesis 6.2).
     measurement : irradiance, target and metrics of its lens.  unit : of scripts, see `unit_of`.

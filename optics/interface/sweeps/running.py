@@ -170,6 +170,12 @@ def run_sweep(
 ) -> Sweep:
     """Run a sweep and return it, see `sweep`.  function : what computes a variant."""
     require_workers(plan.workers, plan.scheduler)
+    if plan.keep_lenses and len(plan.problem.free_optics) > 1:
+        names = " and ".join(optic.table for optic in plan.problem.free_optics)
+        raise UserError(
+            f"a sweep keeps the lens of one free element, got {names}; leave the lenses out, and design the "
+            "variants that are wanted"
+        )
     problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
     variants = all_variants(problem, ranges)
     with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:

@@ -36,8 +36,8 @@ def intensity_figures(
     covers = f"It covers the target, +-{hx:g} degrees in x and +-{hy:g} in y, not the whole sphere."
     return {
         "polar": (
-            f"Intensity in {density.shown} over gamma, the angle to +z; right are C0 (towards +x) and C90 "
-            f"(towards -y). {covers}",
+            f"Intensity in {density.shown} over gamma, the angle to the target's own +z; right are C0 "
+            f"(towards its +x) and C90 (towards its -y). {covers}",
             _polar(light, wanted, screen, density.shown),
         ),
         "isocandela": (

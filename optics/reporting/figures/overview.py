@@ -134,8 +134,10 @@ def level_figure(
     for plane, (side, surface), gradient in zip(axes[2:], free, gradients):
         _mesh(plane, surface, gradient)
         plane.set_title(f"{side}: |dL/dz| per area")
-    dof = sum(sag.space.dim for sag in lens.sags)
-    caption = f"{name}: {dof} degrees of freedom, relative error {measurement.metrics['rel_l2']:.4f}."
+    several = len(system.problem.free_optics) > 1
+    dof = f"{sum(sag.space.dim for sag in lens.sags)} degrees of freedom"
+    of = f" of {system.problem.optic.called}" if several else ""
+    caption = f"{name}: {dof}{of}, relative error {measurement.metrics['rel_l2']:.4f}."
     return caption, png_bytes(figure)
 
 

@@ -119,22 +119,25 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
     low, high = problem.limits.envelope
     bottom, top = metrics.front.heights.least, metrics.rear.heights.greatest
     if isfinite(low):
-        miss = _short("least z of the front", "envelope", low, bottom)
+        miss = _short(f"least z of the {problem.optic.face_name('front')}", "envelope", low, bottom)
         yield replace(miss, surface="front")
     if isfinite(high):
         z = problem.optic.thickness
         top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
-        miss = _beyond("greatest z of the rear", "envelope", high, top, "mm", position(top))
+        rear = problem.optic.face_name("rear")
+        miss = _beyond(f"greatest z of the {rear}", "envelope", high, top, "mm", position(top))
         yield replace(miss, surface="rear")
     for name, surface in metrics.surfaces.items():
+        face = problem.optic.face_name(name)
         if name in problem.optic.free:
-            yield from _free_misses(name, surface, limits, problem.source.wavelength)
+            for miss in _free_misses(face, surface, limits, problem.source.wavelength):
+                yield replace(miss, surface=name)
         if limits.slope < 90:
-            quantity, where = f"slope of the {name}", position(surface.slope)
+            quantity, where = f"slope of the {face}", position(surface.slope)
             miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
             yield replace(miss, surface=name)
         if isfinite(limits.sag_range):
-            quantity, where = f"range of heights of the {name}", positions(surface.heights)
+            quantity, where = f"range of heights of the {face}", positions(surface.heights)
             miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
             yield replace(miss, surface=name)
     if isfinite(limits.mass):
@@ -142,25 +145,23 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
         yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
 
 
-def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
-    """Yield the limits that hold for free surfaces."""
+def _free_misses(face: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
+    """Yield the limits that hold for free surfaces.  face : what sentences call it."""
     if limits.radius:
         least = min((surface.concave, surface.convex), key=lambda radius: radius.lower)
-        yield replace(_short(f"radius of the {name}", "radius", limits.radius, least), surface=name)
+        yield _short(f"radius of the {face}", "radius", limits.radius, least)
     if limits.concave_radius:
-        quantity = f"concave radius of the {name}"
-        miss = _short(quantity, "concave_radius", limits.concave_radius, surface.concave)
-        yield replace(miss, surface=name)
+        quantity = f"concave radius of the {face}"
+        yield _short(quantity, "concave_radius", limits.concave_radius, surface.concave)
     if limits.feature and surface.feature is not None:
         amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
         yield Miss(
-            quantity=f"smallest feature of the {name}",
+            quantity=f"smallest feature of the {face}",
             key="feature",
             wanted=limits.feature,
             most=amount,
             least=amount,
             unit="wavelengths",
-            surface=name,
             where=f", on level {surface.feature.level}",
         )
 

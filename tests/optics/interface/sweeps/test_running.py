@@ -16,6 +16,7 @@ from optics.interface.sweeps.running import run_sweep
 from optics.interface.sweeps.sweep_rows import SweepRow
 from optics.interface.sweeps.sweep_store import open_store
 from optics.interface.sweeps.sweep_views import _texts
+from optics.scene.problem import Problem
 from tests.optics.interface.sweeps.cases import (
     DISTANCES,
     picky,
@@ -186,6 +187,19 @@ def test_a_sweep_that_cannot_begin_leaves_nothing_behind(design, tmp_path):
     with pytest.raises(UserError, match="number of workers"):
         running.sweep(problem(), DISTANCES, tmp_path / "none", workers=0)
     assert not (tmp_path / "none").exists()
+
+
+def test_lenses_of_several_free_elements_are_not_kept(by, tmp_path):
+    beam = {"kind": "collimated", "half_width": (8, 8)}
+    glass = {"kind": "lens", "index": 1.5, "thickness": 5, "rear": {"half_width": (10, 10)}}
+    mirror = {"kind": "mirror", "thickness": 4, "tilt": (45, 0, 0), "position": (0, 0, 40)}
+    row = [glass | {"name": "L1", "front": {"half_width": (10, 10)}}, mirror | {"name": "M1"}]
+    row[1]["face"] = {"half_width": (12, 17), "freeform": {}}
+    target = {"kind": "tophat", "position": (0, 60, 40), "tilt": (-90, 0, 0), "half_width": (10, 10)}
+    rowed = Problem(source=beam, element=row, target=target | {"pixels": (8, 8)})
+    with pytest.raises(UserError, match=r"got element.L1 and element.M1; leave the lenses out"):
+        optics.sweep(rowed, {"element.M1.thickness": [4, 5]}, tmp_path / "out", keep_lenses=True)
+    assert not (tmp_path / "out").exists()
 
 
 def kept_lens(folder):

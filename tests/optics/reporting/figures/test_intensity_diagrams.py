@@ -54,7 +54,7 @@ def test_polar_curves_are_those_of_the_two_planes(drawn):
     assert brightest == pytest.approx(6, abs=0.51)
     brightest = np.degrees(across.get_xdata()[np.argmax(across.get_ydata())])
     assert brightest == pytest.approx(-3, abs=0.51)  # C90 holds -y
-    assert "C0 (towards +x) and C90 (towards -y)" in caption
+    assert "C0 (towards its +x) and C90 (towards its -y)" in caption
     assert max(wanted.get_ydata()) == pytest.approx(2 * CANDELA.factor, rel=0.03)  # half a pixel beside it
     right, left = (axes.transData.transform([np.radians(a), 1.0])[0] for a in (20, -20))
     assert right > left  # C0 is on the right

@@ -13,7 +13,8 @@ from hypothesis import HealthCheck, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.limits import limit_advice, limit_checks, limit_sentences, require_limits
-from optics.scene.problem import Limits, load_problem
+from optics.scene.problem import Limits, Problem, load_problem
+from optics.scene.system import OpticalSystem
 from tests.cases import examples, python
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
@@ -124,6 +125,24 @@ def test_a_tool_meets_the_hollows_only(tmp_path):
     assert hollow.name == "concave radius of the rear short of limits.concave_radius"  # nowhere
     (any_radius,) = checks_of(problem, found, radius=1000.0)
     assert any_radius.value == pytest.approx(960.0, rel=1e-4)
+
+
+def test_a_mirror_has_a_face_and_a_back():
+    beam, screen = {"kind": "collimated", "half_width": (8, 8)}, {"half_width": (10, 10), "pixels": (8, 8)}
+    face = {"half_width": (10, 15), "radius": -200.0, "freeform": {"z_freedom": 1.0}}
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
+    target = {"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0)} | screen
+    problem = Problem(source=beam, element=[mirror], target=target)
+    checks = checks_of(
+        problem, manufacturability(OpticalSystem(problem).lens), radius=9.0, slope=2.0, envelope=(0.0, 9.0)
+    )
+    assert {re.split(" (?:short of|beyond) ", check.name)[0] for check in checks} == {
+        "least z of the face",
+        "greatest z of the back",
+        "radius of the face",
+        "slope of the face",
+        "slope of the back",
+    }
 
 
 def test_a_limit_between_the_bounds_counts_as_missed(tmp_path):
