@@ -84,7 +84,7 @@ def _index(facts: SheetFacts, face: str) -> tuple[str, Origin]:
 
 
 def _thickness(facts: SheetFacts, face: str) -> tuple[str, Origin]:
-    return _toleranced(f"{facts.lens.thickness:g} mm", " mm", facts.amount("thickness"))
+    return _toleranced(f"{facts.axis_thickness:.6g} mm", " mm", facts.amount("thickness"))
 
 
 def _texture(facts: SheetFacts, face: str) -> str | None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from optics.base.runtime import UserError, checks_of
 from optics.exchange.results import ResultFolder, sha256_of
+from optics.scene.problem import Placed
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
@@ -81,9 +82,12 @@ class SheetFacts:
         "computed".
 
         None is not known: there are none, or the design by itself misses what its light must keep.
+
+        names : of tolerances of the lens, without its own name.
         """
-        known = self.tolerance or {}
-        rows = [known["tolerances"][name] for name in names if name in known.get("tolerances", ())]
+        known, optic = self.tolerance or {}, self.system.problem.optic
+        called = [f"{optic.called}.{name}" if isinstance(optic, Placed) else name for name in names]
+        rows = [known["tolerances"][name] for name in called if name in known.get("tolerances", ())]
         if not rows or known["missed_by_the_design"]:
             return None
         allowed = min((row["allowed"] for row in rows if row["allowed"] is not None), default=inf)
@@ -129,6 +133,12 @@ class SheetFacts:
         """Where the parting line of that body lies."""
         solid = self.system.solid(self.lens)
         return f"z = {solid.parting:.4f} mm" if isinstance(solid, MouldedBody) else None
+
+    @property
+    def axis_thickness(self) -> float:
+        """Along the axis, mm: sags have heights there, so that it is not that of the base vertices."""
+        front, rear = (float(self._surface(face).grid([0.0], [0.0]).item()) for face in FACES)
+        return self.lens.thickness + rear - front
 
     def test_points(self, face: str) -> tuple[Floats, Floats, Floats]:
         """Return x (5,), y (5,) and the sag z (5, 5), from the vertex of the base surface, mm.

@@ -12,6 +12,7 @@ from optics.exchange.results import remove_files, require_own, writable_folder, 
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import loss_notes
+from optics.scene.system import designed_part
 from optics.tolerancing.metrology import FileFrame, Way, as_built_data, as_built_lines
 from thbcad.io import write_files, write_lens
 
@@ -50,9 +51,10 @@ def asbuilt(options: Namespace) -> Outcome:
     write_files({folder / name: content for name, content in contents.items()})
     remove_files(folder, [STEP])
     if options.step:
-        from thbcad.cad import write_step  # OCCT
+        from optics.exchange.verification import export_step  # OCCT
 
-        write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)
+        part = designed_part(design.system, built.lens)
+        export_step(part, design.problem.export.schema, folder / STEP)
 
     notes = loss_notes(made.metrics, design.system.units)
     verdict = built.verdict(design.problem.verify, notes)

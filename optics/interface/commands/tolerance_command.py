@@ -51,6 +51,11 @@ class _Study:
     def beside_the_report(self) -> list[str]:
         """Return how the light that is traced here differs from that of the report, where it does."""
         metrics, here, sentences = self.design.metrics, f"{self.budget.rel_l2:.2%}", []
+        if self.design.problem.optic.array is not None:
+            sentences.append(
+                "These are tolerances of one lens of the plate over its own source: a plate that turns, or "
+                "grows with temperature, also moves its outer lenses away from theirs, which is not traced."
+            )
         if metrics["paths"] == "all":
             sentences.append(
                 f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "

@@ -21,7 +21,7 @@ CELLS = (512, 512)  # of the source; sources with extent have as many rays
 class LitPoints:
     """Where rays that leave the last surface meet all of them.
 
-    points : x and y of every surface, (2, n) mm each.  flux : W, behind the last.
+    points : x and y of every surface in its element's own frame, (2, n) mm each.  flux : W, behind the last.
     lit : which of them land on the target.
     """
 
@@ -43,9 +43,10 @@ class LitPoints:
             backend.dr.eval(values)
         *values, flux, arrive = (a.numpy() for a in values)
         *met, s, t = (a[arrive] for a in values)
+        own_y = [-y if face.backwards else y for face, y in zip(system.problem.faces_met, met[1::2])]
         hx, hy = system.target.settings.half_width
         lit = (np.abs(s) <= hx) & (np.abs(t) <= hy)
-        return cls([np.stack(pair) for pair in zip(met[::2], met[1::2])], flux[arrive], lit)
+        return cls([np.stack(pair) for pair in zip(met[::2], own_y)], flux[arrive], lit)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from math import atan, ceil, degrees
 
 import numpy as np
 
-from optics.base.runtime import Backend, Check
+from optics.base.runtime import Backend, Check, UserError
 from optics.light.blur import spot_width
 from optics.scene.system import OpticalSystem, require_lens_on_axis
 from optics.tolerancing.machining.blur_of_cusps import (
@@ -129,11 +129,17 @@ class SurfaceFindings:
 
 @dataclass(frozen=True, eq=False)
 class ToolFindings:
-    """What was found of a tool on a lens; checks fail where it is not proven to fit, or moves too hard."""
+    """What was found of a tool on a lens; checks fail where it is not proven to fit, or moves too hard.
+
+    draft : of the lens; its walls are left out where a body or a plate has others.
+    body_draft : degrees, of the walls of such a body.  lenses : of the plate, of each of which this holds.
+    """
 
     order: ToolOrder
     surfaces: tuple[SurfaceFindings, ...]
     draft: Draft
+    body_draft: float | None = None
+    lenses: int = 1
 
     @property
     def checks(self) -> list[Check]:
@@ -155,15 +161,21 @@ def tool_findings(
     """Return what a tool does on a lens.
 
     rays : in each direction, by which the blur is mapped.
+
+    Raises UserError : no lens on the axis; a nose on a plate.
     """
     require_lens_on_axis(system, "tools", "export its solid for the program of the machine")
+    array, body = system.problem.optic.array, system.body
+    if array is not None and order.spiral:
+        raise UserError("a nose on a spiral turns one lens, and this is a plate of lenses; take a ball")
     names = [order.surface] if order.surface else [n for n in SURFACES if not getattr(lens, n).is_plane]
     if order.radius is None:
         names = []
     pixel = float(np.mean(system.target.screen().pitch))
     yardstick = max(1.0, OF_BLUR * spot_width(system, lens, backend) / pixel) if names else 1.0
     surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
-    return ToolFindings(order, surfaces, draft(lens))
+    found = draft(lens) if array is None and body is None else replace(draft(lens), walls=())
+    return ToolFindings(order, surfaces, found, body and body.draft, 1 if array is None else array.count)
 
 
 def _surface(

@@ -10,7 +10,7 @@ from optics.scene.limits import position
 from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
-from thbcad.tools import Draft, Fit, Gaps
+from thbcad.tools import Fit, Gaps
 
 NM = 1e6  # of a mm
 LONG = 24.0  # hours of one pass: no machine keeps its temperature so long
@@ -26,11 +26,16 @@ EXTENSION = "a polynomial of degree 5 in the angle that continues height, veloci
 def tool_lines(findings: ToolFindings) -> list[str]:
     """Return what was found as sentences with units and positions."""
     lines = []
+    if findings.lenses > 1:
+        lines.append(
+            f"this holds for each of the {findings.lenses} lenses of the plate by itself; its land and "
+            "its neighbours are not looked at"
+        )
     for surface in findings.surfaces:
         lines.append(_fit_line(findings.order, surface))
         lines += _cusp_lines(findings.order, surface)
         lines += _motion_lines(findings.order, surface)
-    return [*lines, *_draft_lines(findings.draft)]
+    return [*lines, *_draft_lines(findings)]
 
 
 def tool_data(findings: ToolFindings) -> dict[str, Any]:
@@ -55,7 +60,9 @@ def tool_data(findings: ToolFindings) -> dict[str, Any]:
             "front_degrees": _bounds(findings.draft.front),
             "rear_degrees": _bounds(findings.draft.rear),
             "walls_degrees": walls,
+            "body_degrees": findings.body_draft,
         },
+        "lenses": findings.lenses,
     }
 
 
@@ -199,10 +206,15 @@ def _motion_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
         )
 
 
-def _draft_lines(draft: Draft) -> Iterator[str]:
+def _draft_lines(findings: ToolFindings) -> Iterator[str]:
+    draft = findings.draft
     for name, face in (("front", draft.front), ("rear", draft.rear)):
         where = "" if face.value == 90 else f", {position(face)}"
         yield f"the draft angle of the {name} against z is at least {face.lower:.4g} degrees{where}"
+    if findings.body_draft is not None:
+        yield f"the walls of the body have a draft of {findings.body_draft:g} degrees, as lens.body asks for"
+    if not draft.walls:
+        return
     least = min(draft.walls, key=lambda wall: wall.angle)
     if least.angle:
         yield f"the draft angle of the walls is at least {least.angle:.4g} degrees, on {least.name}"

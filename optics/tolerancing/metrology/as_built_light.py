@@ -18,7 +18,7 @@ from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, 
 from optics.tolerancing.metrology.corrected_surface import RAYS, MadeSurface, made_surface, measured_light
 from optics.tolerancing.metrology.measured_points import MeasuredPoints
 from optics.tolerancing.metrology.rigid_corrections import RigidCorrection, rigid_correction
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, require_sound
 
 Side = Literal["front", "rear"]
 Way = Literal["datums", "best fit"]
@@ -130,10 +130,11 @@ def light_as_built(
     backend : of double precision.  nominal : what the designed lens delivers, where it is known.
     correct : also look for the re-positioning that gets most of the light back.
 
-    Raises UserError : another surface or alignment, points that do not determine the surface, or a best fit
-        that is asked for and does not exist.
+    Raises UserError : another surface or alignment, points that do not determine the surface or make no lens,
+        a surface that light meets from behind too, or a best fit that is asked for and does not exist.
     """
     designed = surface_of(lens, side)
+    _require_met_in_front(system, side)
     aligned, no_fit = _alignments(designed, measured.points, way)
     chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
@@ -144,6 +145,10 @@ def light_as_built(
         return float(measure(system, made, backend).metrics["rel_l2"])
 
     made = with_surface(lens, side, chosen.surface)
+    try:
+        require_sound(made)
+    except ValueError as error:
+        raise UserError(f"no lens has the {side} that was measured: {error}") from None
     measurement = measure(system, made, backend)
     corrects = correct and len(system.seen_receivers) == 1  # tolerances follow the light of one lens
     rel_l2_of = {way: float(measurement.metrics["rel_l2"])}
@@ -166,6 +171,18 @@ def light_as_built(
         light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
         correction=rigid_correction(system, made, measurement.target, backend) if corrects else None,
     )
+
+
+def _require_met_in_front(system: OpticalSystem, side: Side) -> None:
+    """Raise UserError where light meets the measured surface from behind: such surfaces are traced without
+    what was measured."""
+    optic = system.problem.optic
+    for face in system.problem.faces_met:
+        if face.optic is optic and face.face == side and face.backwards:
+            raise UserError(
+                f"light meets {face.name} from behind, where a measured surface is not traced; "
+                "measure another surface"
+            )
 
 
 def _alignments(designed: FreeformSurface, points: Floats, way: Way) -> tuple[dict[Way, Alignment], str]:

@@ -47,7 +47,7 @@ class PerturbedParts:
             raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
         on_axis = system.lens_on_axis
         back = Pose.at(p.lens_shift, p.lens_tilt).inverse() if on_axis else IDENTITY
-        source = back @ Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
+        source = back @ Pose.at(p.source_shift, p.source_tilt, system.source.middle)
         others = {optic.called: _made(system, optic, blank, p) for optic, blank in system.others}
         made, designed = system.shaped_as(others), _made(system, system.problem.optic, lens, p)
         path = made.shaded_path(designed) if shaded else made.path(designed)

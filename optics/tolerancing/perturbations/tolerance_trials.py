@@ -30,7 +30,7 @@ from optics.tolerancing.perturbations.linear_light import LinearLight
 from optics.tolerancing.perturbations.perturbation import Perturbation
 from optics.tolerancing.perturbations.tolerance_effects import Allowed, ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
-from optics.tolerancing.perturbations.traced_light import RAYS_PER_PIXEL, PerturbedLight
+from optics.tolerancing.perturbations.traced_light import PerturbedLight
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
@@ -112,7 +112,7 @@ class _Trial:
         lit = self.judge.target > 0
         if self._light.by_cells or not lit.any():
             return 0.0
-        rays = RAYS_PER_PIXEL * lit.size * self.here.efficiency / lit.sum()
+        rays = self._light.as_many_rays * self.here.efficiency / lit.sum()
         return float(1 / np.sqrt(rays)) if rays else 0.0
 
     def effect(self, tolerance: Tolerance) -> ToleranceEffect:

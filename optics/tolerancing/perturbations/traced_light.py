@@ -143,15 +143,24 @@ class PerturbedLight:
     def error(self, irradiance: Floats) -> Floats | None:
         """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
 
-        It is that of independent rays of equal flux q: the square is E q / pixel area.
+        It is that of independent rays, of which q is the mean flux of `as_many_rays`: the square is
+        E q / pixel area.
 
         irradiance : of a call.
         """
         if self.by_cells:
             return None
-        rays = RAYS_PER_PIXEL * irradiance.size
-        quantum = self.system.problem.flux / rays / self.screen.pixel_area / self._shown
+        quantum = self.system.problem.flux / self.as_many_rays / self.screen.pixel_area / self._shown
         return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
+
+    @cached_property
+    def as_many_rays(self) -> float:
+        """How many rays of equal flux are as noisy as those that are traced: (sum q)^2 / sum q^2.
+
+        A file of rays holds so many and no more.
+        """
+        flux = np.concatenate([rays.flux.ravel() for rays in self._rays])
+        return float(flux.sum() ** 2 / (flux @ flux))
 
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
         """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the last free

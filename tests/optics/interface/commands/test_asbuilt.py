@@ -8,7 +8,9 @@ import pytest
 
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands.cli import main
+from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import refused, strict_json
+from thbcad.cad import read_step
 from thbcad.io import read_lens
 
 
@@ -65,3 +67,16 @@ def test_a_wrong_unit_is_said(capsys, golden, tmp_path) -> None:
         capsys, "asbuilt", golden.path, "--measured", file, "--unit", "m", "--out", tmp_path / "made"
     )
     assert "is the unit right (--unit)" in out
+
+
+@pytest.mark.slow  # a design
+def test_the_step_of_a_plate_holds_all_its_lenses(tmp_path) -> None:
+    plate = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 25.0, "lens.thickness": 8.0}
+    problem = write_problem(tmp_path, plate | {"optimizer.iterations": [1]})
+    main(["design", str(problem), "--out", str(tmp_path / "result")])
+    system, lens, _ = ResultFolder(tmp_path / "result").read()
+    words = ["--measured", measured(tmp_path, lens), "--height-unit", "um", "--step"]
+    main(["asbuilt", str(tmp_path / "result"), *map(str, words)])
+    volume = read_step(tmp_path / "result" / "asbuilt" / "lens.step").volume
+    assert volume == pytest.approx(system.made(lens).volume(), rel=1e-3)
+    assert volume > 2 * lens.volume()

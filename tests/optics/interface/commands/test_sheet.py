@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import NdBSpline
 
+from optics.exchange.export.sheet_facts import FACES
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands.cli import main
 from optics.tolerancing.form_errors import BandCost, FormErrors, SideCost
@@ -124,13 +125,14 @@ def test_tolerances_become_profile_slopes_and_amounts(capsys, copy, tmp_path):
     said = re.findall(r"to (\d+) mm: ([\d.]+) mrad", found["slope.rear"][0])
     assert [int(last) for last, _ in said] == [2, 20]
     assert all(0.9 * slope < float(text) <= slope for slope, (_, text) in zip(slopes, said))
-    assert found["thickness"] == ("6 mm +- 0.032 mm", "computed")  # less is allowed than the amount
+    front, rear = (getattr(ResultFolder(copy).read_lens(), face)(0.0, 0.0).item() for face in FACES)
+    assert found["thickness"] == (f"{6 + rear - front:.6g} mm +- 0.032 mm", "computed")  # less is allowed
     assert found["index"] == ("n = 1.5 at 550 nm +- 0.0005", "customary")
     assert found["centring"] == ("3'", "customary")  # a plane has no decentre
     assert found["finish.rear"] == ("polished insert, Ra 10 nm at most", "customary")
     tolerated(copy, missed_by_the_design=["rel_l2"])
     found = origins(sheet(capsys, copy, "--out", tmp_path / "lens.svg"))
-    assert found["thickness"] == ("6 mm, tolerance to be agreed", "open")
+    assert found["thickness"] == (f"{6 + rear - front:.6g} mm, tolerance to be agreed", "open")
     tolerated(copy, form_error={"sentences": ["form errors want a point"]})
     data = sheet(capsys, copy, "--out", tmp_path / "lens.svg")
     assert origins(data)["slope.rear"][1] == "open"

@@ -67,17 +67,19 @@ def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monk
 
 
 @pytest.mark.parametrize(
-    ("paths", "noise", "starts"),
+    ("paths", "noise", "array", "starts"),
     [
-        ("sequential", 0.0, []),
-        ("sequential", 0.18, ["Rays are counted"]),
-        ("all", 0.18, ["Light that is reflected", "Rays are counted"]),
+        ("sequential", 0.0, None, []),
+        ("sequential", 0.18, None, ["Rays are counted"]),
+        ("all", 0.18, "plate", ["These are tolerances of one", "Light that is reflected", "Rays are counted"]),
     ],
 )
-def test_the_noise_of_counted_rays_in_rel_l2_is_told_beside_the_reports(paths, noise, starts):
+def test_the_noise_of_counted_rays_in_rel_l2_is_told_beside_the_reports(paths, noise, array, starts):
     """A design of 6.87 % that reads 11.56 % here would seem to miss a limit of 10 %."""
     metrics = {"paths": paths, "rel_l2_debiased": 0.07, "rel_l2_sequential": 0.0687}
-    design, budget = SimpleNamespace(metrics=metrics), SimpleNamespace(rel_l2=0.1156, noise=noise)
+    problem = SimpleNamespace(optic=SimpleNamespace(array=array))
+    design = SimpleNamespace(metrics=metrics, problem=problem)
+    budget = SimpleNamespace(rel_l2=0.1156, noise=noise)
     said = tolerance_command._Study(design, budget, None, "", None).beside_the_report()
     assert [sentence[: len(start)] for sentence, start in zip(said, starts, strict=True)] == starts
     assert all("6.87%" in one and "11.56%" in one and "--limit 0.01" in one for one in said[-1:])

@@ -47,3 +47,20 @@ def test_a_cut_costs_the_area_of_the_beam_beside_it(cut, area, narrow):
     cells = 10 * 512**-1.5  # rays at the border are right or wrong by chance
     assert cost.through == pytest.approx(1 - area / (4 * 8 * 7), abs=cells)
     assert cost.on_target == pytest.approx(1 - narrow / (4 * 4 * 7), abs=4 * cells)
+
+
+def test_a_face_met_from_behind_has_points_in_the_elements_own_frame():
+    """A lens whose rear is a mirror in a beam: what is cut away at y < 0 costs half of the light, not all."""
+    size = {"half_width": (20, 20)}
+    lens = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 8}
+    lens |= {"front": size, "rear": size | {"reflectance": 0.9}}
+    screen = {"kind": "tophat", "position": (0, 0, -200), "tilt": (180, 0, 0)} | size | {"pixels": (16, 16)}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (15, 15), "distance": 50},
+        element=[lens],
+        path=[{"faces": ["L1.front", "L1.rear:reflect", "L1.front"]}],
+        target=screen,
+    )
+    system = OpticalSystem(problem)
+    half = Polygon(((-20.0, 0.0), (20.0, 0.0), (20.0, 20.0), (-20.0, 20.0)))
+    assert cut_cost(system, system.lens, system.backend, half).through == pytest.approx(0.5, abs=5e-3)

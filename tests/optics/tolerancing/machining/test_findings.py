@@ -10,6 +10,7 @@ from optics.light.blur import spot_width
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
+from tests.cases import EXAMPLES
 from tests.optics.cases import small_lens, write_problem
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
@@ -226,3 +227,27 @@ def test_sharp_light_keeps_the_pixel_as_yardstick(found):
 def test_bad_orders_are_one_sentence(order, sentence):
     with pytest.raises(UserError, match=sentence):
         ToolOrder(**order)
+
+
+PLATE = {"lens.array.columns": 2, "lens.array.rows": 3, "lens.array.pitch": 25.0, "lens.thickness": 8.0}
+
+
+def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, PLATE)))
+    findings = tool_findings(system, system.lens, ToolOrder(), backend)
+    lines = tool_lines(findings)
+    assert lines[0].startswith("this holds for each of the 6 lenses of the plate by itself")
+    assert not any("walls" in line for line in lines)
+    assert tool_data(findings)["lenses"] == 6
+    with pytest.raises(UserError, match="this is a plate of lenses; take a ball"):
+        tool_findings(system, system.lens, ToolOrder(nose=0.5, feed=0.02), backend)
+
+
+def test_the_walls_of_a_body_have_its_draft(backend):
+    base = {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 1.0}
+    system = OpticalSystem(load_problem(EXAMPLES / "dome.toml", base))
+    findings = tool_findings(system, system.lens, ToolOrder(), backend)
+    assert (
+        tool_lines(findings)[-1] == "the walls of the body have a draft of 3 degrees, as lens.body asks for"
+    )
+    assert tool_data(findings)["draft"]["walls_degrees"] == {}

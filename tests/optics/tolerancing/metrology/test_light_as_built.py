@@ -7,7 +7,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.light.analysis import measure, rel_l2
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.metrology import (
     FileFrame,
@@ -186,3 +186,26 @@ def test_a_lens_that_stands_well_stays(system: OpticalSystem, backend) -> None:
     found = rigid_correction(system, lens, target, backend)
     assert found.after <= found.before < 1e-12
     assert all(abs(move.amount) < 1e-9 for move in found.moves)
+
+
+def test_what_was_measured_must_make_a_lens(system, backend) -> None:
+    rear = system.lens.rear
+    points = measured(rear, 2000).points + np.array([[0.0], [0.0], [-30.0]])
+    with pytest.raises(UserError, match=r"no lens has the rear that was measured: .*cross"):
+        light_as_built(system, system.lens, MeasuredPoints(points), backend, "rear", correct=False)
+
+
+def test_a_surface_that_light_meets_from_behind_too_is_refused(backend) -> None:
+    size = {"half_width": (20, 20)}
+    lens = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 8, "front": size}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (15, 15), "distance": 50},
+        element=[lens | {"rear": size | {"reflectance": 0.9}}],
+        path=[{"faces": ["L1.front", "L1.rear:reflect", "L1.front"]}],
+        target={"kind": "tophat", "position": (0, 0, -200), "tilt": (180, 0, 0), "half_width": (20, 20)}
+        | {"pixels": (16, 16)},
+    )
+    system = OpticalSystem(problem)
+    points = measured(system.lens.front, 500)
+    with pytest.raises(UserError, match=r"light meets L1.front from behind"):
+        light_as_built(system, system.lens, points, backend, "front", correct=False)

@@ -1,5 +1,7 @@
 """The light of a perturbed lens, beside stops too: traced exactly, in whatever frame one thinks of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -9,8 +11,8 @@ from optics.base.runtime import load_backend
 from optics.light.analysis import cell_irradiance
 from optics.scene.materials import MATERIALS
 from optics.scene.problem import Problem
-from optics.scene.sources import single_rays
-from optics.scene.system import solvable_system
+from optics.scene.sources import RayFileSource, Rays, single_rays
+from optics.scene.system import Own, solvable_system
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_lens
 from tests.optics.cases import TARGET_Z, alone
@@ -322,3 +324,33 @@ def test_a_front_that_moves_in_its_lens_does_not_stand_in_its_own_light(shift):
     assert fates.blocked > 0.005
     assert others.blocked == pytest.approx(fates.blocked, abs=0.01)
     assert others.on_target == pytest.approx(fates.on_target, abs=0.01)
+
+
+@pytest.mark.parametrize("error", [{"source_tilt": (0.01, 0.02, 0.0)}, {"source_size": 0.1}])
+def test_a_source_turns_about_its_middle_however_its_place_is_told(tmp_path, backend, error):
+    """By its distance, or by its position."""
+    lamp = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 14.0}
+    moves = []
+    for place in ({"source.distance": 25.0}, {"source.position": [0.0, 0.0, -25.0]}):
+        folder = tmp_path / next(iter(place))
+        folder.mkdir()
+        system, lens = small_system(folder, lamp | place)
+        light = PerturbedLight(system, lens, backend, 1)
+        moves.append(light.moved_by(Perturbation(**error)))
+    assert moves[0] > 0.0
+    assert moves[1] == pytest.approx(moves[0], rel=1e-9)
+
+
+def test_a_file_of_few_rays_is_as_noisy_as_it_is(tmp_path, backend):
+    """Of 500 rays on 48 x 48 pixels: each pixel has less than one, whatever number is asked for."""
+    system, lens = small_system(tmp_path)
+    place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
+    file = RayFileSource(flux=1.0, distance=25.0, file="none", **place)
+    x, y = np.random.default_rng(1).uniform(-8, 8, (2, 500))
+    along = np.tile([[0.0], [0.0], [1.0]], 500)
+    file.__dict__["placed"] = Rays(np.stack([x, y, np.full(500, -2.0)]), along, np.full(500, 1 / 500))
+    light = PerturbedLight(replace(system, own=Own(file)), lens, backend)
+    assert light.as_many_rays == pytest.approx(500)
+    irradiance, _ = light()
+    lit = irradiance > 0
+    assert (light.error(irradiance)[lit] >= 0.99 * irradiance[lit]).mean() > 0.5
