@@ -92,18 +92,19 @@ def shaped_along(
     wanted: Picture,
     counts: tuple[int, int],
     finest: int,
+    rounds: int = MOST_ROUNDS,
 ) -> ShapedLight:
     """Return what a picture asks of a surface of a path that carries a sag.
 
     number : of the surface.  source : taken without extent.  counts : (nx, ny) cells of the surface's
-    rectangle.  finest : level of the meshes of the fits, at most.
+    rectangle.  finest : level of the meshes of the fits, at most.  rounds : of transport and fits, at most.
     """
     shape, shaped = path.surfaces[number].shape, ShapedSurface.of(path, number)
     assert shape.sag is not None
     space = shape.sag.space
     sag, asked, chart = THBSurface(space, np.zeros(space.dim)), wanted, None
     settled, needed = False, None
-    for left in reversed(range(MOST_ROUNDS)):
+    for left in reversed(range(rounds)):
         grid = counts if settled or not left else _halved(counts)
         coarse, fine = _meshes(space, grid, finest)
         light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, grid)

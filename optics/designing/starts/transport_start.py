@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from optics.designing.starts.cell_sums import summed_over_cells
 from optics.designing.starts.lost_light import CELLS, lost_share, stretched
 from optics.designing.starts.parallel_start import ParallelStart
 from optics.designing.starts.path_light import light_on
-from optics.designing.starts.path_start import Picture, shaped_along
+from optics.designing.starts.path_start import MOST_ROUNDS, Picture, shaped_along
 from optics.designing.starts.rear_light import (
     DARK,
     Floats,
@@ -78,13 +79,14 @@ class TransportStart:
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.  Where light is blurred, it is sent to the light that `optics.light.blur.aimed` aims at.
 
-    traced : a fit of the light, None where it is parallel before the surface
     bent : share of the light that a slope can send to where the map wants it
 
-    most : cells of the map in each direction, at most.
+    most : cells of the map in each direction, at most.  rounds : as of `shaped_along`.
     """
 
-    def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
+    def __init__(
+        self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS, rounds: int = MOST_ROUNDS
+    ) -> None:
         system = aimed(system, spot_lens(system, backend), backend)
         self._system, self._lens, self._backend = system, system.lens, backend
         screen, receiver = system.goal.screen(), system.target.receiver
@@ -94,7 +96,6 @@ class TransportStart:
         nx, ny = (as_many_within(self._surface.outline, n) for n in counts)
         self._cells = nx, ny
         self._bound = INSIDE * system.freeforms[-1].freedom
-        self.traced: TransportFit | None = None
         narrow = receiver.across_axis and not (receiver.far_field and max(self.half_lit) > WIDE)
         crosses, finest = system.target.settings.crossing, system.freeforms[-1].finest
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), centre, self.half_lit, crosses)
@@ -105,12 +106,19 @@ class TransportStart:
             self._weight = self._shaped.light.weight
         else:
             self._shaped = shaped_along(
-                backend, path, path.shaped, system.source, picture, self._cells, finest
+                backend, path, path.shaped, system.source, picture, self._cells, finest, rounds
             )
             self._weight = np.ones(self._cells)  # the slopes go on where no light is
         self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
-        if not self._light.parallel:
-            self.traced = self.fit(self._lens.sags[-1].space.uniform(min(TRACED, finest)))
+
+    @cached_property
+    def traced(self) -> TransportFit | None:
+        """A fit that tells whether the sag is within its bounds; None where light is parallel before the
+        surface."""
+        if self._light.parallel:
+            return None
+        level = min(TRACED, self._system.freeforms[-1].finest)
+        return self.fit(self._lens.sags[-1].space.uniform(level))
 
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
