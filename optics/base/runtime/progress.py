@@ -85,9 +85,13 @@ class Progress:
     def begin(self, name: str) -> None:
         """End the present phase and begin another one that is expected; those before it are left out.
 
+        The present one begins again as a part of itself.
+
         Raises ValueError : it is not expected.
         """
         with self._lock:
+            if name == self._now.name:
+                return
             at = [phase.name for phase in self._ahead].index(name)
             self.report()
             self._done += self._now.work

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import near_cells
-from optics.designing.optimisation.stage_plan import first_level, stages
+from optics.designing.optimisation.stage_plan import Stage, first_level, stages
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Optic
 from optics.scene.system import OpticalSystem
@@ -50,18 +50,26 @@ class State:
 
     def renumbered(self, system: OpticalSystem, other: OpticalSystem) -> State:
         """Return the state for the plan of a system that differs in its iterations: with few of them no steps
-        on fewer cells come first, and their place takes the stage that they prepare."""
+        on fewer cells come first, and their place takes the stage that they prepare; where a run goes on that
+        had none of them, they come first."""
         before, after = (stages(s, self.started_from_transport) for s in (system, other))
+        earlier, names = [[stage.name for stage in plan] for plan in (before, after)]
 
-        def place(index: int) -> int:
+        def place(index: int, goes_on: bool = False) -> int:
             if index >= len(before):
                 return len(after)
-            names = [stage.name for stage in after]
-            whole = replace(before[index], rough=False).name
-            return names.index(before[index].name if before[index].name in names else whole)
+            rough, whole = (replace(before[index], rough=rough).name for rough in (True, False))
+            if goes_on and rough in names and rough not in earlier:
+                return names.index(rough)
+            return names.index(earlier[index] if earlier[index] in names else whole)
 
         rows = tuple(replace(row, stage=place(row.stage)) for row in self.history)
-        return replace(self, stage=place(self.stage), history=rows)
+        return replace(self, stage=place(self.stage, goes_on=True), history=rows)
+
+    def with_steps_left(self, system: OpticalSystem) -> State:
+        """Return the state before the steps of the last level, where none are left."""
+        plan = stages(system, self.started_from_transport)
+        return self if self.stage < len(plan) else replace(self, stage=_of_last_level(plan))
 
     @property
     def dof(self) -> int:
@@ -118,8 +126,12 @@ def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Len
         for optic, base in system.free_elements(system.lens)
         for sag in _earlier_sags(optic, base, found.get(optic.called, base))
     ]
-    final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
-    return State(False, final, tuple(sags))
+    return State(False, _of_last_level(stages(system, False)), tuple(sags))
+
+
+def _of_last_level(plan: Sequence[Stage]) -> int:
+    """Return the number of the first stage of the last level."""
+    return next(k for k, stage in enumerate(plan) if stage.final)
 
 
 def _earlier_sags(optic: Optic, lens: Lens, earlier: Lens) -> list[THBSurface]:

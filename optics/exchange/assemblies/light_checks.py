@@ -12,21 +12,28 @@ SEGMENTS = {
     "rear to target": "from the rear to the lit part of the target",
 }
 FOLLOWED = "light by edges and inner reflections: light through front and rear alone is followed"
+ELSEWHERE = (
+    "light before the front and behind the rear: it is followed of a lens on the axis alone, not of one that "
+    "lies elsewhere or beside other elements"
+)
 UNKNOWN = (
     "light before the front and behind the rear: a lens by itself knows no source and no target; give --lens "
     "the result folder"
 )
 
 
-def light_checks(part: PartLight) -> tuple[list[Check], list[str]]:
-    """Return the Checks of a part's glass and light, and what is left out."""
+def light_checks(part: PartLight, unknown: str) -> tuple[list[Check], list[str]]:
+    """Return the Checks of a part's glass and light, and what is left out.
+
+    unknown : what is left out where the part has no system.
+    """
     checks, left_out = _proven(part), [FOLLOWED, *_beside_the_proof(part)]
     checks.append(Check.none_of("holes and pads of front and rear where they are lit", len(part.pierced)))
     inside = part.certain_voids
     where = _place({number: part.within[GLASS][number] for number in inside})
     checks.append(Check.none_of(f"faces of the part within the light's glass{where}", len(inside)))
     if part.system is None:
-        left_out.append(UNKNOWN)
+        left_out.append(unknown)
         if part.uncovered:  # the areas of front and rear tell
             return checks, left_out
     if not part.proven:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optics.base.runtime import Check, reading
-from optics.exchange.assemblies.light_checks import light_checks
+from optics.exchange.assemblies.light_checks import ELSEWHERE, UNKNOWN, light_checks
 from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.verification import (
     occt_trace,
@@ -114,10 +114,14 @@ def part_checks(
 ) -> tuple[list[Check], list[str]]:
     """Return the Checks of a part with a lens, by its text, by OCCT and in its light, and what is left out.
 
-    system : whose light the lens shapes; None is not known.
+    system : whose light the lens shapes; None is not known.  That of a lens on the axis is followed; of one
+        that lies elsewhere, or before other elements, it is left out.
 
     Raises UserError : the file cannot be read, is not whole, or not one solid.
     """
+    unknown = UNKNOWN
+    if system is not None and not system.lens_on_axis:
+        system, unknown = None, ELSEWHERE
     with reading(path):
         text = placed_text(path)  # first the reader that damaged files cannot crash
         shape = step_shape(path)
@@ -148,7 +152,7 @@ def part_checks(
             for name, value in off.items()
         ]
     part = PartLight.of(placed, lens, system)
-    of_light, words = light_checks(part)
+    of_light, words = light_checks(part, unknown)
     return [*checks, *of_light, *landing_checks(placed, part, by_optiland)], left_out + words
 
 

@@ -25,6 +25,7 @@ from thbcad.cad.exchange import (
 from thbcad.cad.shapes import Part
 from thbcad.io import read_file, write_bytes
 from thbcad.lens import FreeformSurface, Lens, Product
+from thbcad.moulds import Plate
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
@@ -101,7 +102,14 @@ def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:
 
 def _bodies(system: OpticalSystem, lens: Lens, staged: bool) -> list[Body]:
     bodies = [(part_of(p.made), product_of(p.made, p.product), p.pose) for p in scene_parts(system, lens)]
-    return [*_sources(system), *bodies, *_screen(system)] if staged else bodies
+    if not staged:
+        return bodies
+    made = system.made(lens)
+    plate = made if isinstance(made, Plate) else None
+    places = [(0.0, 0.0)] if plate is None else plate.places.tolist()
+    x, y = (0.0, 0.0) if plate is None else plate.middle  # which faces the middle of the screen
+    screen = [(part, product, Pose.at((x, y, 0.0)) @ pose) for part, product, pose in _screen(system)]
+    return [*_sources(system, places), *bodies, *screen]
 
 
 def _place_check(part: PlacedShape, pose: Pose, name: str) -> Check:
@@ -119,9 +127,16 @@ def _number_check(part: PlacedShape, body: Part, name: str) -> Check:
     return Check.none_of(f"scene: numbers of {name} that differ from those in memory", off)
 
 
-def _sources(system: OpticalSystem) -> Iterator[Body]:
-    """Yield every source as a plate, whose rear shines."""
-    frames = source_frames(system.problem)
+def _sources(system: OpticalSystem, places: Sequence[Sequence[float]]) -> Iterator[Body]:
+    """Yield every source as a thin plate, whose rear shines.
+
+    places : x and y of the lenses, mm, each of which has all sources of the problem.
+    """
+    frames = [
+        (source, Pose.at((x, y, 0.0)) @ pose)
+        for x, y in places
+        for source, pose in source_frames(system.problem)
+    ]
     for number, (source, pose) in enumerate(frames, 1):
         half = source.half_width if min(source.half_width) > 0 else (POINT, POINT)
         corners = half if source.profile in ("round", "round_gaussian") else (0.0, 0.0)

@@ -86,11 +86,16 @@ def designed(
     try:
         _, state = shape_lens(traced, backend, chosen, state, ready.start, listener)
         for _ in range(ROUNDS):
-            again = re_aimed(system, traced, state, chosen)
+            try:
+                again = re_aimed(system, traced, state, chosen)
+            except KeyboardInterrupt:
+                raise Interrupted(state) from None
             if again is None:
                 break
             traced, state = again
-            _, state = shape_lens(traced, backend, chosen, state, listener=Listener(checkpoint=keep))
+            # notes are of the first round
+            listener = replace(listener, note=Listener.note)
+            _, state = shape_lens(traced, backend, chosen, state, listener=listener)
     except Interrupted as stop:
         keep(stop.state)
         return Design.of_state(asked, system, stop.state, notes, clock.total(), True, levels.records)

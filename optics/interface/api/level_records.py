@@ -62,7 +62,10 @@ class LevelKeeper:
         system = self._system.shaped_as(shaped.shapes)
         measurement = measure(system, lens, system.backend)
         gradients = tuple(indicators.vertex(lens, stage)[-len(lens.sags) :])
-        self.records.append(LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system)))
+        record = LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system))
+        if stage.name in (names := [kept.name for kept in self.records]):  # aimed again
+            self.records[names.index(stage.name) :] = []
+        self.records.append(record)
 
 
 def level_contents(level: LevelRecord) -> tuple[bytes, bytes]:

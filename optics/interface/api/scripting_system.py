@@ -65,7 +65,7 @@ class System:
 
     def space(self, level: int = 0) -> Spaces:
         """Return the space of the free surface with all cells refined to a level; of two, front first."""
-        if not isinstance(level, int) or not 0 <= level <= FINEST:
+        if not isinstance(level, int) or isinstance(level, bool) or not 0 <= level <= FINEST:
             raise UserError(f"level must be a whole number from 0 to {FINEST}, got {level!r}")
         spaces = [space.uniform(level) for space in self._level_0]
         return spaces[0] if len(spaces) == 1 else tuple(spaces)

@@ -129,7 +129,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         if state is not None and options.iterations:
             optimizer = replace(resolved.problem.optimizer, iterations=(options.iterations,))
             ready = replace(ready, system=OpticalSystem(replace(resolved.problem, optimizer=optimizer)))
-            state = state.renumbered(resolved, ready.system)
+            state = state.renumbered(resolved, ready.system).with_steps_left(ready.system)
         if options.earlier:
             earlier = ResultFolder(options.earlier)
             state = earlier_state(ready.system, earlier.read_lens(), earlier.found_shapes())

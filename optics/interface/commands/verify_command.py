@@ -75,10 +75,13 @@ class LightRequest:
         image, page, record = self.names
         picture = two_lights_figure(found.theirs, found.ours, found.screen, system.density, self.tracer)
         write_bytes(self.folder / image, picture)
-        title = f"{system.problem.title}: the light of lens.step by {self.tracer}"
-        caption = f"The light that {self.tracer} makes of the file, the lens's own, and their difference."
+        of = "lens.step" if system.problem.optic.array is None else "one lens of the plate of lens.step"
+        title = f"{system.problem.title}: the light of {of} by {self.tracer}"
+        caption = f"The light of {of} as {self.tracer} makes it, the lens's own, and their difference."
         write_text(self.folder / page, check_page(title, checked, lines, [(caption, picture)]))
-        data = found.metrics | checked
+        data = found.metrics | {"light_of": of} | checked
+        if system.problem.optic.array is not None:
+            lines.append(f"this is the light of {of}, of its own source")
         write_record(self.folder / record, data, (image, page))
         return FileLight(checks, data, [*lines, f"wrote {self.folder}"])
 

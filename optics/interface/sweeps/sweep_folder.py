@@ -39,6 +39,12 @@ def taken_folder(
     """
     if resume and not (folder / STORE).exists():
         raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")
+    try:
+        identity = fingerprint(problem)
+    except OSError as error:
+        raise UserError(
+            f"cannot read {error.filename}: {error.strerror}; a sweep needs it also where it is varied"
+        ) from None
     new = not folder.exists()
     writable_folder(folder)
     try:
@@ -50,7 +56,7 @@ def taken_folder(
                 raise UserError(f"{error}{kept}") from None
             if force and not resume:
                 _drop(folder)
-            with _begun_store(folder, {"problem": fingerprint(problem), "keys": ", ".join(keys)}) as store:
+            with _begun_store(folder, {"problem": identity, "keys": ", ".join(keys)}) as store:
                 yield store
     finally:
         if new:

@@ -51,9 +51,16 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
     if found == value and value.startswith("["):
         raise UserError(f'{value} is no list for {name}: put texts in quotes, such as {name}=["a", "b"]')
     values = found if isinstance(found, list) else [found]
-    if name in FILE_KEYS:
-        values = [str((folder / one).absolute()) if isinstance(one, str) and one else one for one in values]
-    return name, values
+    return name, [_with_files(name, value, folder) for value in values]
+
+
+def _with_files(name: str, value: Any, folder: Path) -> Any:
+    """Return a value of a key with absolute paths, in tables too."""
+    if isinstance(value, dict):
+        return {key: _with_files(f"{name}.{key}", one, folder) for key, one in value.items()}
+    return (
+        str((folder / value).absolute()) if name in FILE_KEYS and isinstance(value, str) and value else value
+    )
 
 
 def _range(name: str, start: Decimal, stop: Decimal, count: Decimal) -> list[Any]:

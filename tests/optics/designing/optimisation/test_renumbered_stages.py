@@ -34,3 +34,23 @@ def test_the_same_plan_changes_nothing(tmp_path):
     system = of_iterations(tmp_path, 300)
     state = State(True, 2, (), (Row(0, 9, 1, 1.0, 0.1, 1.0, 1),))
     assert state.renumbered(system, of_iterations(tmp_path, 200)) == state
+
+
+def test_a_run_without_steps_on_fewer_cells_goes_on_with_them(tmp_path):
+    """All of the many steps are taken, not the half of them that is left for the stage behind."""
+    short, long = (of_iterations(tmp_path, n) for n in (9, 300))
+    last = len(stages(short, True)) - 1
+    row = Row(0, 9, 1, 1.0, 0.1, 1.0, last)
+    state = State(True, last, (), (row,)).renumbered(short, long)
+    plan = stages(long, True)
+    assert plan[state.stage].rough
+    assert not plan[state.history[0].stage].rough
+
+
+def test_a_run_that_is_over_goes_on_with_its_last_level(tmp_path):
+    for count in (9, 300):
+        system = of_iterations(tmp_path, count)
+        plan = stages(system, True)
+        first = next(k for k, stage in enumerate(plan) if stage.final)
+        assert State(True, len(plan), ()).with_steps_left(system).stage == first
+        assert State(True, first, ()).with_steps_left(system).stage == first

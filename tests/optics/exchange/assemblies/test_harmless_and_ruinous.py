@@ -11,6 +11,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.exchange.assemblies import part_checks
+from optics.exchange.assemblies.light_checks import ELSEWHERE
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
@@ -110,3 +111,17 @@ def test_a_part_is_judged_by_its_light(system, added, removed, harmless, tmp_pat
     # what fails is the light or the glass, not the file
     words = ("holes and pads", "faces of the part within", "share of the light", "rays of")
     assert all(check.name.startswith(words) for check in checks if not check.ok)
+
+
+def test_light_before_other_elements_is_left_out_and_not_called_free(tmp_path):
+    """A mirror behind the lens turns the light: a hull straight to the screen would not hold it."""
+    numbers = {"radius": 200.0, "conic": -1.0, "freeform.z_freedom": 1.0}
+    changes = {f"element.L1.rear.{key}": value for key, value in numbers.items()}
+    system = OpticalSystem(load_problem(ROOT / "examples/folded.toml", changes))
+    part = LensPart(system.lens)
+    for tool in (FLANGE, *BEHIND):
+        part = join(part, tool, "mount")
+    write_step(part, tmp_path / "part.step", lens=system.lens)
+    checks, left_out = part_checks(tmp_path / "part.step", system.lens, False, system)
+    assert ELSEWHERE in left_out
+    assert not any("target" in check.name for check in checks)

@@ -7,7 +7,9 @@ import pytest
 
 from optics.exchange.assemblies import export_scene, scene_checks, scene_text_check
 from optics.exchange.verification import StepFile, other_part_checks
+from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem, other_parts, scene_parts
+from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.cad.exchange import read_scene, step_bytes
 
@@ -94,3 +96,15 @@ def test_a_fixed_element_whose_file_names_another_glass_is_told(row, tmp_path):
     path.write_text(changed, "ascii")
     (told,) = wrong(other_part_checks(part, StepFile(path), row.problem))
     assert told.startswith(f"{part.name}: text of the file: words that are not those of the problem")
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_every_lens_of_a_plate_has_its_source_before_it(tmp_path, rows):
+    plate = {"lens.array.columns": 3, "lens.array.rows": rows, "lens.array.pitch": 25.0}
+    system = OpticalSystem(load_problem(write_problem(tmp_path, plate | {"lens.thickness": 8.0})))
+    path = tmp_path / "staged.step"
+    assert wrong(export_scene(system, system.lens, path, staged=True)) == []
+    *parts, screen = read_scene(path)
+    sources = [part.pose.shift[:2].tolist() for part in parts if part.name.startswith("source ")]
+    assert sources == system.made(system.lens).places.tolist()
+    assert screen.pose.shift[:2].tolist() == np.mean(sources, axis=0).tolist()

@@ -71,7 +71,12 @@ def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monk
     [
         ("sequential", 0.0, None, []),
         ("sequential", 0.18, None, ["Rays are counted"]),
-        ("all", 0.18, "plate", ["These are tolerances of one", "Light that is reflected", "Rays are counted"]),
+        (
+            "all",
+            0.18,
+            "plate",
+            ["These are tolerances of one", "Light that is reflected", "Rays are counted"],
+        ),
     ],
 )
 def test_the_noise_of_counted_rays_in_rel_l2_is_told_beside_the_reports(paths, noise, array, starts):

@@ -235,3 +235,10 @@ def test_only_what_failed_is_tried_again(by, tmp_path):
     assert [row.status for row in again.rows] == ["done"] * 3
     assert again.rows[1].metrics["rel_l2"] == 1 / 300
     assert any(moment.detail == "1 of 1 over, 0 failed" for moment in moments)
+
+
+def test_a_picture_that_is_not_there_is_one_sentence(by, tmp_path):
+    missing = problem(**{"target.kind": "image", "target.image": str(tmp_path / "none.png")})
+    with pytest.raises(UserError, match=r"cannot read .*none.png: No such file"):
+        optics.sweep(missing, DISTANCES, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -224,3 +224,8 @@ def test_pictures_can_be_varied(picture, tmp_path):
     assert found.counts()["done"] == 2
     assert found.rows[0].metrics["rel_l2"] != found.rows[1].metrics["rel_l2"]
     assert fingerprint(given) != fingerprint(given.with_(**{"target.image": str(other)}))
+
+
+def test_paths_within_tables_start_from_the_problems_folder_too(tmp_path):
+    _, values = value_list('target=[{kind="image", image="a.png"}, {kind="image", image=""}]', tmp_path)
+    assert [value["image"] for value in values] == [str(tmp_path / "a.png"), ""]
