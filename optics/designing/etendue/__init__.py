@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         images_bound,
         one_blur,
         one_blur_sentence,
+        one_blur_tells,
         reached_sentences,
         rounded_down,
         stretchable,

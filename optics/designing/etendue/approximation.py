@@ -21,6 +21,7 @@ from thbcad.checks import Floats, read_only, require_integer, require_number
 
 SINGLE = 1e-5  # up to this KKT residual single precision is enough: its rounding errors are a hundredth of it
 
+FAINT = 1e-6  # of the greatest share of light that falls on the image: rounding outweighs smaller ones
 SPLIT = 200  # steps of the splitting, after which those of the gradient method converge fast
 # of u = A f and of h = f, beside the curvature 1 of the loss: the speed depends on them
 IMAGE_PENALTY = 0.1
@@ -170,6 +171,7 @@ def descend(blur: Blur, light: Real, target: Real, tolerance: float, most: int) 
     J. Optim. Theory Appl. 178 (2018), for the restart.
     """
     sums = blur.column_sums(target.shape).astype(target.dtype)
+    sums = np.where(sums > FAINT * sums.max(), sums, 0)  # light elsewhere hardly falls on the image
     blurred = gradient(blur, np.zeros_like(light), target, sums)
     enough = tolerance**2 * (sums * blurred**2).sum()
     x, slope = light, gradient(blur, light, target, sums)

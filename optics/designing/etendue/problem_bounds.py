@@ -85,6 +85,11 @@ def usual_efficiency(system: OpticalSystem, universal: UniversalBound | None = N
     return usual if universal is None else min(usual, universal.most_on_target / universal.flux)
 
 
+def one_blur_tells(system: OpticalSystem) -> bool:
+    """Return whether one blur everywhere is a model of a system: of one source and a lens on the axis."""
+    return system.axial and system.problem.source.lone
+
+
 def one_blur(
     system: OpticalSystem, lens: Lens, efficiency: float, care: Care = SEARCH, any_form: bool = True
 ) -> OneBlur:
@@ -161,7 +166,7 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     said = [universal_sentence(system, universal, efficiency), *universal_lines(system, universal)]
     free = universal.least_rel_l2(efficiency) == 0 and universal.exact_efficiency >= 1
     (notes.background if free else notes.limits).extend(said)
-    if system.source.diverging or not system.axial:
+    if system.source.diverging or not one_blur_tells(system):
         return notes
     images = one_blur(system, system.lens, efficiency, SEARCH_QUICK, stretchable(system))
     _place(
@@ -194,7 +199,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     if least is None or rel_l2 < least:
         first += "; this lens does, so it is not within the envelope or was not measured well enough"
     (notes.background if least == 0 else notes.limits).extend([first, curve_sentence(system, universal)])
-    if system.source.diverging or not system.axial:
+    if system.source.diverging or not one_blur_tells(system):
         return notes
     forms = [(False, FIXED_QUICK)]
     if stretchable(system):

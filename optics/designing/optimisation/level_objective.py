@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import gcd
+from math import gcd, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,9 @@ from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.scene.limits import feature_levels
-from optics.scene.problem import Problem, per_level
+from optics.scene.problem import Limits, Optic, Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, volume_of_made
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
@@ -152,6 +152,12 @@ def background(
     return Background(image, within, within.image([sag.coefficients]))
 
 
+def limited_part(optic: Optic, shape: Lens, limits: Limits) -> Part:
+    """Return an element whose shape is to keep limits, of the body or the plate that is made of it."""
+    made = volume_of_made(optic, shape) if isfinite(limits.mass) else (1, 0.0)
+    return Part(shape, limits, optic.density, made)
+
+
 def penalised_objective(
     system: OpticalSystem,
     lens: Lens,
@@ -166,7 +172,7 @@ def penalised_objective(
     for (optic, shape), crosses in zip(system.free_elements(lens), can_cross(system)):
         kept = crosses and not limits.thickness
         own = replace(limits, thickness=THINNEST * shape.thickness) if kept else limits
-        parts.append(Part(shape, own, optic.density))
+        parts.append(limited_part(optic, shape, own))
     return Objective(
         model,
         target,

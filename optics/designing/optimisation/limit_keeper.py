@@ -20,11 +20,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.level_objective import limited_part
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
-from optics.designing.penalties import ROOM, Part, ShapePenalty, shape_penalty
+from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
 from optics.scene.limits import Miss, limit_misses
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability
+from optics.scene.system import OpticalSystem, manufactured_shape
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 PASSES = 3  # of the augmented Lagrangian at most
@@ -50,7 +51,7 @@ class LimitKeeper:
         self._system, self._lens, self._note = system, lens, note
         problem = system.problem
         free = system.free_elements(lens)
-        parts = [Part(shape, problem.limits, optic.density) for optic, shape in free]
+        parts = [limited_part(optic, shape, problem.limits) for optic, shape in free]
         self._dense, self._sags = shape_penalty(parts, fine=True), system.sags(lens)
         self._bounds = [freeform.freedom for freeform in system.freeforms]
 
@@ -159,7 +160,7 @@ def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
     return [
         miss
         for optic, shape in system.free_elements(lens)
-        for miss in limit_misses(system.problem.about(optic), manufacturability(shape, optic.density or None))
+        for miss in limit_misses(system.problem.about(optic), manufactured_shape(optic, shape))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
     ]
 

@@ -48,8 +48,8 @@ from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, manufacturability
+from optics.scene.system import OpticalSystem, manufactured_shape
+from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
@@ -156,7 +156,7 @@ def shape_lens(
     shaped, lens = with_sags(system, state.sags)
     if crossing or system.problem.limits != Limits():
         for optic, shape in shaped.free_elements(lens):
-            made = manufacturability(shape, optic.density or None)
+            made = manufactured_shape(optic, shape)
             name = "" if optic is system.problem.optic else optic.called
             for sentence in limit_sentences(system.problem.about(optic), made, crossing, name):
                 listener.note(sentence)

@@ -131,8 +131,10 @@ class RangeExcess:
         slopes[number][...] += self._samples.pulled((bar[0] - bar[1]) / self._half, (0, 0))
 
 
-def height_limits(lens: Lens, limits: Limits, density: float, fine: bool) -> list[Excess]:
-    """Return the excesses of every limit of heights that is set; density : g/cm^3."""
+def height_limits(
+    lens: Lens, limits: Limits, density: float, made: tuple[int, float], fine: bool
+) -> list[Excess]:
+    """Return the excesses of every limit of heights that is set; density, made : as of `Part`."""
     found: list[Excess] = []
     least = {"thickness": limits.thickness, "edge_thickness": limits.edge_thickness}
     least["centre_thickness"] = limits.centre_thickness
@@ -148,7 +150,8 @@ def height_limits(lens: Lens, limits: Limits, density: float, fine: bool) -> lis
             found.append(RangeExcess(samples, limits.sag_range))
         found += _envelope(lens, name, surface, samples, limits.envelope)
     if isfinite(limits.mass):
-        found.append(_volume(lens).scaled(mass(1.0, density) / limits.mass, -1.0, "mass"))
+        (count, more), share = made, mass(1.0, density) / limits.mass
+        found.append(_volume(lens).scaled(count * share, more * share - 1.0, "mass"))
     return found
 
 

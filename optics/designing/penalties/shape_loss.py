@@ -112,11 +112,16 @@ def _counted(excess: Excess, nets: Sequence[Floats], shift: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """An element whose shape is to keep limits.  density : g/cm^3, for limits.mass."""
+    """An element whose shape is to keep limits.
+
+    density : g/cm^3, for limits.mass.  made : (n, more), the volume of what is made is n times that of the
+    lens, and mm^3 more.
+    """
 
     lens: Lens
     limits: Limits
     density: float = 0.0
+    made: tuple[int, float] = (1, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +150,7 @@ def shape_penalty(parts: Sequence[Part], roughness: float = 0.0, fine: bool = Fa
     free, excesses = list[FreeformSurface](), list[Excess]()
     for part in parts:
         own = slice(len(free), len(free) + len(part.lens.sags))
-        limits = height_limits(part.lens, part.limits, part.density, fine)
+        limits = height_limits(part.lens, part.limits, part.density, part.made, fine)
         limits += bending_limits(part.lens, part.limits, fine)
         excesses += limits if len(parts) == 1 else [_OfPart(excess, own) for excess in limits]
         free += part.lens.free_surfaces

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.etendue import bounds_hold, image_half_width, usual_efficiency
+from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
 from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries, is_gentle
@@ -19,7 +19,7 @@ from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
 from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, volume_of_made
 from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
 
@@ -106,9 +106,13 @@ def expected(
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
     density = system.problem.optic.density
-    volume, (seconds, memory) = lens.volume(), seconds_and_memory(system, plan)
+    (count, more), (seconds, memory) = (
+        volume_of_made(system.problem.optic, lens),
+        seconds_and_memory(system, plan),
+    )
+    volume = count * lens.volume() + more
     return Expectation(
-        size=_size(lens),
+        size=_size(system, lens),
         volume=volume,
         mass=mass(volume, density) if density else None,
         sag=fit.asked,
@@ -185,8 +189,9 @@ def _follows_map(start: TransportStart, first: TransportFit) -> bool:
     return (start.traced is None or start.within(start.traced)) and start.follows(first)
 
 
-def _size(lens: Lens) -> tuple[float, float, float]:
-    """Return width, height and depth, mm."""
+def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:
+    """Return width, height and depth, mm; of a plate with its land."""
+    array = system.problem.optic.array
     wide, high = (2 * max(h) for h in zip(lens.front.half_width, lens.rear.half_width))
     heights = []
     for surface in (lens.front, lens.rear):
@@ -196,6 +201,8 @@ def _size(lens: Lens) -> tuple[float, float, float]:
         else:
             heights.append(surface(*surface.outline.filled(*np.meshgrid(x, y))))
     front, rear = heights
+    if array is not None:
+        wide, high = (n * pitch for n, pitch in zip((array.columns, array.rows), array.pitches))
     return wide, high, float(lens.thickness + rear.max() - front.min())
 
 
@@ -216,6 +223,6 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
 def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> float | None:
     """Return the width of the images of the source: the least one that is possible, of what etendue bounds,
     else what the start makes.  None of a source without extent."""
-    if bounds_hold(system) and system.axial and not system.blurred:
+    if bounds_hold(system) and one_blur_tells(system) and not system.blurred:
         return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))
     return spot_width(system, lens, backend) if system.source.extended or system.blurred else None

@@ -1,7 +1,8 @@
 """How far small errors of making and mounting move the light.
 
 Index and ripple are those of rays, traced with the error and without.  Light without extent stands for that
-of a source with extent: the light of the point in its middle.  A decentre d moves the light
+of a source with extent: the light of the point in its middle.  A decentre d moves what each point of the
+shaped surface sends, and so details of the light, by
 
     D d / s    of a source at the optical distance s before the shaped surface, with the throw D behind it,
     d          of a lens in parallel light, with which the light moves.

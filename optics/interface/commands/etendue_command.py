@@ -23,6 +23,7 @@ from optics.designing.etendue import (
     images_bound,
     one_blur,
     one_blur_sentence,
+    one_blur_tells,
     stretchable,
     throughput,
     universal_bound,
@@ -40,7 +41,11 @@ from thbcad.io import write_bytes
 
 NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
-OFF_AXIS = "one blur everywhere is a model of a lens on the axis before a target across it, and of no other"
+OFF_AXIS = (
+    "one blur everywhere is a model of one source and a lens on the axis before a target across it, and of "
+    "no other"
+)
+SEVERAL = "there are several sources: etendue bounds the light of one, so that no limit is given"
 OF_SOURCE = 2  # lines on the source's own etendue, the first ones
 UNKNOWN = "a file describes the source: its etendue is not known, so that no limit is given"
 
@@ -63,7 +68,7 @@ def etendue(options: Namespace) -> Outcome:
     lines = _throughput_lines(system, passing)
     without = _why_no_limit(system, passing)
     for name in ("measure", "out"):
-        if getattr(options, name) and (without or not system.axial):
+        if getattr(options, name) and (without or not one_blur_tells(system)):
             raise UserError(f"{without or OFF_AXIS}; leave out --{name}")
     if without:
         return Outcome(data, [*lines, without])
@@ -89,7 +94,7 @@ def etendue(options: Namespace) -> Outcome:
             "cap_over_sampled": cap,
         },
     }
-    if not system.axial:
+    if not one_blur_tells(system):
         return Outcome(data, [*lines, OFF_AXIS])
     data["one_blur"], alike, more = _one_blurs(system, efficiency)
     lines += more
@@ -106,6 +111,8 @@ def etendue(options: Namespace) -> Outcome:
 
 def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
+    if system.source.several:
+        return SEVERAL
     if system.source.by_rays:
         return UNKNOWN
     if not passing.source:

@@ -66,7 +66,7 @@ def other_source(words: str, problem: Problem) -> Source:
     """
     own = problem.source
     if words.lower() == "sun":
-        beam = own if source_of(problem).from_afar else _beam(problem)
+        beam = own if source_of(problem).beam else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         size = _number(found, "size")

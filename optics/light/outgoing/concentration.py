@@ -75,7 +75,8 @@ class _Bundle:
     start : (2, 4 or 1, n), x and y on the plane z0, mm.  slope : the same, tangents.  flux : (n,) W.
     middle : of cells, (start, slope), (2, n) each.
     z0, depth : mm behind the rear vertex, of that plane and, on average, of the points where rays leave.
-    front : W/mm^2, of what is lit of the front.  disk : mm, the least in which rays tell the irradiance.
+    front : W/mm^2, of what is lit of the first face; of a beam, across it.
+    disk : mm, the least in which rays tell the irradiance.
     """
 
     start: Floats
@@ -145,8 +146,11 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[_Bund
         first, last = (h[0] for h in ([h for h in way if h is not None] for way in (hits, hits[::-1])))
         every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
         onto, out = every & first.hit, every & landing.arrives
+        across = first.x, first.y
+        if system.source.from_afar:  # a face that is turned has less light on its area than the beam
+            across = path.surfaces[0].pose.points((first.x, first.y, first.z))[:2]
         height = ahead.points((last.x, last.y, last.z))[2]
-        values = [first.x, first.y, height, landing.x, landing.y, landing.p, landing.q, onto, out]
+        values = [*across, height, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)
     traced = [a.numpy() for a in values]
     if cells is None:

@@ -77,8 +77,10 @@ def outgoing_intensity(
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES
         total.append(nodes)
-    hx, hy = solid.outline.half_width if isinstance(solid, Plate) else lens.rear.half_width
-    luminaire = grid.luminaire(np.mean(total, axis=0), Opening((2 * hx, 2 * hy)))
+    outline = solid.outline if isinstance(solid, Plate) else lens.rear.outline
+    hx, hy = outline.half_width
+    opening = Opening((2 * hx, 2 * hy), round=outline.is_ellipse)
+    luminaire = grid.luminaire(np.mean(total, axis=0), opening)
     error = grid.intensity(np.std(total, axis=0, ddof=1) / np.sqrt(REPLICATES))
     each = np.stack([grid.intensity(nodes) for nodes in total])
     weights = luminaire.node_solid_angles

@@ -9,8 +9,11 @@ import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.light.tracing import Tracer
+from optics.scene.paths import LightPath
 from optics.scene.ray_files import RaySet
+from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.moulds import Plate
 
@@ -18,7 +21,7 @@ from thbcad.moulds import Plate
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
     """Return about `count` rays of the source that went over all faces, in the unit of its flux.
 
-    Those of a plate are of all its lenses, at their places.
+    Those of a plate are of all its lenses, at their places; those of a spectrum are of all its wavelengths.
 
     place : where the rays start: on the last face, "rear", or on the "target"; in the frame of the scene.
     backend : of double precision.
@@ -31,9 +34,29 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
         raise UserError("the far field has no plane that rays may start from; take --light rear")
     made = system.made(lens)
     places = made.places if isinstance(made, Plate) else np.zeros((1, 2))
-    side = isqrt((count - 1) // len(places)) + 1
+    side = isqrt((count - 1) // (len(places) * len(system.wavelengths))) + 1
     rays = system.source.rays((side, side))
     path = system.shaded_path(lens)
+    sets = [
+        _behind(system, path.in_media(wavelength.media), rays, place, backend)
+        for wavelength in system.wavelengths
+    ]
+    shifts, parts = np.insert(places, 2, 0.0, axis=1)[:, None], []
+    for wavelength, (position, direction, flux) in zip(system.wavelengths, sets):
+        starts = position + shifts
+        every = np.broadcast_to(wavelength.weight * flux, starts.shape[:2])
+        along, nm = np.broadcast_to(direction, starts.shape), np.full(every.size, wavelength.nm)
+        parts.append((starts.reshape(-1, 3), along.reshape(-1, 3), every.ravel(), nm))
+    rows = (np.concatenate(row).astype(np.float32) for row in zip(*parts))
+    unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
+    positions, directions, fluxes, nm = rows
+    return RaySet(positions, directions, fluxes, unit, nm)
+
+
+def _behind(
+    system: OpticalSystem, path: LightPath, rays: RayGrid | Rays, place: str, backend: Backend
+) -> tuple[Floats, Floats, Floats]:
+    """Return position and direction, (n, 3) each, and flux, (n,), of the rays that leave the last face."""
     tracer, last = Tracer(backend, path, rays), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(last)
@@ -48,9 +71,4 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     position = path.surfaces[last].pose.points(np.stack([x, y, z])).T
     if place == "target":
         position = np.stack(np.broadcast_arrays(*receiver.points(u, v)), axis=1)
-    starts = position[out] + np.insert(places, 2, 0.0, axis=1)[:, None]
-    every = starts.shape[:2]
-    directions, fluxes = np.broadcast_to(direction[out], starts.shape), np.broadcast_to(flux[out], every)
-    wavelength = np.full(starts.shape[0] * starts.shape[1], system.problem.source.wavelength)
-    unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
-    return RaySet(starts.reshape(-1, 3), directions.reshape(-1, 3), fluxes.ravel(), unit, wavelength)
+    return position[out], direction[out], flux[out]

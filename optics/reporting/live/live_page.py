@@ -159,8 +159,9 @@ class LiveView:
 def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:
     """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
     objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
-    wanted = stage.screen.crop(objective.target)
-    image = objective.image([sag.coefficients for sag in system.sags(lens)])
+    shown = stage.screen.projection()  # in the far field intensities are compared
+    wanted = stage.screen.crop(objective.target) / shown
+    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / shown
     name = f"{'' if stage.iterations else 'before '}{stage.name}"
     pictures = [(f"{caption} ({name})", png) for caption, png in light_pictures(wanted, image)]
     misfit, asked = float(np.linalg.norm(image - wanted) / np.linalg.norm(wanted)), system.problem.verify
@@ -171,8 +172,9 @@ def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engi
     if region is not None:
         blur = spot_rms(system, lens, system.backend) if system.source.extended or system.blurred else 0.0
         least = uniformity(image, region, stage.screen.half_width, None, blur, asked.grid).min_over_mean
+        light = "I_min/I_mean" if stage.screen.angular else "E_min/E_mean"
         if least is not None:
             so_far.append(
-                f"U0 = E_min/E_mean {least:.3g} so far, and at least {asked.min_over_mean:g} is asked for."
+                f"U0 = {light} {least:.3g} so far, and at least {asked.min_over_mean:g} is asked for."
             )
     return {"pictures": pictures, "so_far": so_far}

@@ -72,6 +72,11 @@ class LightSource(ABC):
         return self.by_rays or self.spread.half_angle > 0
 
     @property
+    def beam(self) -> bool:
+        """Whether it is one beam, which may be turned."""
+        return self.from_afar
+
+    @property
     def diverging(self) -> bool:
         """Whether it is a beam whose points spread their light: cells measure each direction of it."""
         return self.from_afar and self.extended

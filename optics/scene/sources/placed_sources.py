@@ -11,6 +11,7 @@ import numpy as np
 from optics.scene.sources.cells import SourceCells
 from optics.scene.sources.divergence import Divergence
 from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair
+from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import RayGrid, Rays
 from thbcad.certified import Stack, supports_of
 from thbcad.checks import Floats
@@ -38,12 +39,24 @@ class PlacedSource(LightSource):
         return self.source.extended
 
     @property
+    def beam(self) -> bool:
+        return self.source.beam
+
+    @property
     def symmetric(self) -> bool:
         return False
 
     @property
     def etendue(self) -> float:
         return self.source.etendue
+
+    @property
+    def profile(self) -> Profile:
+        return self.source.profile
+
+    @property
+    def image(self) -> tuple[Profile, tuple[float, float]]:
+        return self.source.image
 
     @property
     def middle(self) -> tuple[float, float, float]:

@@ -10,9 +10,11 @@ if TYPE_CHECKING:
         MadePart,
         designed_part,
         manufactured,
+        manufactured_shape,
         other_limit_checks,
         other_parts,
         scene_parts,
+        volume_of_made,
     )
     from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis, require_light_of_one_lens

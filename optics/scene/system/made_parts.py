@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import Check
+from optics.base.runtime import Check, UserError
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Optic
 from optics.scene.system.elements import lens_product, pose_of
@@ -47,9 +47,26 @@ def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
 
 def manufactured(system: OpticalSystem, lens: Lens) -> Manufacturability:
     """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
-    metrics = manufacturability(lens, system.problem.optic.density or None)
-    made = system.made(lens)
-    return metrics if made is lens else replace(metrics, volume=made.volume())
+    return manufactured_shape(system.problem.optic, lens)
+
+
+def manufactured_shape(optic: Optic, lens: Lens) -> Manufacturability:
+    """Return the same of an element with a shape."""
+    metrics, (count, more) = manufacturability(lens, optic.density or None), volume_of_made(optic, lens)
+    return metrics if (count, more) == (1, 0.0) else replace(metrics, volume=count * metrics.volume + more)
+
+
+def volume_of_made(optic: Optic, lens: Lens) -> tuple[int, float]:
+    """Return (n, more): the volume of what is made is n times that of a lens of this shape, and mm^3 more.
+
+    It is that of the lens itself where no such body or plate is made of it.
+    """
+    try:
+        made = whole_of(optic, lens)
+    except UserError:
+        return 1, 0.0
+    count = 1 if optic.array is None else optic.array.count
+    return count, 0.0 if made is lens else made.volume() - count * lens.volume()
 
 
 def other_parts(system: OpticalSystem) -> tuple[MadePart, ...]:
@@ -70,9 +87,7 @@ def other_limit_checks(system: OpticalSystem) -> list[Check]:
     return [
         replace(check, name=f"{optic.called}: {check.name}")
         for optic, shape in system.free_others
-        for check in limit_checks(
-            system.problem.about(optic), manufacturability(shape, optic.density or None)
-        )
+        for check in limit_checks(system.problem.about(optic), manufactured_shape(optic, shape))
     ]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import Problem, freedom_of, load_problem
+from optics.scene.system.lens_material import with_material
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
     require_apart,
@@ -46,7 +47,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
         before or at all, a material that is not known, a stop in the lens, before the source or behind the
         target, blur of a row of elements.
     """
-    require_limits(problem)
+    require_limits(with_material(problem))
     if own.source and not np.isclose(own.source.flux, problem.flux, rtol=SAME_FLUX, atol=0.0):
         raise UserError(
             f"the flux of the script's source, {own.source.flux:g}, must be that of the problem, "

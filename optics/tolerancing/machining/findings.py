@@ -175,7 +175,8 @@ def tool_findings(
     yardstick = max(1.0, OF_BLUR * spot_width(system, lens, backend) / pixel) if names else 1.0
     surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
     found = draft(lens) if array is None and body is None else replace(draft(lens), walls=())
-    return ToolFindings(order, surfaces, found, body and body.draft, 1 if array is None else array.count)
+    lenses, body_draft = 1 if array is None else array.count, None if body is None else body.draft
+    return ToolFindings(order, surfaces, found, body_draft, lenses)
 
 
 def _surface(

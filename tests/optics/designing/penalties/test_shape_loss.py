@@ -392,3 +392,11 @@ def test_multipliers_follow_the_excess_and_keep_the_force():
     shifted = 0.03 + ROOM
     assert before == pytest.approx(WEIGHT * shifted**2, rel=1e-6)
     assert after == pytest.approx(10 * WEIGHT * (0.03 + shifted / 10) ** 2, rel=1e-6)
+
+
+def test_the_mass_of_a_body_and_of_a_plate_is_that_of_what_is_made():
+    lens = lens_with(rough_by(0.4), rough_by(0.3, 6))
+    grams = mass(3 * lens.volume() + 50.0, DENSITY)
+    part = Part(lens, Limits(mass=grams / 1.5), DENSITY, (3, 50.0))
+    loss, _ = shape_penalty([part])(coefficients(lens))
+    assert loss == pytest.approx(WEIGHT * (0.5 + ROOM) ** 2, rel=1e-10)

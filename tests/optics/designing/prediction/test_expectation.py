@@ -16,7 +16,7 @@ from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import OpticalSystem, solvable_system, volume_of_made
 from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import landing_points, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import loaded, run
@@ -126,9 +126,10 @@ def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
 def test_a_round_lens_is_as_deep_as_within_its_rim():
     """Against the vertices of its mesh."""
     problem = load_problem(EXAMPLES / "dome.toml", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
-    lens = OpticalSystem(problem).lens
+    system = OpticalSystem(problem)
+    lens = system.lens
     heights = to_trimesh(lens, 1e-3).vertices[:, 2]
-    assert _size(lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
+    assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
 
 def test_a_trap_is_told_before_the_design(tmp_path, backend):
@@ -184,3 +185,16 @@ def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path
     iris = {"name": "iris", "shape": "ellipse", "half_width": (10, 10), "position": (0, 0, 1.1e5)}
     plate = loaded(tmp_path, WIDE | {"lens.rear.radius": np.inf, "target.distance": 1.2e5, "stop": [iris]})
     assert sensitivity(plate, plate.lens, backend).ripple == np.inf
+
+
+@pytest.mark.parametrize("example", ["dome", "street_plate"])
+def test_volume_and_size_are_those_of_what_is_made(example):
+    base = {"lens.rear.radius": -30.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 0.1}
+    system = solvable_system(load_problem(EXAMPLES / f"{example}.toml", base | {"target.pixels": (32, 32)}))
+    made, (count, more) = system.made(system.lens), volume_of_made(system.problem.optic, system.lens)
+    assert made.volume() == pytest.approx(count * system.lens.volume() + more, rel=1e-12)
+    assert made.volume() > 1.2 * count * system.lens.volume()
+    array = system.problem.optic.array
+    if array is not None:
+        wide, high, _ = _size(system, system.lens)
+        assert (wide, high) == (array.columns * array.pitches[0], array.rows * array.pitches[1])

@@ -19,7 +19,7 @@ from optics.designing.etendue import (
     universal_bound,
 )
 from optics.interface.commands import etendue_command
-from optics.interface.commands.etendue_command import NO_LIMIT, UNKNOWN, etendue
+from optics.interface.commands.etendue_command import NO_LIMIT, OFF_AXIS, SEVERAL, UNKNOWN, etendue
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
@@ -187,7 +187,7 @@ def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_eten
     metrics = {"rel_l2_debiased": allowed, "efficiency": 0.99 * bound.most_on_target}
     reached = reached_sentences(system, system.lens, metrics)
     assert any("by etendue no mirror" in sentence for sentence in (*reached.limits, *reached.background))
-    with pytest.raises(UserError, match=r"a model of a lens on the axis .* leave out --out"):
+    with pytest.raises(UserError, match=r"a model of one source and a lens on the axis .* leave out --out"):
         run(tmp_path / "mirror.toml", out=str(tmp_path / "bound.png"))
 
 
@@ -247,3 +247,32 @@ def test_etendue_forbids_none_of_the_designs_at_hand(name):
     stored = {row["name"].removeprefix(f"{name}: "): row["value"] for row in rows}
     efficiency = stored["flux on the target, non-sequential"] / system.problem.source.flux
     assert universal_bound(system).least_rel_l2(efficiency) == 0 < stored["rel_l2, all paths"]
+
+
+def test_a_narrow_gaussian_source_has_numbers(hollow):
+    """Far from its middle no light falls on the image: rounding divided by nothing is no step."""
+    narrow = {"source.profile": "gaussian", "source.sigma": [0.08, 0.08], "source.half_width": [0.5, 0.5]}
+    data, _, _ = run(hollow(narrow))
+    found = data["one_blur"]["source_proportions"]
+    assert np.isfinite([found["attained"], found["kkt"]]).all()
+    assert 0 <= found["lower_bound"] <= found["attained"]
+
+
+def test_a_turned_source_has_its_profile_and_one_blur_tells_nothing_of_it(hollow):
+    data, lines, _ = run(hollow({"source.profile": "round", "source.tilt": [0.0, 0.0, 1e-3]}))
+    plain, _, _ = run(hollow({"source.profile": "round"}))
+    assert data["universal"]["peak"] == pytest.approx(plain["universal"]["peak"], rel=1e-3)
+    assert "one_blur" not in data
+    assert lines[-1] == OFF_AXIS
+
+
+def test_several_sources_are_not_called_a_file(hollow):
+    file = hollow(
+        {
+            "source.position": [0.0, 0.0, -2.0],
+            "source.array.columns": 2,
+            "source.array.rows": 1,
+            "source.array.pitch": [3.0, 3.0],
+        }
+    )
+    assert run(file)[1][-1] == SEVERAL

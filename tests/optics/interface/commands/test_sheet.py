@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import NdBSpline
 
-from optics.exchange.export.sheet_facts import FACES
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands.cli import main
 from optics.tolerancing.form_errors import BandCost, FormErrors, SideCost
@@ -125,7 +124,9 @@ def test_tolerances_become_profile_slopes_and_amounts(capsys, copy, tmp_path):
     said = re.findall(r"to (\d+) mm: ([\d.]+) mrad", found["slope.rear"][0])
     assert [int(last) for last, _ in said] == [2, 20]
     assert all(0.9 * slope < float(text) <= slope for slope, (_, text) in zip(slopes, said))
-    front, rear = (getattr(ResultFolder(copy).read_lens(), face)(0.0, 0.0).item() for face in FACES)
+    front, rear = (
+        getattr(ResultFolder(copy).read_lens(), face)(0.0, 0.0).item() for face in ("front", "rear")
+    )
     assert found["thickness"] == (f"{6 + rear - front:.6g} mm +- 0.032 mm", "computed")  # less is allowed
     assert found["index"] == ("n = 1.5 at 550 nm +- 0.0005", "customary")
     assert found["centring"] == ("3'", "customary")  # a plane has no decentre

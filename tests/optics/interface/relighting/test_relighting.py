@@ -223,3 +223,9 @@ def test_an_index_without_a_known_material_stays(tmp_path):
     assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
     with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
         relit(OpticalSystem(problem), lens, replace(problem.source, spectrum="LED-B1"), backend)
+
+
+def test_the_sun_comes_from_where_a_tilted_beam_comes(tmp_path):
+    problem = problem_of(tmp_path, {"source.tilt": [5.0, 0.0, 0.0]})
+    sun = other_source("sun", problem)
+    assert (sun.tilt, sun.half_width) == ((5.0, 0.0, 0.0), problem.source.half_width)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
 from optics.light.outgoing.concentration import _gathered
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import THOROUGH, examples
 from tests.optics.cases import rough, tracer_to, write_problem
@@ -179,3 +180,19 @@ def test_lumens_tell_no_heat(concentrated):
 def test_a_lens_that_no_light_leaves_has_no_concentration(concentrated):
     with pytest.raises(UserError, match="no light leaves the lens"):
         concentrated(WINDOW | {"lens.rear.half_width": [0.01, 0.01]})
+
+
+@pytest.mark.parametrize("tilt", [0.0, 45.0, 75.0])
+def test_a_plane_mirror_concentrates_nothing_however_it_is_turned(backend, tilt):
+    face = {"half_width": (10, 40), "freeform": {"z_freedom": 1.0}}
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (tilt, 0, 0), "thickness": 4, "face": face}
+    turn = 180 + 2 * tilt  # from +z to where the light goes
+    place = Rotation.from_euler("X", turn, degrees=True).apply([0.0, 0.0, 60.0])
+    target = {"kind": "tophat", "position": tuple(place), "tilt": (turn, 0, 0)}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (8, 8), "distance": 100},
+        element=[mirror],
+        target=target | {"half_width": (10, 10), "pixels": (8, 8)},
+    )
+    system = OpticalSystem(problem)
+    assert greatest_concentration(system, system.lens, backend).times == pytest.approx(1.0, rel=2e-2)

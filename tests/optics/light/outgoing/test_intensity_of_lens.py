@@ -10,6 +10,7 @@ from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
+from optics.scene.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.1, 0.1], "source.distance": 2.0}
@@ -108,3 +109,10 @@ def test_a_wedge_throws_the_beam_where_snell_says(tmp_path):
 def scaled(row):
     """Return parameters as positions on a half-width of 10 mm."""
     return 20 * (row - row[0]) / (row[-1] - row[0]) - 10
+
+
+@pytest.mark.parametrize(("outline", "is_round"), [("round", True), ("rectangle", False)])
+def test_the_opening_has_the_outline_of_the_lens(tmp_path, backend, outline, is_round):
+    system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.outline": outline})))
+    opening = outgoing_intensity(system, system.lens, backend, 1 << 10, 45.0).luminaire.opening
+    assert (opening.size, opening.round) == ((20.0, 20.0), is_round)

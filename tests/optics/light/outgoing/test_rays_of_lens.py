@@ -74,3 +74,18 @@ def test_no_rays_start_in_the_far_field(tmp_path):
     system = optics.System(load_problem(write_problem(tmp_path, far)))
     with pytest.raises(UserError, match="take --light rear"):
         outgoing_rays(system.optical, system.optical.lens, load_backend("double"), 100, "target")
+
+
+def test_rays_of_a_spectrum_have_all_its_wavelengths(tmp_path, backend):
+    """Each with its share of the flux, bent by its own index."""
+    colours = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 3]]}
+    system = OpticalSystem(load_problem(write_problem(tmp_path, colours)))
+    rays = outgoing_rays(system, system.lens, backend, 4096, "target")
+    blue, red = (rays.wavelength < 500), (rays.wavelength > 600)
+    lines = {round(w.nm): w.weight for w in system.wavelengths}
+    assert {round(float(nm)) for nm in np.unique(rays.wavelength)} == set(lines)
+    for nm, weight in lines.items():
+        share = rays.flux[np.abs(rays.wavelength - nm) < 1].sum() / rays.total
+        assert share == pytest.approx(weight, rel=0.02)
+    apart = [np.hypot(*rays.position[some, :2].astype(float).T).max() for some in (blue, red)]
+    assert apart[0] != pytest.approx(apart[1], rel=1e-3)

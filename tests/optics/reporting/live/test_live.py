@@ -1,14 +1,19 @@
 """The page of a run: when it is written, and what it says."""
 
 import re
+from importlib import import_module
 from types import SimpleNamespace
 
 import pytest
 
 from optics.base.runtime import ProgressEvent
-from optics.designing.optimisation import Listener, Row
+from optics.designing.optimisation import Listener, Row, stages
 from optics.reporting.live.live_page import NOT_FRESH, SECONDS, LiveState, LiveView, live_page
+from optics.scene.problem import load_problem
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import WIDE, write_problem
 
+page = import_module("optics.reporting.live.live_page")
 EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
 ROWS = [Row(0, 100, k, 0.0, fit, 0.0, stage=k // 3) for k, fit in enumerate((0.8, 0.4, 0.2, 0.3, 0.1))]
 REFRESH = 'http-equiv="refresh"'
@@ -99,3 +104,15 @@ def test_the_misfit_falls_from_the_top_to_the_bottom_of_its_curve():
     assert heights[0] == 0  # 0.8, the greatest
     assert heights[-1] == max(heights)  # 0.1, the least
     assert heights[2] - heights[1] == pytest.approx(heights[1] - heights[0], abs=0.11)  # it is logarithmic
+
+
+def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp_path, monkeypatch):
+    """Equal intensities everywhere are as uniform as can be; as irradiances they are 0.77 in the corners."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, WIDE)))
+    stage = stages(system, False)[-1]
+    target = system.target.irradiance(stage.screen, 1.0)
+    asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: target)
+    monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
+    said = " ".join(page._light(stage, system, system.lens, target, None)["so_far"])
+    assert "rel_l2 0 so far" in said
+    assert "U0 = I_min/I_mean 1 so far" in said

@@ -128,3 +128,29 @@ def test_a_source_of_a_script_is_a_light_source_of_the_flux_of_the_problem(own, 
     optics.System(plain, source=source)
     with pytest.raises(UserError, match=words):
         optics.System(plain, source=own if isinstance(own, str) else replace(source, flux=own))
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {
+            "kind": "lambertian",
+            "half_width": (1, 2),
+            "half_angle": 30.0,
+            "profile": "gaussian",
+            "sigma": (1, 1),
+        },
+        {"kind": "collimated", "half_width": (4, 4), "profile": "round"},
+        POINT,
+    ],
+    ids=["lambertian", "beam", "point"],
+)
+def test_a_placed_source_says_of_its_light_what_the_plain_one_says(keys):
+    """A property that it forgot would be that of light of a known intensity on the axis."""
+    plain, there = (source_of(problem(keys | place)) for place in ({}, {"tilt": (0.0, 0.0, 1e-3)}))
+    for name in ("spread", "extended", "etendue", "cone", "assumed", "beam"):
+        assert getattr(there, name) == getattr(plain, name), name
+    at, sizes = np.linspace(-1, 1, 7), (there.image[1], plain.image[1])
+    assert sizes[0] == sizes[1]
+    for mine, own in ((there.profile, plain.profile), (there.image[0], plain.image[0])):
+        np.testing.assert_array_equal(mine(at, at), own(at, at))
