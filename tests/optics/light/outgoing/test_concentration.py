@@ -161,7 +161,7 @@ def test_light_that_may_start_a_fire_is_warned_of(concentrated):
         "1.27e+03 kW/m^2 with the source and 460 kW/m^2 with sunlight of 1 kW/m^2, "
     )
     said = concentration_sentence(system, found)
-    assert "460 times that on the front, " in said
+    assert "460 times that of the beam, " in said
     assert "460 kW/m^2 in the sun" in said
     assert "mean over 1 mm, without losses; searched up to 480 mm" in said
     weak = replace(found, times=9.9, sunlight=9.9, irradiance=0.0099)
