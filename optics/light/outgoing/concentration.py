@@ -54,8 +54,8 @@ SUNLIGHT = 1.0  # kW/m^2, across the beam
 class Concentration:
     """The greatest concentration of light on a plane between lens and target, across the way to its middle.
 
-    times : the mean irradiance on a disk, over that of the beam, or of the first face.  irradiance : on that disk, of the source's
-        own flux, W/mm^2 (lm/mm^2), without losses
+    times : the mean irradiance on a disk, over that of the beam, or of the first face.
+    irradiance : on that disk, of the source's own flux, W/mm^2 (lm/mm^2), without losses
     sunlight : kW/m^2 on it where the sun shines along a beam's axis; None of sources that are no beams
     behind : mm from the rear vertex to the plane.  disk : mm, its diameter.  searched : mm behind that vertex
     """
