@@ -96,6 +96,10 @@ def with_sags(system: OpticalSystem, sags: Sequence[THBSurface]) -> tuple[Optica
 def sound_with(system: OpticalSystem, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
     """Return a system and its lens with other sags; raise as `require_sound` of its elements."""
     system, lens = system.with_sags(lens, sags)
-    for _, shape in system.free_elements(lens):
-        require_sound(shape)
+    elements = system.free_elements(lens)
+    for optic, shape in elements:
+        try:
+            require_sound(shape)
+        except ValueError as error:
+            raise ValueError(f"{optic.called}: {error}" if len(elements) > 1 else str(error)) from None
     return system, lens

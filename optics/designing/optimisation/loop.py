@@ -136,7 +136,7 @@ def shape_lens(
         clock,
         stages(system, state.started_from_transport),
     )
-    crossing = 0.0
+    crossings: dict[str, float] = {}
     for stage in run.plan[state.stage :]:
         try:
             listener.progress(run.plan, stage, state.dof, None)
@@ -144,7 +144,7 @@ def shape_lens(
             shaped, lens = task.system, task.lens
             if stage.iterations:
                 shaped, lens, state, crossed = run.optimised(task, state, listener)
-                crossing = max(crossing, crossed)
+                crossings |= {name: max(by, crossings.get(name, 0.0)) for name, by in crossed.items()}
             listener.seen(stage, shaped, lens, task.target)
             state, new_fit = run.refined(task, shaped, lens, state)
             fit = new_fit or fit
@@ -154,11 +154,12 @@ def shape_lens(
     if start and fit and not start.within(fit):
         listener.note(start.note(fit, start.finest_fit()))
     shaped, lens = with_sags(system, state.sags)
-    if crossing or system.problem.limits != Limits():
+    if crossings or system.problem.limits != Limits():
         for optic, shape in shaped.free_elements(lens):
             made = manufactured_shape(optic, shape)
-            name = "" if optic is system.problem.optic else optic.called
-            for sentence in limit_sentences(system.problem.about(optic), made, crossing, name):
+            name, crossing = optic.called, crossings.get(optic.called, 0.0)
+            of = "" if optic is system.problem.optic else name
+            for sentence in limit_sentences(system.problem.about(optic), made, crossing, of):
                 listener.note(sentence)
     return lens, state
 
@@ -214,9 +215,9 @@ class _Run:
 
     def optimised(
         self, task: _Task, state: State, listener: Listener
-    ) -> tuple[OpticalSystem, Lens, State, float]:
+    ) -> tuple[OpticalSystem, Lens, State, dict[str, float]]:
         """Return the system and lens that the optimiser finds, or the nearest that can exist, the state with
-        them, and by how much, mm, the surfaces crossed that were found.
+        them, and by how much, mm, the surfaces crossed that were found, by the names of their elements.
 
         The last stage ends within the limits.
         """
@@ -243,11 +244,12 @@ class _Run:
         except Interrupted as stop:
             shaped, lens, _ = nearest_shapes(system, task.lens, stop.state.sags)
             raise Interrupted(replace(stop.state, sags=shaped.sags(lens))) from None
-        crossing = 0.0
+        crossings: dict[str, float] = {}
         if wrong:
             listener.note(f"level {stage.level}: {wrong}")
             wanted, asked = system.with_sags(task.lens, sags)
-            crossing = max(0.0, *(-s.least_thickness().lower for _, s in wanted.free_elements(asked)))
+            gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements(asked)}
+            crossings = {name: -gap for name, gap in gaps.items() if gap < 0}
         if system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = np.random.default_rng((system.problem.run.seed, FRESH))
             others = of_stage(stage, fresh=fresh, background=task.background)
@@ -257,7 +259,7 @@ class _Run:
                 f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
                 f"{found.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"
             )
-        return shaped, lens, log.state(shaped.sags(lens)), crossing
+        return shaped, lens, log.state(shaped.sags(lens)), crossings
 
     def refined(
         self, task: _Task, shaped: OpticalSystem, lens: Lens, state: State

@@ -19,6 +19,7 @@ from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen, fit_picture
 from optics.scene.sources import LightSource, corner_flux
 
+ALIKE = 1e-12  # directions that differ by less are one: they need not be laid down
 CELLS_PER_CELL = 2  # of the source, in each direction, to a cell of the grid
 
 
@@ -49,10 +50,16 @@ def light_on(
                 "by source.weight"
             )
         dark = emitted <= DARK * emitted.mean()
-        nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
-        # means of directions by flux: no light that is laid down may be negative
-        shares = [laid((1 + backend.Float(d)) / 2) / np.where(dark, 1.0, emitted) for d in along[:2]]
-    p, q = (2 * share[nearest] - 1 for share in shares)
+        every = dr.zeros(backend.Float, rays.flux.size)
+        ways = [(dr.select(hits.found, backend.Float(d), np.nan) + every).numpy() for d in along[:2]]
+        ends = [(np.nanmin(way), np.nanmax(way)) for way in ways]
+        if max(high - low for low, high in ends) < ALIKE:
+            p, q = (np.full(emitted.shape, (low + high) / 2) for low, high in ends)
+        else:
+            nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
+            # means of directions by flux: no light that is laid down may be negative
+            shares = [laid((1 + backend.Float(d)) / 2) / np.where(dark, 1.0, emitted) for d in along[:2]]
+            p, q = (2 * share[nearest] - 1 for share in shares)
     weight = np.where(dark, LEAST_WEIGHT, np.clip(emitted / emitted.mean(), 2 * LEAST_WEIGHT, 1.0))
     return RearLight(
         *centres(half, counts),

@@ -84,7 +84,8 @@ def beam_irradiance(
     arriving = reduce(add, fates) / REPLICATES
     on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
     off = arriving.transmitted - on
-    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
+    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels, whose flux is taken from all
+    irradiance *= on / (float(irradiance.sum()) * screen.pixel_area or 1.0)
     return LightEstimate(irradiance, light.error, on, off, light.off_error), arriving.landing(on, off)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from optics.base.runtime import plain_number
 from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
 from optics.scene.receivers import FarField, Plane, Screen
@@ -28,7 +30,8 @@ def photometric_metrics(
     if system.target.far_field:
         found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
     else:
-        found = {f"target_mean_{density.suffix}": density.factor * float(irradiance.mean())}
+        mean = float(np.average(irradiance, weights=screen.projection()))
+        found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
     return found | zone_metrics(system, irradiance, error)
@@ -75,10 +78,11 @@ def uniformity_metrics(
     )
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
-    whole = irradiance[target.lit_pixels]
+    lit, areas = target.lit_pixels, np.ones(screen.shape) if screen.angular else screen.projection()
+    mean = float(np.average(irradiance[lit], weights=areas[lit])) if lit.any() else 0.0
     return {
         **{key: getattr(found, key) for key in JUDGED},
-        f"lit_mean_{density.suffix}": density.factor * float(whole.mean()) if whole.size else 0.0,
+        f"lit_mean_{density.suffix}": density.factor * mean,
         "grid": found.grid,
         f"box_{unit}": list(found.box),
         "boxes": found.boxes,

@@ -72,11 +72,12 @@ def require_limits(problem: Problem) -> None:
             f"limits.envelope from z = {low:g} to {high:g} mm must be higher than the least thickness, "
             f"which is {least:g} mm; list the lower end first, and widen it"
         )
-    if isfinite(problem.limits.mass) and not problem.optic.density:
-        raise UserError(
-            f"limits.mass of {problem.limits.mass:g} g needs {problem.optic.key('density')}, the "
-            "density in g/cm^3, which is 0 (unknown)"
-        )
+    for optic in problem.free_optics if isfinite(limits.mass) else ():
+        if not optic.density:
+            raise UserError(
+                f"limits.mass of {limits.mass:g} g needs {optic.key('density')}, the density in g/cm^3, "
+                "which is 0 (unknown)"
+            )
 
 
 def limit_checks(problem: Problem, metrics: Manufacturability) -> list[Check]:

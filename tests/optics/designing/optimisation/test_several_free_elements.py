@@ -10,6 +10,7 @@ from optics import Design, design
 from optics.base.runtime import UserError
 from optics.designing.optimisation import earlier_state, penalised_objective, stages
 from optics.designing.optimisation.level_objective import can_cross, stage_film
+from optics.designing.optimisation.loop import nearest_shapes
 from optics.interface.api import System
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Problem
@@ -186,3 +187,11 @@ def test_two_free_elements_are_better_than_either_alone(shown, tmp_path):
     (tmp_path / "both" / "L1.lens.json").unlink()
     with pytest.raises(UserError, match=r"L1\.lens\.json"):
         Design.load(tmp_path / "both")
+
+
+def test_the_element_whose_surfaces_cross_is_named():
+    system = OpticalSystem(problem(LENS, MIRROR))
+    own, other = system.sags(system.lens)
+    through = THBSurface(own.space, np.full(own.space.dim, -7.0))
+    _, _, wrong = nearest_shapes(system, system.lens, [through, other])
+    assert wrong.startswith("the optimised lens cannot exist (L1: the surfaces")

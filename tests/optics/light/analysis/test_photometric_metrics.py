@@ -9,7 +9,8 @@ import pytest
 from optics.light.analysis import measure, photometric_lines
 from optics.scene.photometry import units_of
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, solvable_system
+from tests.cases import EXAMPLES
 from tests.optics.cases import write_problem
 
 PLATE = {"lens.rear.radius": np.inf, "source.flux": 500.0}
@@ -129,3 +130,26 @@ def test_a_beam_that_fills_the_target_has_no_angle(metrics):
     found = metrics(CONE | {"target.half_width": [15.0, 15.0]})
     assert found["beam"]["beam_angle_c0"] is None
     assert "beam angle beyond the target" in photometric_lines(found, units_of("W"))[0]
+
+
+def test_the_mean_on_a_sphere_is_flux_over_area(backend):
+    """A point in the middle of a sphere lights it evenly; chart pixels far from its equator are small."""
+    problem = load_problem(
+        EXAMPLES / "wall_washer.toml",
+        {"target.surface": "sphere", "target.radius": -1600.0, "target.half_width": (1500.0, 2000.0)}
+        | {"target.tilt": (0.0, 0.0, 0.0), "target.pixels": (48, 64), "lens.rear.radius": -52.0}
+        | {"lens.rear.freeform.z_freedom": 6.0},
+    )
+    system = solvable_system(problem)
+    found = measure(system, system.lens, backend).metrics
+    area = 2 * 1500.0 * 2 * 1600.0 * np.sin(2000 / 1600.0)  # mm^2
+    flux = found["efficiency"] * system.problem.flux
+    assert found["target_mean_w_m2"] == pytest.approx(1e6 * flux / area, rel=1e-3)
+
+
+def test_noise_that_is_cut_off_adds_no_light(tmp_path, backend):
+    """Every pixel is lit, so that both efficiencies are one."""
+    rough = {"lens.rear.slope_rms": 0.02, "target.kind": "tophat", "target.lit": (1.0, 1.0)}
+    system = OpticalSystem(load_problem(write_problem(tmp_path, rough | {"target.half_width": (90.0, 90.0)})))
+    found = measure(system, system.lens, backend).metrics
+    assert found["lit_efficiency"] == pytest.approx(found["efficiency"], rel=1e-12)

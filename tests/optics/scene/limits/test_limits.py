@@ -380,3 +380,20 @@ def test_advice_does_not_load_the_cad_kernel(tmp_path):
     )
     done = python(program, tmp_path / "problem.toml", check=True)
     assert done.stdout.split() == ["1", "False"]
+
+
+def test_a_mass_needs_the_density_of_every_free_element():
+    size = {"half_width": (10, 10)}
+    free = size | {"radius": 40.0, "freeform": {"z_freedom": 1.0}}
+    lens = {"kind": "lens", "index": 1.5, "thickness": 6, "front": size, "rear": free}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (8, 8)},
+        element=[
+            lens | {"name": "L1"},
+            lens | {"name": "L2", "position": (0, 0, 20), "density": 1.2},
+        ],
+        target={"kind": "tophat", "position": (0, 0, 90), "half_width": (9, 9), "pixels": (16, 16)},
+        limits={"mass": 9.0},
+    )
+    with pytest.raises(UserError, match=r"limits.mass of 9 g needs element.L1.density"):
+        require_limits(problem)
