@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .loading import current_mitsuba, load_mitsuba as load_mitsuba, mitsuba_backend
     from .mesh import LensMesh
     from .mesh_tracer import MeshTracer
-    from .scene import REFLECTANCE, camera_irradiance, mitsuba_scene, scene_dictionary
+    from .scene import REFLECTANCE, absorbs, camera_irradiance, mitsuba_scene, scene_dictionary
     from .scene_xml import irradiance_of_one, scene_checks, scene_file_names, scene_files
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

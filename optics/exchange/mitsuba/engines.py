@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from optics.base.runtime import Backend, DrArray
+from optics.base.runtime import Backend, DrArray, UserError
 from optics.exchange.mitsuba.integrator import light_integrator
 from optics.exchange.mitsuba.loading import current_mitsuba, load_mitsuba, mitsuba_backend
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_tracer import MeshTracer
-from optics.exchange.mitsuba.scene import require_open
+from optics.exchange.mitsuba.scene import absorbs, coated, require_open
 from optics.light.engines import SOFT_RIM, Engine, ExactEngine, Film, LightModel, TracedModel, measured_rays
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
@@ -53,6 +53,11 @@ class MeshEngine:
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
         require_open(system)
+        if coated(system) or absorbs(system):
+            raise UserError(
+                "meshes for Mitsuba are of clear and bare glass: leave out absorption and the reflectance of "
+                'lenses, or trace with optimizer.engine = "exact" or "mitsuba-exact"'
+            )
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(
             lens_mesh(lens),

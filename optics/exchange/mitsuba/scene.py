@@ -139,12 +139,19 @@ def require_open(system: OpticalSystem) -> None:
         )
 
 
+def absorbs(system: OpticalSystem) -> bool:
+    """Return whether light is absorbed on its way in glass, of which scenes and meshes know nothing."""
+    return any(medium.absorption for medium in system.path(system.lens).media)
+
+
+def coated(system: OpticalSystem) -> bool:
+    """Return whether the faces of a lens are coated."""
+    return any(isinstance(optic, LensSpec) and optic.coats != (None, None) for optic in system.problem.optics)
+
+
 def _require_bare(system: OpticalSystem) -> None:
     """Raise UserError where faces are coated or rough: Mitsuba's glass is neither."""
-    coated = any(
-        isinstance(optic, LensSpec) and optic.coats != (None, None) for optic in system.problem.optics
-    )
-    if coated or any(system.slope_rms):
+    if coated(system) or any(system.slope_rms):
         raise UserError(
             "scenes for Mitsuba hold smooth faces, and lenses without coatings: leave slope_rms and the "
             "reflectance of lenses out"

@@ -21,6 +21,7 @@ from optics.exchange.export import (
     require_free_files,
 )
 from optics.exchange.mitsuba import (
+    absorbs,
     current_mitsuba,
     irradiance_of_one,
     scene_checks,
@@ -149,6 +150,7 @@ def _scene(options: Namespace) -> Outcome:
         f"1 in the pictures is {one:.6g} {density.shown} on the screen",
         *(["the scene holds the lens with its own walls, without lens.body"] if system.body else []),
         *(["the scene holds one lens of the plate, and its source"] if system.problem.optic.array else []),
+        *(["its glass is clear: it absorbs nothing"] if absorbs(system) else []),
     ]
     return reported(options.out, "mitsuba", files, scene_checks(system, lens, out), {}, lines)
 

@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
+from optics.base.runtime import UserError
 from optics.designing.optimisation import shape_lens, vertex_knots
 from optics.designing.starts import summed_over_cells
 from optics.exchange.mitsuba import engines
@@ -125,3 +126,9 @@ def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend
     assert len({row.level for row in states[1].history}) == 3
     assert min(fits[1]) < 0.8 * fits[1][0]
     assert min(fits[1]) == pytest.approx(min(fits[0]), rel=0.1)
+
+
+@pytest.mark.parametrize("glass", [{"lens.absorption": 0.02}, {"lens.front.reflectance": 0.1}])
+def test_glass_that_absorbs_or_is_coated_is_refused(tmp_path, backend, glass):
+    with pytest.raises(UserError, match="clear and bare glass: leave out absorption and the reflectance"):
+        models(tmp_path, backend, glass, None, ())
