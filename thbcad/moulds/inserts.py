@@ -11,7 +11,7 @@ from thbcad.certified import value_range
 from thbcad.checks import require_number
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms, require_sound
-from thbcad.outlines import LEAST_SIZE, Shape, integral_within
+from thbcad.outlines import LEAST_SIZE, Outline, Shape, integral_within
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
@@ -44,7 +44,8 @@ class Insert:
         """Return the insert of the front or the rear, proven sound.
 
         word : "front" or "rear"
-        back : z of the plane, mm; None is as far from the surface's farthest point as the lens is thick
+        back : z of the plane, mm; None is as far from the farthest point of the surface, within an outline
+            that is no polygon, as the lens is thick
         shape : the outline; None is that of the surface
 
         Raises ValueError : as `require_sound`; another word; a back that is not proven to lie at least 1e-6
@@ -53,7 +54,10 @@ class Insert:
         if word not in FACES:
             raise ValueError(f"an insert must be that of front or rear, got {word!r}")
         number = FACES.index(word)
-        least, greatest = value_range(require_sound(lens).graphs()[number])
+        own, graph = (lens.front, lens.rear)[number].outline, require_sound(lens).graphs()[number]
+        over = shape if isinstance(shape, Outline) else own
+        x, y = over.half_width
+        least, greatest = value_range(graph.segment((-x, x), (-y, y)), outline=over)
         farthest, outward = (lens.thickness + greatest.upper, 1) if number else (least.lower, -1)
         if back is None:
             back = farthest + outward * lens.thickness
@@ -64,7 +68,7 @@ class Insert:
                 f"the back of the {word}'s insert must lie {side} z = {farthest:.9g} mm, which the {word} "
                 f"reaches, got {back:.9g} mm"
             )
-        return cls(lens, number, float(back), shape or (lens.front, lens.rear)[number].outline)
+        return cls(lens, number, float(back), shape or own)
 
     @property
     def surface(self) -> FreeformSurface:

@@ -242,6 +242,7 @@ def _arrays(lens: Lens) -> bytes:
             f"{word}_degrees": np.array([graph.kv_u.degree, graph.kv_v.degree]),
             f"{word}_coefficients": graph.coefficients,
             f"{word}_half_width": np.array(surface.half_width),
+            f"{word}_corners": np.array(surface.corners),
             f"{word}_radius": np.float64(surface.conic.radius),
             f"{word}_conic": np.float64(surface.conic.constant),
         }

@@ -80,6 +80,8 @@ def export(options: Namespace) -> Outcome:
         files, checks = _mounted(lens, name, options, labels)
     lost, lines = _cut_cost(options.result, lens, body)
     numbers = {"chord_mm": options.chord, **lost}
+    if options.separate and not lens.rear.outline.is_rectangle:
+        lines.append("the faces go on beyond the outline of the lens, over the rectangle round it")
     if options.shrinkage is not None:
         numbers |= {"shrinkage_percent": options.shrinkage, "factors": body.factors}
         x, y, z = (f"{factor:.10g}" for factor in body.factors)

@@ -50,10 +50,12 @@ def patched_part(lens: Lens) -> Part:
     """Return the lens as a closed Part with one face for each patch: "front 1", ..., "rear 1", ..., then the
     four edges.
 
-    Raises ValueError : as `require_sound`; a patch with an edge of 2e-7 mm or less, which CAD takes for a
-        point.
+    Raises ValueError : as `require_sound`; a lens with another outline than a rectangle; a patch with an edge
+        of 2e-7 mm or less, which CAD takes for a point.
     """
     whole = placed_surfaces(require_sound(lens))
+    if not lens.rear.outline.is_rectangle:
+        raise ValueError("patches are those of a lens with the outline of a rectangle; leave them out")
     sheets = [_Sheet(patches) for patches in lens_patches(lens)]
     vertices = [{c: sheet.vertices[_corner(whole[1], c)] for c in CORNERS} for sheet in sheets]
     planar = lens.front.half_width == lens.rear.half_width

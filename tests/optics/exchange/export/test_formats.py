@@ -22,7 +22,7 @@ from tests.optics.interface.commands.cases import run
 from thbcad import THBSurface, read_lens, write_lens
 from thbcad.drawings import drawing_bytes, lens_sheet
 from thbcad.io import ply_bytes
-from thbcad.lens import EDGES, SIDES, tessellated
+from thbcad.lens import EDGES, SIDES, FreeformSurface, Lens, tessellated
 
 pytest.importorskip("trimesh")
 pytest.importorskip("lib3mf")
@@ -169,6 +169,20 @@ def test_a_changed_height_or_place_of_an_x3p_file_shows(tmp_path):
             for part, content in (held | {name: held[name].replace(old, new, 1)}).items():
                 parts.writestr(part, content)
         assert failing(x3p_checks("rear", EQUAL.rear, rear)) == [place]
+
+
+def test_arrays_tell_a_disk_from_its_square(tmp_path):
+    disk = FreeformSurface((10.0, 10.0), corners=(10.0, 10.0))
+    (path,), _ = export(Lens(disk, disk, 5.0, 1.5), "npz", str(tmp_path / "disk.npz"), 1e-3)
+    with np.load(path) as arrays:
+        assert arrays["rear_corners"].tolist() == [10.0, 10.0]
+
+
+def test_loose_faces_of_a_round_lens_are_said_to_go_on(capsys, tmp_path):
+    disk = FreeformSurface((10.0, 10.0), corners=(10.0, 10.0))
+    write_lens(Lens(disk, disk, 5.0, 1.5), tmp_path / "disk.json")
+    done = run(capsys, "export", tmp_path / "disk.json", "--out", tmp_path / "disk.step", "--separate")
+    assert "the faces go on beyond the outline of the lens" in done.out
 
 
 def test_a_changed_coefficient_shows(tmp_path):

@@ -344,3 +344,6 @@ def test_patches_below_the_resolution_of_cad_are_refused():
 def test_other_things_are_refused():
     with pytest.raises(ValueError, match="lens must be a Lens, got str"):
         patched_part("lens.json")
+    disk = FreeformSurface((10.0, 10.0), corners=(10.0, 10.0))
+    with pytest.raises(ValueError, match="patches are those of a lens with the outline of a rectangle"):
+        patched_part(Lens(disk, disk, 5.0, 1.5))
