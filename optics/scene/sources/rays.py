@@ -56,7 +56,9 @@ class Rays:
         """Return the rays of a source that lies elsewhere."""
         if pose.is_identity:
             return self
-        return Rays(pose.points(self.origin), pose.directions(self.direction), self.flux)
+        one = self.direction[:, :1] if self.direction.strides[1] == 0 else self.direction
+        along = np.broadcast_to(pose.directions(one), self.direction.shape)
+        return Rays(pose.points(self.origin), along, self.flux)
 
     def slices(self, most: int) -> Iterator[Rays]:
         """Yield rays, at most `most` at once, that make up these."""
@@ -130,10 +132,10 @@ class RayGrid:
 
     def rays(self, z: float) -> Rays:
         """Return the rays one by one, y first, from the plane at z mm."""
-        x, y = (a.ravel() for a in np.meshgrid(self.x, self.y, indexing="ij"))
-        along = np.zeros((3, x.size))
-        along[2] = 1.0
-        return Rays(np.stack([x, y, np.full_like(x, z)]), along, self.flux.ravel())
+        origin = np.empty((3, len(self.x), len(self.y)))
+        origin[0], origin[1], origin[2] = self.x[:, None], self.y, z
+        along = np.broadcast_to([[0.0], [0.0], [1.0]], (3, self.flux.size))  # one column in memory
+        return Rays(origin.reshape(3, -1), along, self.flux.ravel())
 
 
 def single_rays(rays: Rays | RayGrid, lens: Lens) -> Rays:
