@@ -19,7 +19,7 @@ from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_light import light_on, picture_on
 from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
 from optics.designing.starts.transport_chart import Middle, TransportChart
-from optics.designing.transport import TransportMap, prewarped, transport_map
+from optics.designing.transport import prewarped, transport_map
 from optics.light.refraction import ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.receivers import fit_picture
@@ -103,7 +103,7 @@ def shaped_along(
     assert shape.sag is not None
     space = shape.sag.space
     sag, asked, chart = THBSurface(space, np.zeros(space.dim)), wanted, None
-    settled, needed, plan = False, None, None
+    settled, needed = False, None
     for left in reversed(range(rounds)):
         grid = counts if settled or not left else _halved(counts)
         coarse, fine = _meshes(space, grid, finest)
@@ -113,7 +113,7 @@ def shaped_along(
             height = shape.conic(light.x[:, None], light.y[None, :]) + first
             chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
             corners = chart.to(wanted.corners())
-        sent, plan = _sent(backend, light, chart, corners, asked, grid, plan)
+        sent = _sent(backend, light, chart, corners, asked, grid)
         for mesh in [coarse] * COARSE_FITS + [fine]:
             points, slopes = _jet(shape.with_sag(sag), light)
             near = slopes if needed is None or needed[0].shape != grid else needed
@@ -176,20 +176,19 @@ def _sent(
     q: Sequence[Floats],
     asked: Picture,
     counts: tuple[int, int],
-    before: TransportMap | None,
-) -> tuple[list[Floats], TransportMap]:
-    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each, and its map.
+) -> list[Floats]:
+    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each.
 
-    q : of the corners of the picture's pixels on the chart.  before : the map of the round before.
+    q : of the corners of the picture's pixels on the chart.
     """
     box = [(float(a.min()), float(a.max())) for a in q]
     density = stretched(picture_on(backend, q, asked.flux, box, counts))
     halves = [(high - low) / 2 for low, high in box]
     widths = [n * (row[1] - row[0]) for n, row in zip(counts, (light.x, light.y))]
     aspect = float(np.sqrt(widths[0] * halves[0] / (widths[1] * halves[1])))
-    plan = transport_map(backend, density, counts, aspect, light.emitted, before)
+    plan = transport_map(backend, density, counts, aspect, light.emitted)
     places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, (plan.tx, plan.ty), halves)])
-    return [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)], plan
+    return [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)]
 
 
 def stretched(light: Floats) -> Callable[[tuple[int, int]], Floats]:

@@ -55,23 +55,16 @@ class TransportMap:
     """Target positions of source cells, both relative to the half-widths.
 
     x : (nx,), y : (ny,) cell centres in [-1, 1].  tx, ty : (nx, ny) in [-1, 1].
-    phi : (nx, ny), the potential on the target.
     """
 
     x: Floats
     y: Floats
     tx: Floats
     ty: Floats
-    phi: Floats
 
 
 def transport_map(
-    backend: Backend,
-    density: Density,
-    shape: tuple[int, int],
-    aspect: float,
-    source: Density = np.ones,
-    start: TransportMap | None = None,
+    backend: Backend, density: Density, shape: tuple[int, int], aspect: float, source: Density = np.ones
 ) -> TransportMap:
     """Return the TransportMap from a source to a density.
 
@@ -81,15 +74,14 @@ def transport_map(
     source : called with (nx, ny), returns its cell means on such a grid, any positive scale.
     aspect : width / height of the scaled rectangle, sqrt(ax bx / (ay by)) for half-widths a of
         the source and b of the target.
-    start : a map between nearly the same densities, from which steps on the finest grid alone will do.
     """
     backend = backend.doubled()
     grids = [shape]
-    while start is None and min(grids[0]) >= 2 * COARSE:
+    while min(grids[0]) >= 2 * COARSE:
         nx, ny = grids[0]
         grids.insert(0, (-(-nx // 2), -(-ny // 2)))
     size = (1.0, 1.0 / aspect)
-    phi, first = (np.zeros(grids[0]), FAR) if start is None else (start.phi, NEAR)
+    phi, first = np.zeros(grids[0]), FAR
     with backend.on_threads(1):
         for grid in grids:
             f, g = (d / d.mean() for d in (source(grid), density(grid)))
@@ -100,7 +92,7 @@ def transport_map(
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] - 2 * gx / size[0], -1, 1)
     ty = np.clip(y[None, :] - 2 * gy / size[1], -1, 1)
-    return TransportMap(x, y, tx, ty, phi)
+    return TransportMap(x, y, tx, ty)
 
 
 class _Dual:

@@ -224,14 +224,3 @@ def test_slopes_of_potentials_are_those_of_fitted_parabolas(shape):
     for axis, found in enumerate(_gradient(psi, spacing)):
         slope = savgol_filter(psi, 5, 2, deriv=1, delta=spacing[axis], axis=axis)
         np.testing.assert_allclose(found, savgol_filter(slope, 3, 1, axis=1 - axis), rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize(("density", "most"), [(blob, 0.05), (islands, 0.5)], ids=["blob", "islands"])
-def test_a_map_between_nearly_the_same_densities_starts_one(backend, density, most):
-    """From half of the grid and other light: but for parts of a cell it is the map from nothing."""
-    shape = (96, 128)
-    other = transport_map(backend, lambda grid: density(grid) + 0.02 * blob(grid), (48, 64), 1.0)
-    alone = transport_map(backend, density, shape, 1.0)
-    found = transport_map(backend, density, shape, 1.0, start=other)
-    off = np.hypot((found.tx - alone.tx) * shape[0] / 2, (found.ty - alone.ty) * shape[1] / 2)
-    assert np.sqrt(np.mean(off**2)) < most
