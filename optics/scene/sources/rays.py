@@ -56,9 +56,7 @@ class Rays:
         """Return the rays of a source that lies elsewhere."""
         if pose.is_identity:
             return self
-        one = self.direction[:, :1] if self.direction.strides[1] == 0 else self.direction
-        along = np.broadcast_to(pose.directions(one), self.direction.shape)
-        return Rays(pose.points(self.origin), along, self.flux)
+        return Rays(pose.points(self.origin), pose.directions(self.direction), self.flux)
 
     def slices(self, most: int) -> Iterator[Rays]:
         """Yield rays, at most `most` at once, that make up these."""
@@ -134,7 +132,8 @@ class RayGrid:
         """Return the rays one by one, y first, from the plane at z mm."""
         origin = np.empty((3, len(self.x), len(self.y)))
         origin[0], origin[1], origin[2] = self.x[:, None], self.y, z
-        along = np.broadcast_to([[0.0], [0.0], [1.0]], (3, self.flux.size))  # one column in memory
+        along = np.zeros((3, self.flux.size))
+        along[2] = 1.0
         return Rays(origin.reshape(3, -1), along, self.flux.ravel())
 
 
