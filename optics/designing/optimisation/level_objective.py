@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import gcd, isfinite
+from math import gcd
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +21,14 @@ from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
 from optics.designing.optimisation.symmetry import Mirrors
 from optics.designing.optimisation.zone_loss import ZoneLoss
-from optics.designing.penalties import Part, shape_penalty
+from optics.designing.penalties import limited_part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.scene.limits import feature_levels
-from optics.scene.problem import Limits, Optic, Problem, per_level
+from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
-from optics.scene.system import OpticalSystem, volume_of_made
+from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
@@ -150,12 +150,6 @@ def background(
         return Background(image)
     within = light_within(backend, system.own_path(lens), other.onto_rear, film)
     return Background(image, within, within.image([sag.coefficients]))
-
-
-def limited_part(optic: Optic, shape: Lens, limits: Limits) -> Part:
-    """Return an element whose shape is to keep limits, of the body or the plate that is made of it."""
-    made = volume_of_made(optic, shape) if isfinite(limits.mass) else (1, 0.0)
-    return Part(shape, limits, optic.density, made)
 
 
 def penalised_objective(

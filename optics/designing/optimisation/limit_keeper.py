@@ -20,11 +20,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
-from optics.designing.optimisation.level_objective import limited_part
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
-from optics.designing.penalties import ROOM, ShapePenalty, shape_penalty
+from optics.designing.penalties import (
+    ROOM,
+    ShapePenalty,
+    limited_metrics,
+    limited_part,
+    shape_penalty,
+)
 from optics.scene.limits import Miss, limit_misses
-from optics.scene.system import OpticalSystem, manufactured_shape
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
@@ -157,10 +162,11 @@ class LimitKeeper:
 
 def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
     """Return the limits that free elements may miss, but for those that no coefficient can mend."""
+    problem = system.problem
     return [
         miss
         for optic, shape in system.free_elements(lens)
-        for miss in limit_misses(system.problem.about(optic), manufactured_shape(optic, shape))
+        for miss in limit_misses(problem.about(optic), limited_metrics(optic, shape, problem.limits))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
     ]
 

@@ -42,13 +42,14 @@ from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.optimisation.symmetry import symmetry_axes
+from optics.designing.penalties import limited_metrics
 from optics.designing.starts import TransportFit, TransportStart
 from optics.light.analysis import loss_notes
 from optics.light.engines import Engine
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits
-from optics.scene.system import OpticalSystem, manufactured_shape
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
@@ -156,7 +157,7 @@ def shape_lens(
     shaped, lens = with_sags(system, state.sags)
     if crossings or system.problem.limits != Limits():
         for optic, shape in shaped.free_elements(lens):
-            made = manufactured_shape(optic, shape)
+            made = limited_metrics(optic, shape, system.problem.limits)
             name, crossing = optic.called, crossings.get(optic.called, 0.0)
             of = "" if optic is system.problem.optic else name
             for sentence in limit_sentences(system.problem.about(optic), made, crossing, of):

@@ -105,16 +105,13 @@ def expected(
     flux = system.problem.flux
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
-    density = system.problem.optic.density
-    (count, more), (seconds, memory) = (
-        volume_of_made(system.problem.optic, lens),
-        seconds_and_memory(system, plan),
-    )
+    optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
+    count, more = volume_of_made(optic, lens)
     volume = count * lens.volume() + more
     return Expectation(
         size=_size(system, lens),
         volume=volume,
-        mass=mass(volume, density) if density else None,
+        mass=mass(volume, optic.density) if optic.density else None,
         sag=fit.asked,
         freedom=system.freeforms[-1].freedom,
         note=freedom_note(system, backend, start, [fit, first]) if first else "",

@@ -112,7 +112,7 @@ def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str
         *([] if system.reflects else by_index),
         f"{RIPPLE * 1000:g} um of ripple with a period of {PERIOD:g} mm shifts the light by "
         f"{_shift(system, expected, shifts.ripple)}",
-        f"{DECENTRE:g} mm of decentre of {whose} shifts details of it by "
+        f"{DECENTRE:g} mm of decentre of {whose} shifts details of the light by "
         f"{_shift(system, expected, shifts.decentre)}",
     ]
 

@@ -103,7 +103,7 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
     cost = cut_cost(system, lens, system.backend, cut)
     line = (
         f"the cut costs {cost.through:.2%} of the light "
-        f"{'of the mirror' if system.problem.optic.noun == 'mirror' else 'through front and rear'}, "
+        f"{'of the mirror' if system.reflects else 'through front and rear'}, "
         f"{cost.on_target:.2%} of that on the target"
     )
     return {"cut_cost": asdict(cost)}, [line]

@@ -43,8 +43,8 @@ CROSSTALK_RAYS, REPLICATES = (64, 64), 4
 def sequential(
     system: OpticalSystem, lens: Lens, backend: Backend, rays: int
 ) -> tuple[Floats, SequentialFates, dict[str, int]]:
-    """Trace rays x rays rays and measure them with box pixels: so many of each lens of a plate, with all
-    sources behind it, at every wavelength.
+    """Trace rays x rays rays and measure them with box pixels: so many of each lens of a plate, at every
+    wavelength.
 
     Returns (irradiance (rows, columns), flux by fate, rays by fate).
     """

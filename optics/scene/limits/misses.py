@@ -72,7 +72,7 @@ def require_limits(problem: Problem) -> None:
             f"limits.envelope from z = {low:g} to {high:g} mm must be higher than the least thickness, "
             f"which is {least:g} mm; list the lower end first, and widen it"
         )
-    for optic in problem.free_optics if isfinite(limits.mass) else ():
+    for optic in (problem.free_optics or (problem.optic,)) if isfinite(limits.mass) else ():
         if not optic.density:
             raise UserError(
                 f"limits.mass of {limits.mass:g} g needs {optic.key('density')}, the density in g/cm^3, "

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
         MadePart,
         designed_part,
         manufactured,
-        manufactured_shape,
         other_limit_checks,
         other_parts,
         scene_parts,

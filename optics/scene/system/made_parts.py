@@ -46,20 +46,17 @@ def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
 
 
 def manufactured(system: OpticalSystem, lens: Lens) -> Manufacturability:
-    """Return the metrics of a lens for its manufacture; the volume is that of what is made."""
-    return manufactured_shape(system.problem.optic, lens)
+    """Return the metrics of a lens for its manufacture; the volume is that of what is made.
 
-
-def manufactured_shape(optic: Optic, lens: Lens) -> Manufacturability:
-    """Return the same of an element with a shape."""
-    metrics, (count, more) = manufacturability(lens, optic.density or None), volume_of_made(optic, lens)
-    return metrics if (count, more) == (1, 0.0) else replace(metrics, volume=count * metrics.volume + more)
+    Raises UserError : as `designed_part`.
+    """
+    return _manufactured(system.problem.optic, lens)
 
 
 def volume_of_made(optic: Optic, lens: Lens) -> tuple[int, float]:
     """Return (n, more): the volume of what is made is n times that of a lens of this shape, and mm^3 more.
 
-    It is that of the lens itself where no such body or plate is made of it.
+    It is that of the lens itself where no such body or plate is made of it: a shape on its way may be none.
     """
     try:
         made = whole_of(optic, lens)
@@ -87,8 +84,13 @@ def other_limit_checks(system: OpticalSystem) -> list[Check]:
     return [
         replace(check, name=f"{optic.called}: {check.name}")
         for optic, shape in system.free_others
-        for check in limit_checks(system.problem.about(optic), manufactured_shape(optic, shape))
+        for check in limit_checks(system.problem.about(optic), _manufactured(optic, shape))
     ]
+
+
+def _manufactured(optic: Optic, lens: Lens) -> Manufacturability:
+    metrics, made = manufacturability(lens, optic.density or None), whole_of(optic, lens)
+    return metrics if made is lens else replace(metrics, volume=made.volume())
 
 
 def _part(optic: Optic, lens: Lens, product: Product) -> MadePart:
