@@ -100,7 +100,9 @@ def _curvature(cells: Cells, best: float) -> Assessment:
     vectors, counts = cells.met()
     values = np.where(counts, np.maximum(_greater_curvature(*vectors), 0), -np.inf)
     kappa = max(best, float(values.max(initial=0.0)))
-    upper = _upper(cells, kappa, slope_error, error)
+    upper = np.maximum(cells.most(_greater_eigenvalue(*cells.coefficients[2:])) + error, 0)  # as W >= 1
+    if (near := upper > kappa).any():
+        upper[near] = _upper(cells.take(near), kappa, upper[near], slope_error, error)
     # k is a quotient of A, of norm `size` at most, and N, whose relative derivative is 5/2 at most
     return Assessment(values, float(error + 3 * slope_error * size), upper, kappa)
 
@@ -122,9 +124,11 @@ def _greater_curvature(z_x: Floats, z_y: Floats, z_xx: Floats, z_xy: Floats, z_y
     )
 
 
-def _upper(cells: Cells, kappa: float, slope_error: float, error: float) -> Floats:
-    """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its
-    entries."""
+def _upper(cells: Cells, kappa: float, nu: Floats, slope_error: float, error: float) -> Floats:
+    """Return the bound of max(k, 0) on every cell.
+
+    nu : (n,), that of the Hessian's greatest eigenvalue.  error : of the Hessian and of sums of its entries.
+    """
     z_x, z_y, z_xx, z_xy, z_yy = cells.coefficients
     x, y = z_x.mean(axis=(0, 1)), z_y.mean(axis=(0, 1))
     w = np.sqrt(1 + x**2 + y**2)
@@ -133,17 +137,14 @@ def _upper(cells: Cells, kappa: float, slope_error: float, error: float) -> Floa
     c_xx = z_xx - kappa * (stretched * (1 + x**2) + 2 * w * x * dx)
     c_xy = z_xy - kappa * (stretched * (x * y) + w * (x * dy + y * dx))
     c_yy = z_yy - kappa * (stretched * (1 + y**2) + 2 * w * y * dy)
-    mu, nu = (
-        cells.most(_greater_eigenvalue(*entries)) + error
-        for entries in ((c_xx, c_xy, c_yy), (z_xx, z_xy, z_yy))
-    )
+    mu = cells.most(_greater_eigenvalue(c_xx, c_xy, c_yy)) + error
     away = np.hypot(dx, dy).max(axis=(0, 1)) * (1 + ROUNDINGS * EPS) + slope_error
     steep = cells.most(np.hypot(z_x, z_y)) + slope_error
     least_w = np.hypot(1, np.maximum(np.hypot(x, y) * (1 - ROUNDINGS * EPS) - away, 0))
     rho = (steep * away) ** 2 / (4 * np.sqrt(1 + steep**2))
     # |L| <= w^3 + 3 w^2 away, and its change with the slopes is at most 3 w^2
     mu += kappa * (rho + 3 * w**2 * slope_error + ROUNDINGS * EPS * w**2 * (w + 3 * away))
-    result: Floats = np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
+    result: Floats = np.minimum(kappa + np.maximum(mu, 0) / least_w, nu / least_w)
     return result
 
 

@@ -20,7 +20,8 @@ from optics.scene.receivers import Screen, fit_picture
 from optics.scene.sources import LightSource, corner_flux
 
 ALIKE = 1e-12  # directions that differ by less are one: they need not be laid down
-CELLS_PER_CELL = 2  # of the source, in each direction, to a cell of the grid
+# cells of the source, in each direction, to a cell of the grid: those of a beam all meet the surface
+OF_BEAM, OF_CONE = 1, 2
 
 
 def light_on(
@@ -33,7 +34,8 @@ def light_on(
     Raises UserError : no light meets it.
     """
     dr, half = backend.dr, path.surfaces[surface].shape.half_width
-    cells = source.without_extent().cells([CELLS_PER_CELL * n for n in counts])
+    each = OF_BEAM if source.beam else OF_CONE
+    cells = source.without_extent().cells([each * n for n in counts])
     rays, screen = cells.rays(), Screen(half, counts)
     with dr.suspend_grad():
         hits, along, flux = Tracer(backend, path, rays, proven=False).at(surface)

@@ -27,6 +27,7 @@ Surface = BSplineSurface | NURBSSurface | PlacedConic
 
 TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction
+AT_ONCE = 2**18  # points of a face: what is computed of them stays in the processor's cache
 CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 spans have
 
 
@@ -127,6 +128,15 @@ def surface_deviation(
         apart = np.abs(face(x[:, None], y[None, :]) - vertex - surface.grid(x, y)).max()
         return float(apart if trimmed or np.isinf(size) else max(apart, size))
     u, v = (_samples(kv) for kv in (face.kv_u, face.kv_v))
+    strips = np.array_split(u, 1 + len(u) * len(v) // AT_ONCE)
+    apart, *ends = np.max([_apart(face, surface, vertex, strip, v) for strip in strips], axis=0)
+    return float(max(apart, *(abs(end - h) for end, h in zip(ends, surface.half_width))))
+
+
+def _apart(
+    face: BSplineSurface, surface: FreeformSurface, vertex: float, u: Floats, v: Floats
+) -> tuple[float, float, float]:
+    """Return the deviation on a grid of parameters, and the greatest |x| and |y| of the face there."""
     graph, bent = graph_of_poles(face), 0.0
     if graph is None:
         points = face.grid(u, v)
@@ -136,9 +146,8 @@ def surface_deviation(
         x, y = face.kv_u.collocation(u) @ graph[0], face.kv_v.collocation(v) @ graph[1]
         heights = graph[2].grid(u, v)
     hx, hy = surface.half_width
-    size = max(abs(np.abs(x).max() - hx), abs(np.abs(y).max() - hy))
     z = vertex + surface.grid(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
-    return float(max(np.abs(heights - z).max(), bent, size))
+    return float(max(np.abs(heights - z).max(), bent)), float(np.abs(x).max()), float(np.abs(y).max())
 
 
 def _samples(kv: KnotVector) -> Floats:
