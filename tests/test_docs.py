@@ -48,6 +48,7 @@ def comments(code):
     return plain(" ".join(line.partition("#")[2] for line in code.splitlines()))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if BLOCK.search(page.read_text("utf-8"))], ids=lambda page: page.name
 )

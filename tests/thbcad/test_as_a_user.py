@@ -108,6 +108,7 @@ def test_closed_curves_and_tubes_are_smooth_across_the_seam():
     assert tube.space.dim > len(space.wrapping().T @ np.ones(space.dim)) > 12 * KV.dim
 
 
+@pytest.mark.slow
 def test_50_000_scattered_points_are_fitted_to_a_tolerance():
     u, v = np.random.default_rng(1).uniform(size=(2, 50_000))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from optics.base.runtime import NumericalError
 from optics.exchange.results import remove_files, require_own, writable_folder, write_record
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
@@ -54,7 +55,9 @@ def asbuilt(options: Namespace) -> Outcome:
         from optics.exchange.verification import export_step  # OCCT
 
         part = designed_part(design.system, built.lens)
-        export_step(part, design.problem.export.schema, folder / STEP)
+        for check in export_step(part, design.problem.export.schema, folder / STEP):
+            if not check.ok:
+                raise NumericalError(f"{folder / STEP}: {check.name}; is the disk sound? Run it again")
 
     notes = loss_notes(made.metrics, design.system.units)
     verdict = built.verdict(design.problem.verify, notes)

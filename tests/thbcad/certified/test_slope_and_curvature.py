@@ -113,6 +113,7 @@ def test_both_sides_of_a_jump_count():
     assert found.u == 0
 
 
+@pytest.mark.slow
 def test_a_sphere():
     """Here every cell holds nearly the greatest curvature.  The spline is the sphere to 1e-11 mm, so that its
     second derivatives err by about 8 p^2 / h^2 times that, h its mesh size."""

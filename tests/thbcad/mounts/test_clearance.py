@@ -77,6 +77,7 @@ def test_the_bounds_hold_in_exact_arithmetic(circles, clearance):
             assert apart >= (Fraction(proof.wall) + Fraction(d / 2) + Fraction(c / 2)) ** 2
 
 
+@pytest.mark.slow
 def test_rounding_never_lifts_a_bound():
     """Half of all distances are rounded up in float64; the bound stays below the exact one."""
     for x, y, d in np.random.default_rng(5).uniform((11, 9, 0.1), (13, 11, 1.5), (300, 3)).tolist():

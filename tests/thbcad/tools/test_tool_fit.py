@@ -113,6 +113,7 @@ def _depth(graph, radius, x, y, reach=1.0):
     return gap[under].min()
 
 
+@pytest.mark.slow
 def test_what_a_disk_leaves_out_bounds_neither_tools_nor_draft():
     """z = x^2 y^2 / 500 bends most in the corners of the square, also in sections through the axis."""
     kv, disk = KnotVector.uniform(3, 4, -5.0, 5.0), Outline((5.0, 5.0), (5.0, 5.0))

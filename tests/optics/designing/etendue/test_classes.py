@@ -36,6 +36,7 @@ def stripes(problem_file):
     return OpticalSystem(load_problem(problem_file(STRIPES, light)))
 
 
+@pytest.mark.slow
 def test_a_stretched_image_of_the_same_area_is_not_forbidden(stripes):
     """Images of 2 x 13 pixels draw it, two in each stripe; squares of their area, or less, cannot."""
     screen = stripes.target.screen()

@@ -81,6 +81,7 @@ def any_faces(draw):
     return {"half_width": half_width, "radius": radius, "conic": draw(st.floats(-2, 0.5))}
 
 
+@pytest.mark.slow
 @examples(12)
 @given(
     any_faces(),

@@ -78,6 +78,7 @@ def steepest(light):
     return np.abs(np.diff(np.log10(light[15:19, 8:56]), axis=1)).max()
 
 
+@pytest.mark.slow
 def test_half_the_flux_keeps_all_of_ub2_by_a_fifth_and_does_not_bump_between_its_points():
     """A bump by half on a point, gone 1 degree aside, adds 0.09 to the change of log10 I."""
     design = optics.design(optics.Problem(**UB2))

@@ -58,6 +58,7 @@ def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     assert much == 3
 
 
+@pytest.mark.slow
 def test_even_light_takes_no_levels_for_texture(tmp_path, backend):
     """The same disk in a cone of light, asked for as even light and as a picture."""
     cone = {"source.kind": "point", "source.half_angle": 20.0, "source.distance": 30.0}

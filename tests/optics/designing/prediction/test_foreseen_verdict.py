@@ -66,6 +66,7 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     assert blur_limits(wider, wider.lens, backend).least < 0.1
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -102,12 +103,14 @@ def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
     assert said.startswith("the uniformity may stay undecided: of the base lens a margin of ")
 
 
+@pytest.mark.slow
 def test_light_that_does_not_reach_the_target_is_said(backend, tmp_path):
     narrow = {"source.kind": "point", "source.distance": 5.0, "source.half_angle": 80.0}
     found = foreseen(loaded(tmp_path, narrow | {"lens.rear.freeform.z_freedom": 5.0}), backend)
     assert any(said.endswith("verify.lit_efficiency asks for 50% on the lit region") for said in found)
 
 
+@pytest.mark.slow
 def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
     """40 mm aside, 40 mm behind the rear vertex at 6 mm."""
     problem = loaded(tmp_path, {"target.half_width": [10.0, 10.0]}).problem
@@ -132,6 +135,7 @@ BODY = {
 }
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("keys", "words"),
     [

@@ -33,6 +33,7 @@ def followed(problem, note):
     return problem.with_(**dict(assignment(text, Problem) for text in options)), options
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", CASES)
 def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
     """Nor by the design, which then starts from the whole map."""
@@ -60,6 +61,7 @@ def test_a_thin_lens_is_proposed_thicker_with_the_freedom_that_it_then_needs(tmp
     assert "bring rear and front together" in expected(OpticalSystem(thinner), backend)[0].note
 
 
+@pytest.mark.slow
 def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp_path, backend):
     """A geometry is, in which it loses no more than a tenth."""
     system = loaded(tmp_path, WIDE)
@@ -73,6 +75,7 @@ def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp
     assert TransportStart(other, backend).lost(other) <= STEEP
 
 
+@pytest.mark.slow
 def test_the_design_says_what_check_says(tmp_path, backend):
     """Of a start whose coarse mesh alone is cut off, for which the design does without the map."""
     system = loaded(tmp_path, POINT | {"optimizer.iterations": [1], "lens.rear.freeform.max_level": 3})

@@ -124,6 +124,7 @@ def test_other_light_is_noticed_by_counting_alone(tmp_path, backend, monkeypatch
     assert found.difference > 1.5 * found.noise
 
 
+@pytest.mark.slow
 def test_the_error_of_the_mesh_falls_with_the_square_of_the_spacing_and_is_known(tmp_path, backend):
     """sqrt(10) / 3 separates the estimate from the error of linear interpolation; a spline's second
     derivatives vary within its spans."""

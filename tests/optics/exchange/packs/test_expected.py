@@ -13,6 +13,7 @@ EMITTER = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]
 LUMENS = EMITTER | {"source.unit": "lm", "source.flux": 50.0, "target.half_width": [2000.0, 1500.0]}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("changes", "lens", "unit", "quantity"),
     [(WIDE, small_lens(), "degrees", "peak intensity"), (LUMENS, hollow_lens(), "mm", "peak illuminance")],

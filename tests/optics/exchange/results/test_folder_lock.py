@@ -40,6 +40,7 @@ def asked(folder, environment):
     return done.stdout.splitlines()
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("posix", [True, False], ids=["with POSIX", "without"])
 def test_one_process_holds_a_folder_until_it_ends_however(posix, tmp_path):
     folder, hook = tmp_path / "folder", tmp_path / "hook"

@@ -34,6 +34,7 @@ def foreign(tmp_path_factory):
     return lens, path
 
 
+@pytest.mark.slow
 def test_a_lens_of_another_program_makes_the_light_of_its_surfaces(foreign, tmp_path):
     lens, path = foreign
     problem = load_problem(write_problem(tmp_path, FEW))

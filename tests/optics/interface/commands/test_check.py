@@ -32,6 +32,7 @@ def test_check_does_not_know_how_far_light_misses_a_face(tmp_path, capsys):
     assert said in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, capsys):
     """The beam of 19 mm is parallel to the rear; the clear aperture leaves 8/9.5 of it each way."""
     path = str(write_problem(tmp_path, {}))
@@ -50,6 +51,7 @@ def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, caps
     assert f"{share:.1%} blocked by stop.0\n" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_check_warns_of_a_freedom_that_was_given_not_of_one_that_was_left_to_it(tmp_path, capsys):
     """Both are greater than the least thickness of 0.5 mm."""
     path = str(write_problem(tmp_path, {"lens.thickness": 0.5, "target.half_width": [40.0, 40.0]}))
@@ -128,6 +130,7 @@ def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
     assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
     path = str(write_problem(tmp_path, {}))
     assert main(["check", path]) == 0
@@ -209,6 +212,7 @@ def test_a_target_along_the_light_is_refused(capsys):
     assert "the target is seen edge-on" in refused(capsys, "check", ROOT / "examples" / "folded.toml", *words)
 
 
+@pytest.mark.slow
 def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(tmp_path, capsys):
     lamp = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
     path = str(write_problem(tmp_path, lamp | {"target.surface": "sphere", "target.radius": 90.0}))

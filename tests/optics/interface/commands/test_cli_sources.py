@@ -117,6 +117,7 @@ def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsy
     assert metrics["rel_l2"] < 1.05 * before["rel_l2"]
 
 
+@pytest.mark.slow
 def test_check_adds_the_freedoms_of_both_surfaces(tmp_path, capsys):
     """Least thickness 10 mm; only together do 5.5 and 5 mm exceed it."""
     for on_front, noted in ((4.0, False), (5.5, True)):

@@ -59,6 +59,7 @@ def hollow(problem_file):
     return lambda changes=None: problem_file(GLOWING | (changes or {}))
 
 
+@pytest.mark.slow
 def test_figures_of_an_extended_source(hollow, tmp_path):
     data, lines, code = run(hollow(SMALL), out=str(tmp_path / "bound.png"))
     assert code == 0
@@ -204,6 +205,7 @@ def test_the_notes_of_a_problem_name_both_classes(hollow):
     assert "304.4 mm^2 as the base lens has it (z_freedom = 1 mm may make it larger" in alike
 
 
+@pytest.mark.slow
 def test_a_report_judges_by_the_lens_of_the_design(hollow):
     """The rear's area is its own, and no bound is the value that was reached."""
     system, lens = OpticalSystem(load_problem(hollow(SMALL))), hollow_lens()

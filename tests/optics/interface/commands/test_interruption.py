@@ -141,6 +141,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.slow
 def test_a_checkpoint_with_a_wrong_entry_is_refused(stopped_copy, capsys):
     problem, out = stopped_copy
     data = json.loads((out / "checkpoint.json").read_text())

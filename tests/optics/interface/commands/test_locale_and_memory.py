@@ -44,6 +44,7 @@ def test_letters_in_an_ascii_locale_are_refused_before_any_work(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_title_that_an_ascii_locale_cannot_print_is_written_by_codes(tmp_path):
     """The problem file is UTF-8, whatever the locale."""
     path = write_problem(tmp_path, {"title": "Größe"})

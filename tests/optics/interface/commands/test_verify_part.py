@@ -57,6 +57,7 @@ def test_wrong_files_are_one_sentence(wrong, step, tmp_path):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_design_knows_its_light(golden, tmp_path):
     lens = read_lens(golden.path / "lens.json")
     middle = gp_Ax2(gp_Pnt(-200, 0, lens.thickness / 2), gp_Dir(1, 0, 0))

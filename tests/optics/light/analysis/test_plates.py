@@ -63,6 +63,7 @@ def test_on_a_plane_the_light_of_one_is_shifted_by_half_a_pitch_to_either_side_a
     assert plate.metrics["efficiency"] == pytest.approx(one.metrics["efficiency"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_beam_leaves_neighbours_dark_and_a_point_does_not(pair, backend):
     beam, point = (pair(FAR | keys)[0] for keys in ({}, POINT))
     assert crosstalk(beam, beam.lens, backend)["crosstalk"] < TWICE

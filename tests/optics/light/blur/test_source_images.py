@@ -40,6 +40,7 @@ def test_a_beam_spreads_by_its_angles_times_the_distance(tmp_path, backend, kind
     assert found == pytest.approx(200 * rms, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_an_area_spreads_as_its_shadow_through_a_pinhole(tmp_path, backend):
     """Through a point of a thin window a square of side 2 h at distance d is thrown h / sqrt(3) L / d wide.
 

@@ -87,6 +87,7 @@ def test_the_error_is_drawn_in_two_colours(built: SimpleNamespace) -> None:
     assert blue.mean() > 0.05
 
 
+@pytest.mark.slow
 def test_every_surface_that_is_cut_has_one_picture_with_a_panel_for_each_question(tmp_path, backend):
     system = OpticalSystem(load_problem(write_problem(tmp_path)))
     order = ToolOrder(nose=1.0, feed=0.01)

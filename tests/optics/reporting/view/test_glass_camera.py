@@ -106,6 +106,7 @@ GLASS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6.0, "front": 
 GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_freedom": 1.0}}}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("row", [False, True])
 def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatch, row):
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}

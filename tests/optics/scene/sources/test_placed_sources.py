@@ -49,6 +49,7 @@ def test_a_source_that_is_placed_where_it_stands_makes_the_same_cells():
     np.testing.assert_array_equal(there.direction, plain.direction)
 
 
+@pytest.mark.slow
 def test_the_light_of_a_list_is_the_sum_of_the_light_of_each():
     backend = load_backend("double", 1)
     lists = [placed(-3, flux=2.0), placed(4, weight=0.5)], [placed(-3, flux=2.0)], [placed(4, weight=0.5)]

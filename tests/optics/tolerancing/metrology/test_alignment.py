@@ -95,6 +95,7 @@ def test_a_patch_of_outliers_is_named_with_its_place() -> None:
     assert "x = 3.9" in said or "x = 4" in said
 
 
+@pytest.mark.slow
 @examples(8)
 @given(st.floats(0.96, 1.04), st.sampled_from([-1.0, 0.0, 0.5]), st.sampled_from([0, 1]))
 def test_a_best_fit_brings_points_nearer_however_weak_a_motion_is(

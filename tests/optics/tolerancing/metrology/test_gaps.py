@@ -144,6 +144,7 @@ def test_half_a_lens_of_other_power_is_shown_by_datums_without_its_best_fit(
     assert as_built_data(built)["alignments"]["best fit"] is None
 
 
+@pytest.mark.slow
 def test_outliers_have_a_sentence_of_their_own(system, backend, monkeypatch) -> None:
     points = measured(system.lens.rear)
     x, y, z = points.points

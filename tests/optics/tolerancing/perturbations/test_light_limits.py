@@ -147,6 +147,7 @@ def limited(budget):
     return [e.tolerance.name for e in budget.effects if e.allowed is not None]
 
 
+@pytest.mark.slow
 def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> None:
     """By a budget of these amounts: its expected rel_l2 is the limit, to second order."""
     system, lens = even

@@ -26,6 +26,7 @@ def written(request, tmp_path_factory):
     return plate, path
 
 
+@pytest.mark.every(3)
 def test_a_plate_is_one_closed_solid_of_the_volume_in_closed_form(written):
     plate, path = written
     text, read = parse_brep(path), read_step(path)
