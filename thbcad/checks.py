@@ -57,17 +57,22 @@ def require_suffix(path: str | Path, *suffixes: str) -> str:
 
 
 def require_unmasked(array: object) -> None:
-    """Raise ValueError for a masked array with masked numbers, and for a list of such rows."""
-    rows = array if isinstance(array, list | tuple) else (array,)
-    masked = sum(int(np.sum(row.mask)) for row in rows if isinstance(row, np.ma.MaskedArray))
-    if masked:
+    """Raise ValueError for a masked array with masked numbers, and for lists that hold such arrays."""
+    if masked := _masked(array):
         raise ValueError(f"numbers must not be masked, got {masked} masked; leave them out or fill them")
 
 
+def _masked(array: object) -> int:
+    """Return how many numbers are masked."""
+    if isinstance(array, list | tuple):
+        return sum(_masked(row) for row in array if isinstance(row, np.ma.MaskedArray | list | tuple))
+    return int(np.sum(array.mask)) if isinstance(array, np.ma.MaskedArray) else 0
+
+
 def require_real(array: ArrayLike) -> None:
-    """Raise ValueError for complex and for masked numbers."""
+    """Raise ValueError for complex and for masked numbers, and for dates."""
     require_unmasked(array)
-    if np.iscomplexobj(array):
+    if np.iscomplexobj(array) or getattr(array, "dtype", np.dtype(float)).kind in "mM":
         raise ValueError(f"numbers must be real, got {np.asarray(array).dtype}")
 
 

@@ -16,11 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, read_only
+from thbcad.checks import Floats, floats, read_only
 from thbcad.values import Value
 
 ORIGIN = (0.0, 0.0, 0.0)
 ORTHOGONAL = 1e-9  # of R^T R - 1, at most: a matrix that was written with ten digits is a rotation
+
+
+def _three(name: str, numbers: ArrayLike) -> Floats:
+    """Return three finite numbers; raise ValueError for any others."""
+    row = floats(numbers)
+    if row.shape != (3,) or not np.isfinite(row).all():
+        raise ValueError(f"{name} must be three finite numbers, got {numbers!r}")
+    return row
+
+
+def _require_triples(vectors: Any) -> None:
+    if isinstance(vectors, np.ndarray) and vectors.shape[:1] != (3,):
+        raise ValueError(f"points and directions are arrays (3, ...), got one of shape {vectors.shape}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +91,13 @@ class Pose(Value):
         rotation_vector : rad; its direction is the axis, right-handed, its length the angle.
         about : mm, the point that the rotation leaves where it is.
         """
-        centre, rotation = np.asarray(about, dtype=float), np.eye(3)
-        if np.any(rotation_vector):
+        centre, rotation = _three("about", about), np.eye(3)
+        vector, shift = _three("rotation_vector", rotation_vector), _three("position", position)
+        if vector.any():
             from scipy.spatial.transform import Rotation  # it takes a third of a second
 
-            rotation = np.array(Rotation.from_rotvec(rotation_vector).as_matrix())
-        return cls(rotation, centre - rotation @ centre + np.asarray(position, dtype=float))
+            rotation = np.array(Rotation.from_rotvec(vector).as_matrix())
+        return cls(rotation, centre - rotation @ centre + shift)
 
     @classmethod
     def tilted(cls, position: ArrayLike, tilt: ArrayLike) -> Pose:
@@ -91,12 +105,12 @@ class Pose(Value):
 
         position : mm.  tilt : degrees, right-handed: `Rotation.from_euler("XYZ", tilt, degrees=True)`.
         """
-        rotation = np.eye(3)
-        if np.any(tilt):
+        rotation, degrees, shift = np.eye(3), _three("tilt", tilt), _three("position", position)
+        if degrees.any():
             from scipy.spatial.transform import Rotation
 
-            rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix()
-        return cls(rotation, np.asarray(position, dtype=float))
+            rotation = Rotation.from_euler("XYZ", degrees, degrees=True).as_matrix()
+        return cls(rotation, shift)
 
     @property
     def tilt(self) -> tuple[float, float, float]:
@@ -122,7 +136,11 @@ class Pose(Value):
         return Pose(back, -(back @ self.shift) if self.rotates else -self.shift)
 
     def points(self, points: Any) -> Any:
-        """Return R p + s of points, mm."""
+        """Return R p + s of points, mm.
+
+        Raises ValueError : an array whose first axis is not of 3.
+        """
+        _require_triples(points)
         if not self.shift.any():
             return self.directions(points)
         turned = self.directions(points)
@@ -131,7 +149,8 @@ class Pose(Value):
         return tuple(x + s for x, s in zip(turned, self.shift.tolist()))
 
     def directions(self, directions: Any) -> Any:
-        """Return R d of directions."""
+        """Return R d of directions; raise as `points`."""
+        _require_triples(directions)
         if not self.rotates:
             return directions
         if isinstance(directions, np.ndarray):

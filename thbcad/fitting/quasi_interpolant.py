@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from thbcad.checks import Floats, Integers, require_type
-from thbcad.hierarchy import DyadicAxis, THBSpace, intervals, least_norm, whole_cells
+from thbcad.hierarchy import GREATEST_NORM, DyadicAxis, THBSpace, intervals, least_norm, whole_cells
 from thbcad.splines import Function, blossom, evaluate, greville_abscissae
 from thbcad.surfaces import THBSurface
 
@@ -37,7 +37,7 @@ def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
 
     function : called with u and v, (n,) float each; returns (n,) or (n, d)
 
-    Raises ValueError : values of another shape, or not finite.
+    Raises ValueError : values of another shape, or not finite; a functional with a norm above 1e12.
     """
     require_type("space", space, THBSpace)
     u, v, operator = quasi_interpolation(space)
@@ -49,6 +49,8 @@ def quasi_interpolation(space: THBSpace) -> tuple[Floats, Floats, csr_array]:
 
     u, v : (n,) float, sample points.  Q : csr_array (dim, n); the sum of |Q| over row f is the
     norm of the functional of function f.  If A is ``space.collocation(u, v)``, Q @ A == identity.
+
+    Raises ValueError : a norm above 1e12.
     """
     parts = [_level_functionals(space, level) for level in range(space.levels)]
     u, weights_u, v, weights_v = (np.concatenate(columns) for columns in zip(*parts))
@@ -74,7 +76,12 @@ def _level_functionals(space: THBSpace, level: int) -> list[Floats]:
         tables.append(_axis_functionals(axis, level, distinct))
         rows.append(inverse)
     leaves = whole_cells(space.hierarchy[level], functions)
-    choice, _ = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
+    choice, norms = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
+    if (norm := float(norms.max(initial=0.0))) > GREATEST_NORM:
+        raise ValueError(
+            f"a functional of level {level} has the norm {norm:.2g}, which leaves fewer than four digits of "
+            "float64; use least_squares"
+        )
     return [x[r, c] for table, r, c in zip(tables, rows, choice) for x in (table.points, table.weights)]
 
 

@@ -239,16 +239,18 @@ def _mean_error(gap: BSplineSurface) -> float:
 
 
 def _at_rim(gap: BSplineSurface, outline: Outline) -> Enclosure:
-    """Return the least gap on the rim: in the corners that are cut off, and on four sides between them."""
+    """Return the least gap on the rim: in the corners that are cut off, and on the sides between them."""
     (hx, hy), (cx, cy) = outline.half_width, outline.corners
     if outline.is_rectangle:
         return _lowest(_on_sides(gap, gap))
-    found = [minimum_on_rim(gap, outline, HEIGHT)]
-    if hx > cx and hy > cy:
-        sides = _on_sides(segment(gap, [hx - cx, hy]), segment(gap, [hx, hy - cy]))
-        error = _mean_error(gap)
-        found += [replace(s, lower=s.lower - error, upper=s.upper + error) for s in sides]
-    return _lowest(found)
+    found, error, sides = [minimum_on_rim(gap, outline, HEIGHT)], _mean_error(gap), list[Enclosure]()
+    if hx > cx:
+        wide = segment(gap, [hx - cx, hy])
+        sides += _on_sides(wide, wide)[0::2]
+    if hy > cy:
+        high = segment(gap, [hx, hy - cy])
+        sides += _on_sides(high, high)[1::2]
+    return _lowest(found + [replace(s, lower=s.lower - error, upper=s.upper + error) for s in sides])
 
 
 def _on_sides(wide: BSplineSurface, high: BSplineSurface) -> list[Enclosure]:

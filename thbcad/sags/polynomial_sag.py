@@ -188,7 +188,7 @@ def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> Floats:
     """
     if n < abs(m) or (n - m) % 2:
         raise ValueError(f"a Zernike term needs |m| <= n with n - m even, got n = {n}, m = {m}")
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    x, y = floats(x), floats(y)
     turned = (x + 1j * y) ** abs(m)
     radial = eval_jacobi((n - abs(m)) // 2, 0, abs(m), 2 * (x * x + y * y) - 1)
     result: Floats = sqrt((n + 1) * (1 if m == 0 else 2)) * radial * (turned.real if m >= 0 else turned.imag)

@@ -53,7 +53,7 @@ class BSplineCurve(Polynomial, Curve):
         require_order(derivative)
         u = inside("u", u, self.kv.domain)
         values: Floats = self.kv.collocation(u.ravel(), derivative) @ self.coefficients
-        return values.reshape(*u.shape, *self.coefficients.shape[1:])[()]
+        return values.reshape((*u.shape, *self.coefficients.shape[1:]))[()]
 
     def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_i I_i c_i."""

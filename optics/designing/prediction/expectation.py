@@ -26,6 +26,9 @@ from thbcad.lens import Lens, mass
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
 # half of 4096 pixels in place of 0.174 changes the one to expect of the design from 0.0202 to 0.0195
 MOST_PIXELS = 2048
+# pixels to a knot span of the finest mesh, from which on it and not the picture limits the light of textures
+# (pearl, 128 pixels: with 2.4 of them 0.104 and the regression 0.027, with 1.2 of them 0.029 and 0.022)
+COARSE = 1.5
 WIDE = 2.8  # pixels, of the Gaussian that takes the detail of a picture away
 SCALE, POWER = 0.092, 0.27
 JUMP = 1e-3  # of the norm: smaller jumps between pixels are none
@@ -38,9 +41,10 @@ class Expectation:
 
     size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
     sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
-    efficiency, stray, blocked : of the transport start, share of the source's flux on the target, beside it,
-        and taken by stops, bodies, a plane screen and the clear aperture.  reflected, totally : the same at
-        the rear, and that of it which no steeper light could leave.
+    size, volume, mass : of the lens that the design starts from.
+    efficiency, stray, blocked : of the transport map's surface, share of the source's flux on the target,
+        beside it, and taken by stops, bodies, a plane screen and the clear aperture.
+    reflected, totally : the same at the rear, and that of it which no steeper light could leave.
     blocking : what each of these would block alone, by its name.
     nearest : options that change the target so that the rear reflects at most STEEP, where it reflects more,
         and the map tells so.
@@ -49,7 +53,8 @@ class Expectation:
         (None without extent).
     from_transport : the design starts from the whole transport map.
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
-        cuts it off, where rays spread in the lens, or on a target that does not lie across the axis.
+        cuts it off, where rays spread in the lens, on a target that does not lie across the axis, and of
+        textures on a mesh that is coarse for their pixels.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
@@ -98,6 +103,7 @@ def expected(
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     from_transport = first is not None and _follows_map(start, first)
+    starts_flat = first is None or not (start.traced is None or start.within(start.traced))
     traced = system.shaping
     plan = stages(traced, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
@@ -105,11 +111,14 @@ def expected(
     flux = system.problem.flux
     reflected = (fates.rear_reflected + fates.total_internal) / flux
     light, _ = start.rear_slopes()
+    net, pixel = _net(system, start.half_lit, light), max(system.target.screen().pitch)
+    fine = net <= COARSE * pixel or system.target.uniform_region is not None
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
-    count, more = volume_of_made(optic, lens)
-    volume = count * lens.volume() + more
+    shape = system.lens if starts_flat else lens
+    count, more = volume_of_made(optic, shape)
+    volume = count * shape.volume() + more
     return Expectation(
-        size=_size(system, lens),
+        size=_size(system, shape),
         volume=volume,
         mass=mass(volume, optic.density) if optic.density else None,
         sag=fit.asked,
@@ -125,12 +134,12 @@ def expected(
         if system.shaped == "rear" and reflected > STEEP and not is_gentle(system, start)
         else [],
         least=least_half_widths(system, lens, backend),
-        pixel=max(system.target.screen().pitch),
-        net=_net(system, start.half_lit, light),
+        pixel=pixel,
+        net=net,
         blur=_blur(system, lens, backend),
         from_transport=from_transport,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and from_transport and start.within(fit) and _is_known(system)
+        if error and from_transport and start.within(fit) and fine and _is_known(system)
         else None,
         start_rel_l2=error,
         seconds=seconds,

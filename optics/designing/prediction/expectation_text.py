@@ -5,12 +5,14 @@ from __future__ import annotations
 from math import isinf
 
 from optics.base.runtime import plain_number
-from optics.designing.prediction.expectation import Expectation
+from optics.designing.prediction.expectation import COARSE, Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
+from optics.designing.starts import INSIDE
 from optics.light.outgoing import concentration_sentence
 from optics.scene.system import OpticalSystem
 
 FULL = 0.999  # of a face: light that misses it does not tell how far beside it
+MAPPED = "by the transport map's surface, where this design does not start"
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
 NET = "a knot span of the finest mesh"
@@ -21,16 +23,17 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     wide, high, deep = expected.size
     heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
     shaped = getattr(system.lens, system.shaped).conic
+    when = "at the start of the design" if expected.from_transport else MAPPED
     return [
         f"expected {system.problem.optic.noun}: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
         f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; {system.problem.optic.face_name(system.shaped)} "
         f"with radius {shaped.radius:.4g} mm, K {shaped.constant:.3g}",
         f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
-        f"z_freedom allows +-{expected.freedom:.3g} mm",
-        f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
+        f"z_freedom allows +-{expected.freedom:.3g} mm, of which a start takes {INSIDE:.0%}",
+        f"light: {expected.efficiency:.1%} of the source on the target {when}, "
         f"{expected.stray:.1%} beside it" + _blocked(expected),
-        _least_line(system, expected),
-        f"{concentration_sentence(system, expected.concentration)}; at the start of the design",
+        f"{_least_line(system, expected)}; {when}",
+        f"{concentration_sentence(system, expected.concentration)}; {when}",
         _detail_line(system, expected),
         _error_line(system, expected),
         f"cost: about {expected.seconds:.2g} s on two cores as in docs/benchmarks.md, "
@@ -56,7 +59,7 @@ def _least_line(system: OpticalSystem, expected: Expectation) -> str:
     for name, half in expected.least.items():
         full = any(h > FULL * size for h, size in zip(half, sizes[name]))
         sides.append(f"{name} {'at least ' * full}{_by(half)} mm of {_by(sizes[name])}")
-    return f"least half-width that loses no light: {', '.join(sides)}; at the start of the design"
+    return f"least half-width that loses no light: {', '.join(sides)}"
 
 
 def _by(size: tuple[float, float]) -> str:
@@ -88,11 +91,13 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
-    start = f"the start has {expected.start_rel_l2:.2g}"
-    if not expected.from_transport or expected.sag > expected.freedom:
+    start = f"the {'start' if expected.from_transport else 'map'} has {expected.start_rel_l2:.2g}"
+    if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
+        if system.parallel and expected.net > COARSE * expected.pixel:
+            where = "on a mesh so much coarser than the pixels; a higher freeform.max_level makes it finer"
         return f"rel_l2: not predicted {where}; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
         basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 72 iterations"
@@ -102,7 +107,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
 
 def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
     shifts = expected.sensitivity
-    whose = f"the {system.problem.optic.noun}" if system.source.collimated else "the source"
+    whose = f"the {system.problem.optic.noun}" if system.source.beam else "the source"
     by_index = [
         f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
         f"by {_length(system, shifts.index_most)} at most",

@@ -36,8 +36,8 @@ class Sensitivity:
     """Shifts of the light on the target, mm, in the far field degrees: means by flux.
 
     index, index_most : by INDEX, mean and greatest; 0 of a mirror.  ripple : by a slope as steep as that of
-    RIPPLE with the period PERIOD.  decentre : by DECENTRE of the source against the lens.  inf : no light
-    arrives both ways.
+    RIPPLE with the period PERIOD, in the worse of two directions.  decentre : by DECENTRE of the source
+    against the lens.  inf : no light arrives both ways.
     """
 
     index: float
@@ -49,8 +49,6 @@ class Sensitivity:
 def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitivity:
     """Return the Sensitivity of a lens.  backend : of double precision."""
     path, rays = system.path(lens), system.source.without_extent().rays(RAYS)
-    ripple: list[Floats | None] = [None] * len(path.surfaces)
-    ripple[path.shaped] = np.array([[2 * pi * RIPPLE / PERIOD], [0.0]])
     landed = _landed(backend, path, rays)
 
     def shifts(other: LightPath) -> tuple[float, float]:
@@ -64,14 +62,21 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
         shift = np.hypot(*(points - landed[0])[:, both])
         return float(np.average(shift, weights=landed[1][both])), float(shift.max())
 
+    def rippled(along: tuple[float, float]) -> float:
+        """Return the mean shift by ripple that is steep along x or y."""
+        errors: list[Floats | None] = [None] * len(path.surfaces)
+        errors[path.shaped] = 2 * pi * RIPPLE / PERIOD * np.array(along)[:, None]
+        return shifts(path.with_slope_errors(errors))[0]
+
     index = shifts(path.in_media(m if m == AIR else replace(m, index=m.index + INDEX) for m in path.media))
-    return Sensitivity(*index, shifts(path.with_slope_errors(ripple))[0], _decentre(system, path))
+    ripple = max(rippled((1.0, 0.0)), rippled((0.0, 1.0)))
+    return Sensitivity(*index, ripple, _decentre(system, path))
 
 
 def _decentre(system: OpticalSystem, path: LightPath) -> float:
     """Return the shift by a decentre."""
     far = path.receiver.far_field
-    if system.source.from_afar:
+    if system.source.beam:
         return 0.0 if far else DECENTRE
     vertices = [np.array(system.source.middle), *(surface.pose.shift for surface in path.surfaces)]
     ways = [np.linalg.norm(b - a) / m.index for a, b, m in zip(vertices, vertices[1:], path.media)]

@@ -5,6 +5,12 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from optics.designing.starts.cell_sums import summed_over_cells
     from optics.designing.starts.rear_light import RearLight
-    from optics.designing.starts.transport_start import STEEP, TransportFit, TransportStart, spot_lens
+    from optics.designing.starts.transport_start import (
+        INSIDE,
+        STEEP,
+        TransportFit,
+        TransportStart,
+        spot_lens,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -257,7 +257,7 @@ class TransportStart:
         # beside the light more freedom than that may bring the surfaces together
         why = "more" if largest > self._bound else "less"
         return (
-            f"{asked}, {why} than z_freedom allows: for better light "
+            f"{asked}, {why} than the {self._bound:.3g} mm of z_freedom that a start takes: for better light "
             f"--set {optic.key(self._system.shaped)}.freeform.z_freedom={self.freedom(*fits):g}{flat}"
         )
 

@@ -197,7 +197,11 @@ def write_result(
         problem=design.problem,
         metrics=metrics,
         verification=checked,
-        manufacture=manufacture_rows(product, design.problem.source.wavelength),
+        manufacture=manufacture_rows(
+            product,
+            design.problem.source.wavelength,
+            [design.problem.optic.face_name(side) for side in ("front", "rear")],
+        ),
         pictures=figures.pictures,
         levels=figures.levels(),
         verdict=verdict,

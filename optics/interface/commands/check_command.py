@@ -75,10 +75,11 @@ def _side_lines(system: OpticalSystem) -> list[str]:
     target = system.problem.target
     if target.kind != "image":
         return []
+    light = "lens" if system.axial else "light"
     side, other, name = (
-        ("behind the target, looking at the lens", "a wall seen from the lens's side", "lens")
+        (f"behind the target, looking at the {light}", f"a wall seen from the {light}'s side", "lens")
         if target.seen_from == "behind"
-        else ("the lens's side, as on a wall", "a screen seen from behind", "behind")
+        else (f"the {light}'s side, as on a wall", "a screen seen from behind", "behind")
     )
     return [f"the picture reads right from {side}; for {other}: --set target.seen_from={name}"]
 

@@ -95,7 +95,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     by_edges = system.by_edges and (not system.source.collimated or beside)
     other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
-    light = direct + other.light if other and all_ways else direct
+    all_light = direct + other.light if other else direct
+    light = all_light if all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
     # a target at any scale is compared, also with no light
     target = system.target.irradiance(screen, light.on_target + light.off_target or 1.0) / shown
@@ -115,8 +116,9 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
-    metrics["stray"] = light.off_target / flux
-    metrics["stray_error"] = light.off_error / flux
+    # beside the target the light of other ways counts where it is known, however little falls on it
+    metrics["stray"] = max(all_light.off_target, 0.0) / flux
+    metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     metrics[system.units.key("fates")] = fates.by_name

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import inf, isqrt, pi, sqrt
+from math import inf, isinf, isqrt, pi, sqrt
 
 import numpy as np
 from scipy.ndimage import convolve
@@ -30,7 +30,7 @@ from scipy.spatial import ConvexHull
 from optics.base.runtime import Backend, UserError
 from optics.light.tracing import Tracer
 from optics.scene.receivers import Plane
-from optics.scene.sources import SourceCells
+from optics.scene.sources import PlacedSource, SourceCells
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
@@ -109,7 +109,8 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     brightest = system.source.spread.brightest if system.source.diverging else inf
     sine = sqrt(1 / (pi * brightest))
     bundle, seen = _leaving(system.shaping, lens, backend)
-    farthest = max(bundle.z0, min(system.path(lens).throw_of(-1), FAR))
+    throw = system.path(lens).throw_of(-1)
+    farthest = max(bundle.z0, FAR if isinf(throw) else throw)
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
     def on_plane(light: _Bundle, s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
@@ -127,7 +128,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
         found.append(on_plane(seen, closest.x))
     light, disk, behind = on_plane(bundle, max(found)[2], SEARCHED_LAST)
     times = light / bundle.front
-    far = system.source.from_afar
+    far = system.source.beam
     return Concentration(times, light, SUNLIGHT * times if far else None, behind, disk, float(farthest))
 
 
@@ -147,8 +148,11 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[_Bund
         every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
         onto, out = every & first.hit, every & landing.arrives
         across = first.x, first.y
-        if system.source.from_afar:  # a face that is turned has less light on its area than the beam
-            across = path.surfaces[0].pose.points((first.x, first.y, first.z))[:2]
+        if system.source.beam:  # a face that is turned has less light on its area than the beam
+            across = path.surfaces[0].pose.points((first.x, first.y, first.z))
+            if isinstance(system.source, PlacedSource):
+                across = system.source.pose.inverse().points(across)
+            across = across[:2]
         height = ahead.points((last.x, last.y, last.z))[2]
         values = [*across, height, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)

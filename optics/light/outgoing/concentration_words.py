@@ -13,7 +13,7 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
-    first = "of the beam" if system.source.from_afar else f"on {_the(system.problem.face_names[0])}"
+    first = "of the beam" if system.source.beam else f"on {_the(system.problem.face_names[0])}"
     return (
         f"greatest concentration of light: {found.times:.3g} times that {first}, "
         f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "

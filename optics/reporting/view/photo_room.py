@@ -19,6 +19,7 @@ from optics.reporting.view.scene_layout import (
     drawn_elements,
     placed,
 )
+from optics.scene.problem import MirrorElement
 from optics.scene.receivers import Plane, Receiver
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
@@ -261,7 +262,12 @@ def photo_caption(system: OpticalSystem, lens: Lens) -> str:
     """Return what a photograph shows, and what of it is not as it is."""
     room = photo_room(system, lens)
     light = "measured light on a translucent screen"
-    shown = f"Lenses that refract and mirrors that reflect the room, and their {light}. The room is invented"
+    mirrors = [isinstance(optic, MirrorElement) for optic in system.problem.optics]
+    what = {
+        (True,): "The mirror, which reflects the room, and its",
+        (False,): "The lens as glass and its",
+    }.get(tuple(mirrors), "Lenses that refract and mirrors that reflect the room, and their")
+    shown = f"{what} {light}. The room is invented"
     if system.axial:
         shown = f"The lens as glass and its {light}, seen from behind the screen. The room is invented"
     if room.angular:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import Any
 
@@ -12,10 +12,12 @@ from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 Row = tuple[str, float, str, str]
 
 
-def manufacture_rows(metrics: Manufacturability, wavelength: float) -> list[Row]:
+def manufacture_rows(
+    metrics: Manufacturability, wavelength: float, names: Sequence[str] = ("front", "rear")
+) -> list[Row]:
     """Return rows (name, value, unit, position); a radius that occurs nowhere is infinite.
 
-    wavelength : nm, with which the features are compared.
+    wavelength : nm, with which the features are compared.  names : of the faces, in words.
     """
     rows = [
         ("centre thickness", metrics.centre_thickness.value, "mm", position(metrics.centre_thickness)),
@@ -23,7 +25,7 @@ def manufacture_rows(metrics: Manufacturability, wavelength: float) -> list[Row]
         ("least thickness", metrics.thickness.value, "mm", position(metrics.thickness)),
         ("greatest thickness", metrics.greatest_thickness.value, "mm", position(metrics.greatest_thickness)),
     ]
-    for name, surface in metrics.surfaces.items():
+    for name, surface in zip(names, metrics.surfaces.values()):
         rows += _surface_rows(name, surface, wavelength)
     rows.append(("volume", metrics.volume, "mm^3", ""))
     if metrics.mass is not None:

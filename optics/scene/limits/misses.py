@@ -25,6 +25,7 @@ THICKNESSES = {
     "centre_thickness": "centre thickness",
     "edge_thickness": "edge thickness",
 }
+ROUNDING = 1e-12  # of a limit: a height that is the limit by its formula is within it
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,13 @@ def _free_misses(face: str, surface: SurfaceMetrics, limits: Limits, wavelength:
         )
 
 
+def _missed(amount: float, limit: float) -> float:
+    """Return an amount where it is more than rounding of the limit, else 0."""
+    return amount if amount > ROUNDING * abs(limit) else 0.0
+
+
 def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
-    most, least = (max(0.0, limit - number) for number in (bound.lower, bound.upper))
+    most, least = (_missed(limit - number, limit) for number in (bound.lower, bound.upper))
     where = f", {position(bound)}" if isfinite(bound.value) else ""
     return Miss(quantity, key, wanted=limit, most=most, least=least, unit="mm", where=where)
 
@@ -176,7 +182,7 @@ def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
 def _beyond(
     quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, unit: str, where: str
 ) -> Miss:
-    most, least = (max(0.0, number - limit) for number in (bound.upper, bound.lower))
+    most, least = (_missed(number - limit, limit) for number in (bound.upper, bound.lower))
     where = f", {where}"
     return Miss(quantity, key, wanted=limit, most=most, least=least, unit=unit, beyond=True, where=where)
 

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass, replace
-from math import ceil, floor, inf, isinf, log10
+from math import ceil, floor, inf, isinf, log10, radians, tan
 
 from optics.scene.limits.misses import Miss, limit_misses
-from optics.scene.problem import Problem
-from thbcad.lens import Manufacturability, mass
-from thbcad.outlines import Outline
+from optics.scene.problem import Optic, Problem
+from thbcad.lens import FreeformSurface, Lens, Manufacturability, mass
 
 DIGITS = 4  # of the numbers in a remedy
 LEAST_HEIGHT = 0.1  # of the height of the surfaces: flatter ones could not send the light there
@@ -85,7 +84,10 @@ def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[
     if miss.key in ("radius", "concave_radius", "feature"):
         return _smoother(problem, metrics, miss)
     if miss.key in ("slope", "sag_range") or miss.surface == "front":
-        times = miss.got / miss.wanted if miss.wanted else inf
+        got, wanted = miss.got, miss.wanted
+        if miss.key == "slope":  # of a paraboloid tan(slope) = r / R, and others flatten faster
+            got, wanted = tan(radians(got)), tan(radians(wanted))
+        times = got / wanted if wanted else inf
         if free:
             return flatter(problem, times if 0 < times < inf else 2.0)
         radius = getattr(lens, miss.surface).radius * times
@@ -96,10 +98,19 @@ def _setting(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[
         )
     amount = miss.most
     if miss.key == "mass":
-        half = lens.rear.half_width
-        amount /= mass(Outline(half, lens.corners(half)).area, lens.density)
+        amount /= mass(_volume_by_thickness(lens), lens.density)
     thickness = lens.thickness - amount if miss.beyond else lens.thickness + amount
     return lens.key("thickness"), [_rounded(thickness, not miss.beyond)], not miss.beyond
+
+
+def _volume_by_thickness(optic: Optic) -> float:
+    """Return dV/dt of what is made, mm^2: of plates that of all their lenses."""
+    front, rear = (
+        FreeformSurface(half, corners=optic.corners(half))
+        for half in (optic.front.half_width, optic.rear.half_width)
+    )
+    count = 1 if optic.array is None else optic.array.count
+    return count * Lens(front, rear, thickness=1.0, index=1.5).volume()
 
 
 def _smoother(problem: Problem, metrics: Manufacturability, miss: Miss) -> tuple[str, list[float], bool]:

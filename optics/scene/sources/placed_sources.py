@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import acos, degrees, isqrt
 
@@ -41,6 +41,22 @@ class PlacedSource(LightSource):
     @property
     def beam(self) -> bool:
         return self.source.beam
+
+    @property
+    def by_rays(self) -> bool:  # type: ignore[override]
+        return self.source.by_rays
+
+    @property
+    def scalable(self) -> bool:  # type: ignore[override]
+        return self.source.scalable
+
+    @property
+    def emitter(self) -> bool:  # type: ignore[override]
+        return self.source.emitter
+
+    @property
+    def told(self) -> Mapping[str, object]:
+        return self.source.told
 
     @property
     def symmetric(self) -> bool:
@@ -127,7 +143,12 @@ class SourceGroup(LightSource):
 
     @property
     def emitter(self) -> bool:  # type: ignore[override]
-        return all(member.source.emitter for member in self.members)
+        return all(member.emitter for member in self.members)
+
+    @property
+    def told(self) -> Mapping[str, object]:
+        """That of the first: a source with a file stands first."""
+        return self.members[0].told
 
     @property
     def symmetric(self) -> bool:

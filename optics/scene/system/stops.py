@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
@@ -42,14 +43,16 @@ def require_places(
 ) -> None:
     """Refuse stops that reach into an element, before the source plane, or behind a target across the axis.
 
-    A lens is taken as all that its outline and its freedom in z enclose.
+    A lens is taken as all that its outline and its freedom in z enclose.  Among elements, and of a source
+    elsewhere, no plane tells what lies before the light.
     bodies : the designed element with its lens, and then the others.
     start : z of parallel light, whose rays start nearer to the lens; -inf of other light.
 
     Raises UserError : names the stop.
     """
-    source, distance, lens = -problem.source.distance, problem.target.distance, bodies[0][1]
-    first = max(source, start)
+    distance, lens = problem.target.distance, bodies[0][1]
+    source = -inf if problem.source.placed or problem.source.others else -problem.source.distance
+    first = -inf if problem.element else max(source, start)
     for stop in stops:
         z = stop.pose.points(np.array([*stop.outline.half_width, 1.0])[:, None] * CORNERS)[2]
         if z.min() <= first:

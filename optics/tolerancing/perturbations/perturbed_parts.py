@@ -11,7 +11,7 @@ from optics.base.runtime import UserError
 from optics.scene.materials import Material
 from optics.scene.paths import HeightError, LightPath, Medium
 from optics.scene.problem import FaceMet, Optic
-from optics.scene.sources import RayGrid, Rays, SourceCells
+from optics.scene.sources import PlacedSource, RayGrid, Rays, SourceCells
 from optics.scene.system import OpticalSystem, indexing_material, pose_of
 from optics.tolerancing.perturbations.perturbation import ElementErrors, Perturbation
 from thbcad.checks import Floats
@@ -28,12 +28,13 @@ class PerturbedParts:
     Of a lens on the axis it is that of its front, which meets light as designed: all else moves back.  A row
     of elements is in the frame of the scene.
 
-    source : its motion.  size : factor on its width.
+    source : its motion.  size : factor on its width.  own : from the source's frame to that of the scene.
     """
 
     path: LightPath
     source: Pose
     size: float
+    own: Pose
 
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation, shaded: bool = False) -> PerturbedParts:
@@ -58,7 +59,8 @@ class PerturbedParts:
         frame = motions[0] if on_axis else IDENTITY
         path = path.moved([*motions, back @ target]).with_stops_moved(back).seen_from(frame)
         path = path.with_height_errors([_height_error(face, e) for face, e in zip(faces, errors)])
-        return cls(path, frame.inverse() @ source, 1 + p.source_size)
+        placed = system.source.pose if isinstance(system.source, PlacedSource) else IDENTITY
+        return cls(path, frame.inverse() @ source, 1 + p.source_size, placed)
 
     @property
     def half_width(self) -> tuple[float, float]:
@@ -87,9 +89,11 @@ class PerturbedParts:
     def rays(self, rays: Rays | RayGrid) -> Rays:
         """Return moved rays."""
         assert isinstance(rays, Rays)
-        width = np.array([[self.size], [self.size], [1.0]])
-        sized = replace(rays, origin=width * rays.origin) if self.size != 1.0 else rays
-        return sized.posed(self.source)
+        if self.size != 1.0:
+            width = np.array([[self.size], [self.size], [1.0]])
+            origin = self.own.points(width * self.own.inverse().points(rays.origin))
+            rays = replace(rays, origin=np.asarray(origin))
+        return rays.posed(self.source)
 
     def _within(self, s: Floats, t: Floats) -> bool:
         """Whether all of a grid of parallel rays meets the front."""

@@ -11,6 +11,7 @@ from typing import Literal
 
 from optics.base.runtime import UserError
 from optics.scene.problem import MirrorElement, Optic, Placed
+from optics.scene.sources import PlacedSource
 from optics.scene.system import OpticalSystem, indexing_material
 from optics.tolerancing.perturbations.perturbation import Perturbation
 from thbcad.lens import Lens
@@ -20,6 +21,7 @@ from thbcad.lens import Lens
 SEAT, SOURCE_SEAT, ROOM, THROW = 0.05, 0.1, 0.5, 1.0
 # degrees: such a seat's error over a lens of 57 mm; twice; a room
 TILT, SOURCE_TILT, ROOM_TILT = 0.05, 0.1, 0.5
+STRAIGHT = 1 - 1e-12  # cosine of the angle of a beam that runs along z
 THICKNESS, INDEX = 0.05, 0.0005  # mm, 1: Optimax's chart of manufacturing tolerances, its column "precision"
 POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits for aspheres
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
@@ -124,7 +126,9 @@ def _usual(system: OpticalSystem) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
     rows = [row for optic, lens in system.elements(system.lens) for row in _of_element(system, optic, lens)]
     source = system.source
-    defocus = 0.0 if source.from_afar else SOURCE_SEAT  # parallel light has no distance
+    along = source.pose.rotation[2, 2] if isinstance(source, PlacedSource) else 1.0
+    # parallel light along z has no distance
+    defocus = 0.0 if source.beam and along >= STRAIGHT else SOURCE_SEAT
     rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES, "source")
     if source.scalable:
         rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01), "mount"))

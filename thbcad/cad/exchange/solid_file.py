@@ -53,7 +53,8 @@ def front_and_rear(
             if form is None:
                 raise ValueError(
                     f"the {names[place]} in {path} is neither a spline curved in both directions, nor a "
-                    "plane, a sphere or another conic around z; export the lens again"
+                    "plane, a sphere or another conic around z; export the lens again, or "
+                    "read a part that is turned by read_lens_solid"
                 )
             named.append(form)
         return named[0], named[1]

@@ -19,11 +19,11 @@ from OCP.StepRepr import StepRepr_NextAssemblyUsageOccurrence
 from OCP.StepShape import StepShape_AdvancedFace
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
-from OCP.TDF import TDF_LabelSequence
+from OCP.TDF import TDF_Label, TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
-from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
+from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material, XCAFDoc_ShapeTool
 
 from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.exchange.reading import faces_of, step_document
@@ -124,6 +124,7 @@ def read_step(path: str | Path) -> SolidFile:
     labels, materials = TDF_LabelSequence(), TDF_LabelSequence()
     name, material = TDataStd_Name(), XCAFDoc_Material()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
+    labels = _lone_part(labels)
     XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(materials)
     header = APIHeaderSection_MakeHeader(reader.WS().Model())
     schema = header.SchemaIdentifiersValue(1).ToCString() if header.NbSchemaIdentifiers() else ""
@@ -172,11 +173,22 @@ def _document(part: Part, product: Product, placement: TopLoc_Location | None) -
 
 
 def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, ...]:
-    """Return the names of the entities from which the faces of a shape come."""
-    origin = reader.WS().TransferReader()
-    entities = [origin.EntityFromShapeResult(face, 1) for face in faces_of(shape)]
+    """Return the names of the entities from which the faces of a shape come, wherever it lies."""
+    origin, here = reader.WS().TransferReader(), TopLoc_Location()
+    entities = [origin.EntityFromShapeResult(face.Located(here), 1) for face in faces_of(shape)]
     names = (e.Name() if isinstance(e, StepShape_AdvancedFace) else None for e in entities)
     return tuple("" if name is None else name.ToCString() for name in names)
+
+
+def _lone_part(labels: TDF_LabelSequence) -> TDF_LabelSequence:
+    """Return the label of the one part of an assembly, which stands for its place, and other labels as they
+    are."""
+    placed, part, lone = TDF_LabelSequence(), TDF_Label(), TDF_LabelSequence()
+    if labels.Length() == 1 and XCAFDoc_ShapeTool.GetComponents_s(labels.Value(1), placed, False):
+        if placed.Length() == 1 and XCAFDoc_ShapeTool.GetReferredShape_s(placed.Value(1), part):
+            lone.Append(part)
+            return lone
+    return labels
 
 
 def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:
