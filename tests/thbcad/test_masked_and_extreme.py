@@ -154,3 +154,15 @@ def test_conic_constants_whose_powers_are_beyond_float64_are_refused(constant):
 def test_half_widths_whose_squares_are_beyond_float64_are_refused():
     with pytest.raises(ValueError, match=r"half_width must be two positive numbers of at most 1e\+100"):
         FreeformSurface((1e300, 1.0))
+
+
+def test_masks_are_seen_in_lists_of_lists():
+    kv, row = KnotVector.uniform(1, 1), np.ma.array([0.0, 1.0, 9999.0], mask=[0, 0, 1])
+    with pytest.raises(ValueError, match="got 4 masked"):
+        BSplineSurface(kv, kv, [[row, row], [row, row]])
+
+
+def test_dates_are_no_numbers():
+    kv = KnotVector.uniform(1, 1)
+    with pytest.raises(ValueError, match="must be real"):
+        BSplineSurface(kv, kv, np.full((2, 2), "2020", dtype="datetime64[Y]"))

@@ -127,3 +127,19 @@ def test_mirror_axes_are_those_in_which_a_pose_is_its_own_image():
 def test_what_is_no_rigid_motion_is_refused(rotation, shift, words):
     with pytest.raises(ValueError, match=words):
         Pose(rotation, shift)
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [5.0, [2.0], True, None, np.ma.array([1.0, 2, 3], mask=[0, 0, 1]), np.array([1 + 5j, 0, 0]), 10**400],
+)
+def test_a_place_and_a_turn_are_three_numbers(numbers):
+    for make in (Pose.at, lambda a: Pose.at(rotation_vector=a), lambda a: Pose.tilted((0, 0, 0), a)):
+        with pytest.raises(ValueError, match="numbers"):
+            make(numbers)
+
+
+def test_an_array_that_holds_no_triples_is_refused():
+    for pose in (Pose.at((0, 0, 5)), Pose.at(rotation_vector=(0, 0, 1))):
+        with pytest.raises(ValueError, match=r"arrays \(3, \.\.\.\), got one of shape \(1, 3\)"):
+            pose.points(np.array([[1.0, 2.0, 3.0]]))

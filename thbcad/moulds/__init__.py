@@ -6,7 +6,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from .body_walls import BodyOptions
     from .drafted_walls import DraftedWall, Foot
-    from .inserts import FACES, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
+    from .inserts import FACES, INSERT_BACK, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
     from .moulded_body import MouldedBody, Solid
     from .plates import Made, Plate, lens_of, named_on_plate
     from .rounded_edges import rounded_off

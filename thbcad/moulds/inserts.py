@@ -17,6 +17,7 @@ from thbcad.splines import BSplineSurface
 from thbcad.surfaces import THBSurface
 
 FACES = ("front", "rear")
+INSERT_BACK = "insert back"  # of a mirror "back" is an optical face
 Factors = tuple[float, float, float]  # of x, y and z
 UNCHANGED = (1.0, 1.0, 1.0)
 MOST = 50.0  # per cent; sintered parts shrink by 20

@@ -90,6 +90,9 @@ class LBFGS:
 
     def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
         """Return the number of steps, see `Optimiser`."""
+        if not iterations:  # scipy would take a step
+            function(start)
+            return 0
         options = {"maxiter": iterations, "maxcor": self.memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
         if self.least_decrease is not None:
             options["ftol"] = self.least_decrease

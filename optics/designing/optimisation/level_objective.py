@@ -63,7 +63,7 @@ def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | G
         "bspline": BSplineWindow(o.window_degree),
         "gaussian": GaussianWindow(o.sigma),
     }
-    if name not in windows:
+    if not isinstance(name, str) or name not in windows:
         raise UserError(f"window must be one of {', '.join(map(repr, windows))}, got {name!r}")
     return windows[name]
 

@@ -21,7 +21,7 @@ from thbcad.lens import (
     require_polygon,
 )
 from thbcad.meshes import body_mesh
-from thbcad.moulds import UNCHANGED, BodyOptions, Factors, Insert, MouldedBody, enlarged
+from thbcad.moulds import INSERT_BACK, UNCHANGED, BodyOptions, Factors, Insert, MouldedBody, enlarged
 from thbcad.outlines import Outline, Shape
 from thbcad.sags import PlacedConic
 
@@ -196,7 +196,7 @@ class Body:
         form, plane = insert.forms
         faces = [
             OpticalFace(self.cavity, form, insert.surface, insert.vertex),
-            OpticalFace("back", plane, FreeformSurface(insert.surface.half_width), insert.back),
+            OpticalFace(INSERT_BACK, plane, FreeformSurface(insert.surface.half_width), insert.back),
         ]
         return faces if insert.number else faces[::-1]
 

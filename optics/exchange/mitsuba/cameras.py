@@ -80,14 +80,17 @@ def overview_camera(
 ) -> dict[str, Any]:
     """Return a pinhole camera that looks past an element at the whole screen.
 
-    The element stands dark before a quarter of the screen: paths from the source end in a camera from matt
-    surfaces alone, and glass is none.
+    The element stands dark before a quarter of the screen at most: paths from the source end in a camera from
+    matt surfaces alone, and glass is none.
 
-    middle : of the element, (3,) mm.  size : of the element, mm.
+    middle : of the element, (3,) mm.  size : half of the element's, mm.
     """
     hx, hy = screen.half_width
-    covered = pose.points(np.array([hx / 2, -hy / 2, 0.0]))
-    size, apart = max(hx, hy, size), float(np.linalg.norm(middle - covered))
+    half, size = size, max(hx, hy, size)
+    # half of what it covers, as large as it looks from there
+    shade = half * (1 + float(np.linalg.norm(middle - pose.shift)) * tan(radians(FIELD / 2)) / (2 * size))
+    covered = pose.points(np.array([max(hx / 2, shade), -max(hy / 2, shade), 0.0]))
+    apart = float(np.linalg.norm(middle - covered))
     away = apart + 2 * size / tan(radians(FIELD / 2))
     origin = covered + (middle - covered) * (away / apart)
     up = pose.directions(np.array([0.0, 1.0, 0.0]))

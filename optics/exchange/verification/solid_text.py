@@ -25,7 +25,7 @@ SCHEMAS = (
     "CONFIG_CONTROL_DESIGN",
 )  # AP242, AP214, AP203
 EXTRUDED = "area by OCCT: its integral over the wall of an ellipse is off by up to 1e-4 at any tolerance"
-OWN_NAMES = ("front", "rear", "face", "back", "edge", "flange")  # first words of own names of faces
+OWN_NAMES = ("front", "rear", "face", "back", "edge", "flange", "insert")  # first words of own names of faces
 
 
 def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check], list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from numbers import Real
 
 from optics.base.runtime import UserError, device
 from optics.base.workers import require_workers, worker_pool
@@ -23,6 +24,11 @@ FORM_NM = 50.0  # rms of a free surface: 0.2 to 0.5 um peak to valley are usual 
 PERIODS = 2.0, 20.0  # mm: shorter ones are roughness, longer ones a wrong power
 
 
+def _require_design(function: str, design: object) -> None:
+    if not isinstance(design, Design):
+        raise UserError(f"{function} takes a Design, got {design!r}; Design.load reads a result folder")
+
+
 def tolerances(
     design: Design,
     amounts: Mapping[str, float] | None = None,
@@ -41,6 +47,9 @@ def tolerances(
 
     Raises UserError : an unknown name or a bad amount or limit; one sentence says which.
     """
+    _require_design("tolerances", design)
+    if amounts is not None and not isinstance(amounts, Mapping):
+        raise UserError(f"amounts must be a table such as {{'lens.decentre': 0.02}}, got {amounts!r}")
     with device():
         target = design.measurement.target
         backend = design.system.backend
@@ -58,6 +67,9 @@ def form_tolerances(
 
     Raises UserError : an extended source or blurred light, or a bad limit; one sentence says which.
     """
+    _require_design("form_tolerances", design)
+    if isinstance(limit, bool) or not isinstance(limit, Real):
+        raise UserError(f"limit must be a rise of rel_l2 such as {RISE:g}, got {limit!r}")
     with device():
         return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
 

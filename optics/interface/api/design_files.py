@@ -176,8 +176,15 @@ def write_result(
         checks = _checks(design, product, export)
     writer.place_steps(export.files)
     clock.lap("verify")
-    light = measurement.irradiance, measurement.target
-    for name, data in light_files(*light, system.target.screen(), system.density, measurement.colour).items():
+    light = light_files(
+        measurement.irradiance,
+        measurement.target,
+        system.target.screen(),
+        system.density,
+        measurement.colour,
+        measurement.sharp,
+    )
+    for name, data in light.items():
         writer.write(name, data)
     for name, (_, png) in figures.pictures.items():
         writer.write(f"figures/{name}.png", png)

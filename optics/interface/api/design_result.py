@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -146,7 +147,7 @@ class Design(DesignRecord):
         self._require_told("verified")
         return verified(self)
 
-    def relight(self, source: str | Source) -> Measurement:
+    def relight(self, source: str | os.PathLike[str] | Source) -> Measurement:
         """Return what the lens delivers in other light, measured on fresh light.
 
         source : "sun", "led:1mm", "led:1mm@30mm", a problem file whose source is taken, or a Source.
@@ -154,9 +155,10 @@ class Design(DesignRecord):
         Raises UserError : other words, or light that does not go with the lens.
         """
         self._require_told("relit")
-        light = other_source(source, self.problem) if isinstance(source, str) else source
+        if isinstance(source, str | os.PathLike):
+            source = other_source(os.fspath(source), self.problem)
         with device():
-            measurement = relit(self.system, self.lens, light, self.system.backend)
+            measurement = relit(self.system, self.lens, source, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:
@@ -247,10 +249,11 @@ class Design(DesignRecord):
 def _started_from_transport(system: OpticalSystem, history: Sequence[Row]) -> bool:
     """Return whether a history is that of a design which started from an optimal-transport map.
 
-    Its stages then have other levels than those of a flat start.
+    Its stages then have other levels than those of a flat start, or the first ones no evaluations.
     """
-    plan = stages(system.shaping, False)
-    return any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
+    plan, seen = stages(system.shaping, False), {row.stage for row in history}
+    skipped = any(stage.iterations and k not in seen for k, stage in enumerate(plan[: max(seen, default=0)]))
+    return skipped or any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
 
 
 def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measurement:
@@ -259,7 +262,8 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
     What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
     """
     with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
-        irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
+        irradiance, target = arrays["irradiance"], arrays["target"]
+        colour, sharp = arrays.get("xyz"), arrays.get("sharp")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
     own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
     if system.target.as_picture:
@@ -270,4 +274,4 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
         noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
         error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())
         own["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
-    return Measurement(irradiance, target, own, colour=colour)
+    return Measurement(irradiance, target, own, sharp=sharp, colour=colour)

@@ -9,7 +9,7 @@ Calls from several threads are safe: they wait for each other, since Dr.Jit's ke
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from numpy.typing import ArrayLike
 
@@ -119,7 +119,8 @@ class Model:
         """
         at = vectors(coefficients, self._spaces)
         bar = self._scale * image_of(slope, self.shape, "dL/dE")
-        if len(counts) != 2 or not all(isinstance(n, int) and n >= 2 for n in counts):
+        pair = isinstance(counts, Sequence) and len(counts) == 2
+        if not pair or not all(isinstance(n, int) and n >= 2 for n in counts):
             raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
         with device():
             screen = self._light.screen

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property, partial
 from math import isqrt
+from numbers import Integral
 
 import numpy as np
 
@@ -65,9 +66,9 @@ class System:
 
     def space(self, level: int = 0) -> Spaces:
         """Return the space of the free surface with all cells refined to a level; of two, front first."""
-        if not isinstance(level, int) or isinstance(level, bool) or not 0 <= level <= FINEST:
+        if not isinstance(level, Integral) or isinstance(level, bool) or not 0 <= int(level) <= FINEST:
             raise UserError(f"level must be a whole number from 0 to {FINEST}, got {level!r}")
-        spaces = [space.uniform(level) for space in self._level_0]
+        spaces = [space.uniform(int(level)) for space in self._level_0]
         return spaces[0] if len(spaces) == 1 else tuple(spaces)
 
     def model(
@@ -156,16 +157,16 @@ class System:
 def _ray_counts(rays: object) -> tuple[int, int]:
     """Return the rays in x and y."""
     counts = rays
-    if isinstance(rays, int) and not isinstance(rays, bool) and rays > 0:
-        counts = isqrt(rays), isqrt(rays)
+    if isinstance(rays, Integral) and not isinstance(rays, bool) and int(rays) > 0:
+        counts = isqrt(int(rays)), isqrt(int(rays))
     if (
-        not isinstance(counts, Sequence)
+        not isinstance(counts, Sequence | np.ndarray)
         or len(counts) != 2
-        or not all(isinstance(n, int) and n >= LEAST_RAYS for n in counts)
+        or not all(isinstance(n, Integral) and int(n) >= LEAST_RAYS for n in counts)
     ):
         raise UserError(
             f"rays must be two whole numbers from {LEAST_RAYS} on, or their product, got {rays!r}"
         )
     if counts[0] * counts[1] > MOST_RAYS:
         raise UserError(f"rays must be {MOST_RAYS} at most, got {rays!r}; take fewer")
-    return counts[0], counts[1]
+    return int(counts[0]), int(counts[1])

@@ -26,6 +26,8 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
 
     Raises UserError : a problem with [[element]]; a mirror; an outline that no problem file knows.
     """
+    if not isinstance(lens, Lens):
+        raise UserError(f"a Lens of thbcad is wanted, got {lens!r}; thbcad.read_lens reads a file")
     if problem.lens is None:
         raise UserError("a lens that is there already lies on the axis: take a problem with [lens]")
     if lens.index == 1:

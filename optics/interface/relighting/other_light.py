@@ -74,18 +74,22 @@ def other_source(words: str, problem: Problem) -> Source:
         return Source(
             kind="lambertian",
             half_width=(size / 2, size / 2),
-            **_place(found, problem),
+            **(_place(found, problem) | _middle(found, own)),
             flux=problem.flux,
             unit=own.unit,
             half_angle=half_angle,
             wavelength=own.wavelength,
         )
     if found := LUMINAIRE.fullmatch(words):
-        lamp = Path(found["file"]).absolute()
+        lamp, place = Path(found["file"]).absolute(), _place(found, problem)
+        if LUMINAIRE.fullmatch(own.file) and not found["distance"]:
+            place |= {"shift": own.shift, "tilt": own.tilt, "turn": own.turn}
+        elif not found["distance"]:
+            place |= _middle(found, own)
         return Source(
             kind="luminaire",
             file=str(lamp),
-            **_place(found, problem),
+            **place,
             flux=problem.flux,
             unit=own.unit,
             wavelength=own.wavelength,
@@ -122,6 +126,14 @@ def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
         which = "several lights" if own.others or own.array else "parallel light, which has no place"
         raise UserError(f"the lens is made for {which}: say where the light is, {found[0]}@30mm")
     return {"distance": own.distance, "position": own.position, "tilt": own.own_tilt}
+
+
+def _middle(found: re.Match[str], own: Source) -> dict[str, Any]:
+    """Return where the light of a shifted file starts, by keys; nothing for other light."""
+    if found["distance"] or not any(own.shift):
+        return {}
+    x, y, z = own.position or (0.0, 0.0, -own.distance)
+    return {"position": (x + own.shift[0], y + own.shift[1], z)}
 
 
 def _number(found: re.Match[str], name: str) -> float:

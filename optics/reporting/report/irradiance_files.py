@@ -2,6 +2,7 @@
 
 import io
 import struct
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,12 @@ LINEAR = struct.pack(">I", 100_000)  # the PNG's gamma, in 1/100000
 
 
 def light_files(
-    irradiance: Floats, target: Floats, screen: Screen, density: Density, colour: Floats | None = None
+    irradiance: Floats,
+    target: Floats,
+    screen: Screen,
+    density: Density,
+    colour: Floats | None = None,
+    sharp: Floats | None = None,
 ) -> dict[str, bytes]:
     """Return the files of the light that arrives and of the light asked for, by name.
 
@@ -26,16 +32,22 @@ def light_files(
 
     irradiance, target : (rows, columns), in the stored unit of `density`; in the far field intensities
     colour : (3, rows, columns), CIE 1931 X, Y, Z of a spectrum's light, in 683 lm/W times that unit
+    sharp : (rows, columns), of blurred light what it is without the blur
     """
     unit = density.stored
     return {
-        ARRAYS: _arrays(irradiance, target, screen, unit, colour),
+        ARRAYS: _arrays(irradiance, target, screen, unit, {"xyz": colour, "sharp": sharp}),
         PICTURE: _picture(irradiance, screen, unit),
     }
 
 
-def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str, colour: Floats | None) -> bytes:
-    """Return them as .npz, with the centres x of the columns and y of the rows, and the units as text."""
+def _arrays(
+    irradiance: Floats, target: Floats, screen: Screen, unit: str, more: Mapping[str, Floats | None]
+) -> bytes:
+    """Return them as .npz, with the centres x of the columns and y of the rows, and the units as text.
+
+    more : other arrays by name, as far as there are any.
+    """
     buffer = io.BytesIO()
     x, y = screen.centres
     arrays: dict[str, Any] = {
@@ -46,8 +58,7 @@ def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str, colou
         "unit": np.array(unit),
         "axes_unit": np.array(screen.unit),
     }
-    if colour is not None:
-        arrays["xyz"] = colour
+    arrays |= {name: array for name, array in more.items() if array is not None}
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 

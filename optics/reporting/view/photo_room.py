@@ -263,10 +263,9 @@ def photo_caption(system: OpticalSystem, lens: Lens) -> str:
     room = photo_room(system, lens)
     light = "measured light on a translucent screen"
     mirrors = [isinstance(optic, MirrorElement) for optic in system.problem.optics]
-    what = {
-        (True,): "The mirror, which reflects the room, and its",
-        (False,): "The lens as glass and its",
-    }.get(tuple(mirrors), "Lenses that refract and mirrors that reflect the room, and their")
+    alone = "The mirror, which reflects the room, and its" if any(mirrors) else "The lens as glass and its"
+    row = "Lenses that refract and mirrors that reflect the room, and their"
+    what = row if len(mirrors) > 1 else alone
     shown = f"{what} {light}. The room is invented"
     if system.axial:
         shown = f"The lens as glass and its {light}, seen from behind the screen. The room is invented"

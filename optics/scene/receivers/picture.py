@@ -16,6 +16,7 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
 MAX_SOURCE_PIXELS = 100_000_000  # 0.8 GB as linear light; Pillow itself refuses 179 million
 BAND_PIXELS = 1 << 20  # decoded together
 DEEPEST = 65535  # of whole numbers
+PHOTOMETRIC = 262  # the tag of a TIFF that says what 0 stands for
 DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
 # Pillow's name and ours; none of them starts another program, as EPS does
 FORMATS = {
@@ -45,7 +46,8 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
             with Image.open(path, formats=tuple(FORMATS)) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
                     raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
-                light = _linear(ImageOps.exif_transpose(image), encoding)
+                inverted = image.mode in DEEP_MODES and _white_is_zero(image)
+                light = _linear(ImageOps.exif_transpose(image), encoding, inverted)
     except (UserError, MemoryError):
         raise
     except UnidentifiedImageError:
@@ -72,18 +74,28 @@ def _too_large(path: str | Path, size: str) -> str:
     )
 
 
-def _linear(image: Image.Image, encoding: str) -> Floats:
+def _white_is_zero(image: Image.Image) -> bool:
+    """Return whether a TIFF says so, which Pillow heeds with up to 8 bits."""
+    return getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0
+
+
+def _linear(image: Image.Image, encoding: str, inverted: bool) -> Floats:
+    """Return the light of a picture.  inverted : of its deep numbers 0 is white."""
+    transparent = image.info.get("transparency")
     if image.mode in DEEP_MODES:
         values = np.asarray(image)
         if values.max() > DEEPEST:
             raise ValueError("its whole numbers have more than 16 bits, which only floating point may have")
+        shown = DEEPEST - values if inverted else values
         if values.min() >= 0:
-            return _decoded(np.arange(DEEPEST + 1) / DEEPEST, encoding)[values]
-        return _decoded(values / DEEPEST, encoding)
+            light = _decoded(np.arange(DEEPEST + 1) / DEEPEST, encoding)[shown]
+        else:
+            light = _decoded(shown / DEEPEST, encoding)
+        return np.where(values == transparent, 0.0, light) if isinstance(transparent, int) else light
     if image.mode == "F":
         return _decoded(np.asarray(image, dtype=np.float64), encoding)
     levels = _decoded(np.arange(256) / 255, encoding)
-    if image.mode == "1" or image.mode == "L":
+    if image.mode in ("1", "L") and transparent is None:
         return levels[np.asarray(image.convert("L"))]
     return _luminance(np.asarray(image.convert("RGBA")), levels)
 

@@ -8,6 +8,8 @@ from oracles.spline_definitions import gamma
 from tests.thbcad.cases import seeds, spaces
 from tests.thbcad.fitting.cases import refined, tensor
 from thbcad.fitting.quasi_interpolant import quasi_interpolate, quasi_interpolation
+from thbcad.hierarchy import THBSpace
+from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
 EPS = np.finfo(float).eps
@@ -75,3 +77,10 @@ def test_quasi_interpolation_samples_only_leaf_cells_of_the_level():
     inside = (u < 5 / 8) & (v < 5 / 8)
     assert abs(coarse[:, inside.nonzero()[0]]).sum() == 0
     assert abs(coarse[:, (~inside).nonzero()[0]]).sum() > 0
+
+
+def test_functionals_that_leave_no_digits_are_refused():
+    outer = [-50, -40, -30, -20, -10, 0, 0.01, 10, 20, 30, 40, 50]
+    space = THBSpace(KnotVector(5, outer), KnotVector.uniform(5, 4)).refine({0: [(0, 0)]})
+    with pytest.raises(ValueError, match="fewer than four digits of float64; use least_squares"):
+        quasi_interpolate(space, lambda u, v: np.ones(len(u)))

@@ -403,3 +403,13 @@ def test_the_edge_of_a_wavy_lens_is_the_least_gap_met_on_its_rim(share):
     gap = 2.0 + lens.rear(*(np.concatenate([e, sides], axis=1) * half[:, None]))
     assert found.lower <= gap.min() + 1e-12
     assert gap.min() < found.upper + 1e-4
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("corners", [(3.0, 3.0), (3.0, 2.0), (2.0, 2.0)])
+def test_the_edge_holds_every_straight_side(corners, turned):
+    """A rear of 5 mm + r^2 / 20 is lowest on the rim at (3, 0), in the middle of a straight side."""
+    half, corners = ((3.0, 4.0), corners) if not turned else ((4.0, 3.0), corners[::-1])
+    rear = FreeformSurface(half, Conic(10.0, -1.0), corners=corners)
+    edge = manufacturability(Lens(FreeformSurface(half, corners=corners), rear, 5.0, 1.5)).edge_thickness
+    assert edge.lower <= 5.45 <= edge.upper < 5.4500001

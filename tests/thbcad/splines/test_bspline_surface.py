@@ -8,7 +8,7 @@ from scipy.interpolate import NdBSpline
 from oracles.spline_definitions import DefinitionTHB, gamma, gauss
 from tests.thbcad.cases import coefficients, hierarchies, points, refined_spaces, spaces, tensor_spaces
 from thbcad.hierarchy import THBSpace
-from thbcad.splines.bsplines import BSplineSurface
+from thbcad.splines.bsplines import BSplineCurve, BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.surfaces import THBSurface
 
@@ -266,3 +266,10 @@ def test_evaluation_errors(surface):
         surface([0.1, 0.2], [0.1, 0.2, 0.3])
     with pytest.raises(ValueError, match="one row of numbers"):
         surface.grid([[0.1]], [0.1])
+
+
+def test_a_scalar_curve_of_a_scalar_is_a_scalar():
+    curve = BSplineCurve(KnotVector.uniform(3, 4), np.arange(7.0))
+    assert isinstance(curve(0.5), np.float64)
+    assert curve(0.5) == curve([0.5])[0] == pytest.approx(3.0)
+    assert curve(0.5, 1) == pytest.approx(4.0)

@@ -184,11 +184,12 @@ def _lone_part(labels: TDF_LabelSequence) -> TDF_LabelSequence:
     """Return the label of the one part of an assembly, which stands for its place, and other labels as they
     are."""
     placed, part, lone = TDF_LabelSequence(), TDF_Label(), TDF_LabelSequence()
-    if labels.Length() == 1 and XCAFDoc_ShapeTool.GetComponents_s(labels.Value(1), placed, False):
-        if placed.Length() == 1 and XCAFDoc_ShapeTool.GetReferredShape_s(placed.Value(1), part):
-            lone.Append(part)
-            return lone
-    return labels
+    if labels.Length() == 1:
+        XCAFDoc_ShapeTool.GetComponents_s(labels.Value(1), placed, False)
+    if placed.Length() != 1 or not XCAFDoc_ShapeTool.GetReferredShape_s(placed.Value(1), part):
+        return labels
+    lone.Append(part)
+    return lone
 
 
 def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:

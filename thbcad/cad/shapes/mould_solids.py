@@ -17,7 +17,7 @@ from thbcad.cad.shapes.lens_parts import trimmed_face, upright_face
 from thbcad.cad.shapes.tapered_wall import TaperedWall, drafted_faces
 from thbcad.cad.shapes.topology import Part, closed_part, face_on, turned_face
 from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
-from thbcad.moulds import FACES, DraftedWall, Foot, Insert, MouldedBody
+from thbcad.moulds import FACES, INSERT_BACK, DraftedWall, Foot, Insert, MouldedBody
 
 # of OCCT's roundings: least angle between faces, then mm of spine, traces and splines in space and in the
 # plane, and how far a chord of the spine may lie beside it
@@ -35,7 +35,7 @@ def insert_part(insert: Insert) -> Part:
     above = insert.number == 1
     back = turned_face(face_on(form_of(insert.forms[1]).surface(), ring.edges), not above)
     edges = wall_faces(wall, *((rim, ring) if above else (ring, rim)))
-    names = (FACES[insert.number], "back", *(f"edge {k + 1}" for k in range(len(edges))))
+    names = (FACES[insert.number], INSERT_BACK, *(f"edge {k + 1}" for k in range(len(edges))))
     return closed_part(names, (TopoDS.Face_s(face.Reversed()), back, *edges))
 
 

@@ -123,3 +123,9 @@ def test_a_complex_loss_or_gradient_is_refused(part):
 
     with pytest.raises(optics.UserError, match=r"its gradient: numbers must be real, got complex128"):
         optics.minimise(loss, np.zeros(3))
+
+
+@pytest.mark.parametrize("method", ["lbfgs", "adam"])
+def test_no_iterations_leave_the_start(method):
+    found = optics.minimise(lambda c: (c @ c, 2 * c), np.array([3.0, 4.0]), method, iterations=0)
+    assert (found.coefficients.tolist(), found.losses) == ([3.0, 4.0], (25.0,))

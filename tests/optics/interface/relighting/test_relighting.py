@@ -229,3 +229,23 @@ def test_the_sun_comes_from_where_a_tilted_beam_comes(tmp_path):
     problem = problem_of(tmp_path, {"source.tilt": [5.0, 0.0, 0.0]})
     sun = other_source("sun", problem)
     assert (sun.tilt, sun.half_width) == ((5.0, 0.0, 0.0), problem.source.half_width)
+
+
+def test_a_lamp_stands_where_a_shifted_file_put_its_light(tmp_path):
+    """0.1 mm wide, so that another opening hardly matters; its light lands at -2.4 pixels."""
+    write_ies(asymmetric(), tmp_path / "lamp.ies")
+    shifted = optics.Source(
+        kind="luminaire",
+        file=str(tmp_path / "lamp.ies"),
+        flux=100.0,
+        half_width=(0.5, 0.5),
+        distance=25.0,
+        shift=(4.0, 1.0),
+        tilt=(0.0, 0.0, 30.0),
+    )
+    problem = replace(problem_of(tmp_path), source=shifted)
+    same, led = (other_source(words, problem) for words in (str(tmp_path / "lamp.ies"), "led:1mm"))
+    assert (same.shift, same.distance, same.tilt) == (shifted.shift, 25.0, shifted.tilt)
+    assert led.position == (4.0, 1.0, -25.0)
+    away = other_source("led:1mm@30mm", problem)
+    assert (away.position, away.distance) == (None, 30.0)

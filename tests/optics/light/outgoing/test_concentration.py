@@ -196,3 +196,16 @@ def test_a_plane_mirror_concentrates_nothing_however_it_is_turned(backend, tilt)
     )
     system = OpticalSystem(problem)
     assert greatest_concentration(system, system.lens, backend).times == pytest.approx(1.0, rel=2e-2)
+
+
+def test_light_is_followed_to_a_target_however_far(concentrated):
+    _, found = concentrated(BURNING | {"target.distance": 12_000.0})
+    assert found.searched == pytest.approx(12_000.0)
+
+
+def test_a_beam_that_is_placed_burns_as_one_on_the_axis(concentrated):
+    """By tilt, which turns lens and target with it in nothing but words: a beam turned about its own axis."""
+    placed = {"source.position": [0.0, 0.0, -20.0], "source.tilt": [0.0, 0.0, 90.0]}
+    (_, plain), (system, there) = concentrated(BURNING), concentrated(BURNING | placed)
+    assert there.sunlight == pytest.approx(plain.sunlight, rel=0.02)
+    assert "times that of the beam" in concentration_sentence(system, there)

@@ -397,3 +397,30 @@ def test_a_mass_needs_the_density_of_every_free_element():
     )
     with pytest.raises(UserError, match=r"limits.mass of 9 g needs element.L1.density"):
         require_limits(problem)
+
+
+@pytest.mark.parametrize("changes", [{}, {"lens.front.half_width": [6.0, 8.0]}, {"lens.outline": "round"}])
+def test_the_thickness_told_for_a_mass_keeps_it_and_hardly_more(tmp_path, changes):
+    """Of front and rear of unequal size the volume grows with neither area."""
+    problem, lens, found = designed(tmp_path, changes)
+    (sentence,) = limit_sentences(limited(problem, mass=0.9 * found.mass), found)
+    thickness = float(sentence.rpartition("=")[2])
+    mass = manufacturability(replace(lens, thickness=thickness), found.density).mass
+    assert 0.899 * found.mass < mass <= 0.9 * found.mass
+
+
+def test_the_radius_told_for_a_slope_of_a_paraboloid_keeps_it_at_once(tmp_path):
+    steep = {"lens.front.radius": -14.0, "lens.front.conic": -1.0, "lens.thickness": 20.0}
+    problem, _, found = designed(tmp_path, steep)
+    sentences = limit_sentences(limited(problem, slope=30.0), found)
+    radius = float(next(s for s in sentences if "slope of the front" in s).rpartition("=")[2])
+    corner = np.hypot(*problem.lens.front.half_width)
+    assert np.degrees(np.arctan(corner / abs(radius))) == pytest.approx(30.0, abs=0.01)
+
+
+def test_a_height_that_is_the_limit_by_its_formula_keeps_it(tmp_path):
+    """10 x 10 mm of a paraboloid of 40 mm are 2.5 mm high; certified bounds are a rounding wider."""
+    problem, _, found = designed(tmp_path, height=0.0)
+    assert found.rear.heights.upper > 2.5
+    assert limit_sentences(limited(problem, sag_range=2.5), found) == []
+    assert limit_sentences(limited(problem, sag_range=2.4999), found)

@@ -1,5 +1,6 @@
 """Pictures as targets: every kind of file, decoding, fitting, and what is refused."""
 
+import struct
 import tracemalloc
 import zlib
 
@@ -352,3 +353,30 @@ def test_multi_page_tiff_gives_its_first_page(tmp_path):
     pages = [Image.new("L", (4, 4), v) for v in (255, 128)]
     pages[0].save(tmp_path / "p.tif", save_all=True, append_images=pages[1:])
     np.testing.assert_array_equal(read_picture(tmp_path / "p.tif"), 1.0)
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_the_grey_that_a_png_calls_transparent_is_dark(tmp_path, deep):
+    def chunk(name, data):
+        body = name + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    code, bits = (">4H", 16) if deep else (">4B", 8)
+    white, grey = (65535, 32768) if deep else (255, 128)
+    row = b"\0" + struct.pack(code, white, white, 0, grey)
+    parts = [chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 2, bits, 0, 0, 0, 0))]
+    parts += [chunk(b"tRNS", struct.pack(">H", white)), chunk(b"IDAT", zlib.compress(2 * row))]
+    path = tmp_path / "p.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts) + chunk(b"IEND", b""))
+    np.testing.assert_allclose(read_picture(path, "linear"), 2 * [[0.0, 0.0, 0.0, grey / white]])
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_a_tiff_whose_zero_is_white_is_read_so(tmp_path, depth):
+    most = np.iinfo(depth).max
+    stored = np.array([[0, most // 4, most]], depth)
+    with Image.fromarray(stored) as image:
+        image.save(tmp_path / "p.tif", tiffinfo={262: 0})
+    if depth is np.uint8:  # Pillow turns what it writes, and what it reads
+        stored = most - stored
+    np.testing.assert_allclose(read_picture(tmp_path / "p.tif", "linear"), 1 - stored / most)

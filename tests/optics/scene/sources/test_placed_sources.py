@@ -9,8 +9,13 @@ from scipy.spatial.transform import Rotation
 import optics
 from optics.base.runtime import UserError, load_backend
 from optics.light.analysis import measure
+from optics.scene.luminaires import write_ies
 from optics.scene.problem import OneSource, SourceArray, load_problem
+from optics.scene.sources import LightSource, PlacedSource, RayGrid
 from optics.scene.system import solvable_system, source_of
+from optics.tolerancing.perturbations import Perturbation
+from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts
+from tests.optics.scene.luminaires.cases import asymmetric
 
 SIDES = {"front": {"half_width": (12, 12)}, "rear": {"half_width": (12, 12), "freeform": {"spans": (4, 4)}}}
 POINT = {"kind": "point", "half_angle": 20.0}
@@ -149,9 +154,53 @@ def test_a_source_of_a_script_is_a_light_source_of_the_flux_of_the_problem(own, 
 def test_a_placed_source_says_of_its_light_what_the_plain_one_says(keys):
     """A property that it forgot would be that of light of a known intensity on the axis."""
     plain, there = (source_of(problem(keys | place)) for place in ({}, {"tilt": (0.0, 0.0, 1e-3)}))
-    for name in ("spread", "extended", "etendue", "cone", "assumed", "beam"):
+    same = (
+        "spread",
+        "extended",
+        "etendue",
+        "cone",
+        "assumed",
+        "beam",
+        "by_rays",
+        "scalable",
+        "emitter",
+        "told",
+    )
+    for name in same:
         assert getattr(there, name) == getattr(plain, name), name
     at, sizes = np.linspace(-1, 1, 7), (there.image[1], plain.image[1])
     assert sizes[0] == sizes[1]
     for mine, own in ((there.profile, plain.profile), (there.image[0], plain.image[0])):
         np.testing.assert_array_equal(mine(at, at), own(at, at))
+
+
+def test_nothing_that_is_known_of_light_is_forgotten_where_it_is_placed():
+    """What a PlacedSource neither passes on nor says itself would be that of no light in particular."""
+    own = {"from_afar", "axial", "several", "each", "collimated", "diverging", "lone"}
+    known = {n for n, v in vars(LightSource).items() if isinstance(v, property | bool)}
+    assert known - own <= set(vars(PlacedSource))
+
+
+def test_a_placed_luminaire_has_the_opening_of_its_file(tmp_path):
+    write_ies(asymmetric(), tmp_path / "lamp.ies")
+    lamp = {"kind": "luminaire", "file": str(tmp_path / "lamp.ies"), "flux": 100.0, "half_width": (0, 0)}
+    plain, there = (
+        solvable_system(problem(lamp | place)) for place in ({"distance": 25}, {"position": (0, 0, -25)})
+    )
+    assert there.problem.source.half_width == plain.problem.source.half_width
+    assert any(there.problem.source.half_width)
+
+
+def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
+    """A wider beam at the place of one on the axis is that one, made wider."""
+    beam = {"kind": "collimated", "half_width": (4, 4), "distance": 30}
+    wider = Perturbation(source_size=0.1)
+    spans = []
+    for place in ({}, {"position": (0, 0, -30)}, {"position": (5, 0, -30)}):
+        system = solvable_system(problem(beam | place))
+        parts = PerturbedParts.of(system, system.lens, wider)
+        rays = parts.cells(system.source.cells((4, 4))).rays()
+        rays = rays.rays(-30.0) if isinstance(rays, RayGrid) else rays
+        spans.append(np.array([rays.origin[0].min(), rays.origin[0].max()]))
+    np.testing.assert_allclose(spans[1], spans[0], rtol=1e-12)
+    np.testing.assert_allclose(spans[2], spans[0] + 5.0, rtol=1e-12)

@@ -101,3 +101,23 @@ def test_a_stop_is_kept_out_of_every_element_where_that_lies(stop, named):
         return
     with pytest.raises(UserError, match=f"stop.rim reaches into {named}, which may fill"):
         solvable_system(problem)
+
+
+def test_no_plane_of_a_source_that_is_placed_bounds_a_stop():
+    """As `source.distance` tells it, at -60 mm; the distance that a placed one does not use is 2 mm."""
+
+    def system(**source):
+        return solvable_system(
+            Problem(
+                source={"kind": "point", "half_angle": 10.0, **source},
+                lens={"index": 1.5, "thickness": 6, "front": {"half_width": (10, 10)}, "rear": REAR},
+                target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)},
+                stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, -20)}],
+            )
+        )
+
+    plain, there = system(distance=60), system(position=(0, 0, -60))
+    assert [s.pose for s in plain.stops] == [s.pose for s in there.stops]
+
+
+REAR = {"half_width": (10, 10), "freeform": {"z_freedom": 1.0}}

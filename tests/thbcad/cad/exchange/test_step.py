@@ -14,7 +14,8 @@ from OCP.GProp import GProp_GProps
 from oracles.spline_definitions import flux_volume
 from tests.cases import examples
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
-from thbcad import write_step
+from thbcad import Product, write_step
+from thbcad.cad import LensPart, join
 from thbcad.cad.exchange.occt_texts import compact
 from thbcad.cad.exchange.step import read_step
 from thbcad.cad.shapes import lens_solid
@@ -224,3 +225,16 @@ def test_lenses_of_mixed_degrees(degrees, rear_size, tmp_path):
     read = read_step(tmp_path / "lens.step")
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, 6, 0, True, True)
     assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
+
+
+def test_a_part_elsewhere_keeps_the_names_of_its_faces_and_its_own(tmp_path):
+    lens = Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-60.0, -1.0)), 5.0, 1.49)
+    arms = (
+        build123d.Pos(12, 0, 1) * build123d.Box(8, 16, 4),
+        build123d.Pos(8, 0, -3) * build123d.Box(16, 4, 4),
+    )
+    part = join(join(LensPart(lens), arms[0], "arm"), arms[1], "plate")
+    for moved in (part, build123d.Pos(100, 20, 0) * part):
+        write_step(moved, tmp_path / "part.step", Product("x"), lens=lens)
+        read = read_step(tmp_path / "part.step")
+        assert ("front" in read.face_names, read.front.vertex, read.product) == (True, 0.0, "x")
