@@ -8,7 +8,15 @@ import pytest
 from tests.thbcad.cad.shapes.cases import CASES, same_bits
 from thbcad.cad.exchange import SolidState, optical_form
 from thbcad.cad.shapes import insert_part
-from thbcad.lens import FreeformSurface, Lens, optical_forms, require_sound
+from thbcad.lens import (
+    MIRROR_SIDES,
+    FreeformSurface,
+    Lens,
+    Product,
+    optical_forms,
+    optical_places,
+    require_sound,
+)
 from thbcad.moulds import Insert, Plate, enlarged, shrinkage_factors
 from thbcad.sags import Conic, PlacedConic
 
@@ -80,6 +88,7 @@ def test_an_insert_is_sound_and_has_the_poles_of_the_lens(name, number):
     assert state.volume == pytest.approx(insert.volume(), rel=1e-6)
     assert same_bits(optical_form(part.faces[0]), optical_forms(lens)[number])
     assert len(part.faces) == 2 + len(insert.shape.pieces)
+    assert optical_places(Product(sides=MIRROR_SIDES).named(part.names)) is None  # its back is no mirror's
 
 
 def test_an_insert_is_that_of_front_or_rear():

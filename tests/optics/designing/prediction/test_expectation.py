@@ -10,7 +10,7 @@ import pytest
 from optics.designing.optimisation import stages
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.expectation import _size, predicted_rel_l2
+from optics.designing.prediction.expectation import COARSE, _size, predicted_rel_l2
 from optics.designing.prediction.sensitivity import sensitivity
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
@@ -198,3 +198,27 @@ def test_volume_and_size_are_those_of_what_is_made(example):
     if array is not None:
         wide, high, _ = _size(system, system.lens)
         assert (wide, high) == (array.columns * array.pitches[0], array.rows * array.pitches[1])
+
+
+def test_a_ripple_on_a_turned_mirror_is_that_of_the_worse_direction(backend):
+    """The plane of incidence is that of y: across it slopes turn light by less."""
+    face = {"half_width": (20, 28), "radius": np.inf, "freeform": {"z_freedom": 1.0}}
+    mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
+    beam = {"kind": "collimated", "half_width": (8, 8), "distance": 100}
+    target = {"kind": "tophat", "position": (0, 600, 0), "tilt": (-90, 0, 0), "half_width": (40, 40)}
+    system = OpticalSystem(Problem(source=beam, element=[mirror], target=target))
+    turned = 2 * 2 * np.pi * 1e-3 / 3.0 * 600
+    assert sensitivity(system, system.lens, backend).ripple == pytest.approx(turned, rel=0.01)
+
+
+def test_no_error_is_predicted_where_the_mesh_is_coarser_than_the_pixels(tmp_path, backend):
+    """A level more would be as fine as they are."""
+    image = {"target.kind": "image", "target.pixels": [64, 64], "lens.rear.freeform.z_freedom": 5.0}
+    coarse, fine = (
+        expected(loaded(tmp_path, image | {"lens.rear.freeform.max_level": level}), backend)[0]
+        for level in (1, 4)
+    )
+    assert coarse.net > COARSE * coarse.pixel
+    assert coarse.rel_l2 is None
+    assert fine.net < COARSE * fine.pixel
+    assert fine.rel_l2 is not None

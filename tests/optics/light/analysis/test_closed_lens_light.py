@@ -17,6 +17,7 @@ from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
+from tests.cases import EXAMPLES
 from tests.optics.cases import DOME, rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -176,3 +177,17 @@ def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_i
     rear = closed["on_target"] + closed["off_target"]
     assert rear / (through["on_target"] + through["off_target"]) == pytest.approx(share, abs=0.01)
     assert metrics["efficiency"] == pytest.approx(closed["on_target"], abs=0.01)
+
+
+def test_what_the_walls_send_beside_the_target_is_stray(backend):
+    """Next to nothing of it lands on the target, so that the light there is that of front and rear alone."""
+    thick = {"lens.thickness": 25.0, "lens.rear.radius": -60.0, "lens.rear.conic": -1.0}
+    wide = {"source.half_angle": 70.0, "target.half_width": (400.0, 400.0), "target.pixels": (16, 16)}
+    free = {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 1.0}
+    system = OpticalSystem(load_problem(EXAMPLES / "spot.toml", thick | wide | free))
+    metrics = measure(system, system.lens, backend).metrics
+    fates, flux = metrics["nonsequential"]["fates_w"], system.problem.flux
+    assert metrics["paths"] == "sequential"
+    assert fates["edges_off_target"] > 0.05 * flux
+    beside = sum(fates[f"{way}off_target"] for way in ("", "edges_", "front_"))
+    assert metrics["stray"] * flux == pytest.approx(beside, rel=0.02)
