@@ -11,10 +11,8 @@ from optics.base.runtime import UserError, load_backend
 from optics.light.analysis import measure
 from optics.scene.luminaires import write_ies
 from optics.scene.problem import OneSource, SourceArray, load_problem
-from optics.scene.sources import LightSource, PlacedSource, RayGrid
+from optics.scene.sources import LightSource, PlacedSource
 from optics.scene.system import solvable_system, source_of
-from optics.tolerancing.perturbations import Perturbation
-from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts
 from tests.optics.scene.luminaires.cases import asymmetric
 
 SIDES = {"front": {"half_width": (12, 12)}, "rear": {"half_width": (12, 12), "freeform": {"spans": (4, 4)}}}
@@ -189,18 +187,3 @@ def test_a_placed_luminaire_has_the_opening_of_its_file(tmp_path):
     )
     assert there.problem.source.half_width == plain.problem.source.half_width
     assert any(there.problem.source.half_width)
-
-
-def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
-    """A wider beam at the place of one on the axis is that one, made wider."""
-    beam = {"kind": "collimated", "half_width": (4, 4), "distance": 30}
-    wider = Perturbation(source_size=0.1)
-    spans = []
-    for place in ({}, {"position": (0, 0, -30)}, {"position": (5, 0, -30)}):
-        system = solvable_system(problem(beam | place))
-        parts = PerturbedParts.of(system, system.lens, wider)
-        rays = parts.cells(system.source.cells((4, 4))).rays()
-        rays = rays.rays(-30.0) if isinstance(rays, RayGrid) else rays
-        spans.append(np.array([rays.origin[0].min(), rays.origin[0].max()]))
-    np.testing.assert_allclose(spans[1], spans[0], rtol=1e-12)
-    np.testing.assert_allclose(spans[2], spans[0] + 5.0, rtol=1e-12)

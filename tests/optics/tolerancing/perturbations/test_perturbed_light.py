@@ -354,3 +354,25 @@ def test_a_file_of_few_rays_is_as_noisy_as_it_is(tmp_path, backend):
     irradiance, _ = light()
     lit = irradiance > 0
     assert (light.error(irradiance)[lit] >= 0.99 * irradiance[lit]).mean() > 0.5
+
+
+def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
+    """A wider beam at the place of one on the axis is that one, made wider."""
+    sides = {
+        "front": {"half_width": (12, 12)},
+        "rear": {"half_width": (12, 12), "freeform": {"spans": (4, 4)}},
+    }
+    spans = []
+    for place in ({}, {"position": (0, 0, -30)}, {"position": (5, 0, -30)}):
+        problem = Problem(
+            source={"kind": "collimated", "half_width": (4, 4), "distance": 30, **place},
+            lens={"index": 1.5, "thickness": 6, **sides},
+            target={"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)},
+        )
+        system = solvable_system(problem)
+        parts = PerturbedParts.of(system, system.lens, Perturbation(source_size=0.1))
+        rays = parts.cells(system.source.cells((4, 4))).rays()
+        rays = rays if isinstance(rays, Rays) else rays.rays(-30.0)
+        spans.append(np.array([rays.origin[0].min(), rays.origin[0].max()]))
+    np.testing.assert_allclose(spans[1], spans[0], rtol=1e-12)
+    np.testing.assert_allclose(spans[2], spans[0] + 5.0, rtol=1e-12)
