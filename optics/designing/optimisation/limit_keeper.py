@@ -39,9 +39,10 @@ ROOMS = 6  # that are tried, of a limit: 0.001, 0.003, ... 0.24
 MORE_ROOM = 3.0
 LIFTS = 20  # iterations that find the heights of surfaces
 FLAT = 1e-6  # of the penalty: what heights do not change, as they change no curvature but for rounding
-MOVES = 100  # iterations of a move
+MOVES = 400  # iterations of a move, at most
 TRIES = 60  # lengths of a step: penalties of curvature begin suddenly, far below the first length
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
+SHARES = 1.0, 0.75, 0.5, 0.25, 0.0  # of the start's sags, the most that can be moved within the limits
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
 
@@ -97,7 +98,7 @@ class LimitKeeper:
 
         A limit that no sag can keep would spoil the light, and the other limits, for nothing.
         """
-        start = self._moved(self._sags, penalty, variables)
+        start = self._within(penalty, variables)
         if start:
             # tell where z_freedom cuts off much of a start that is moved within the limits
             _, heights, cut = self._lifted(self._sags, penalty)
@@ -113,10 +114,22 @@ class LimitKeeper:
         best = self._sags
         keys: tuple[str, ...] = ()
         for key in penalty.keys:
-            start = self._moved(self._sags, penalty.only((*keys, key)), variables)
+            start = self._within(penalty.only((*keys, key)), variables)
             if start:
                 best, keys = start, (*keys, key)
+        if dropped := [f"limits.{key}" for key in penalty.keys if key not in keys]:
+            self._note(
+                f"no surface is found that keeps {' and '.join(dropped)}, so that the design leaves it out"
+            )
         return best, keys
+
+    def _within(self, penalty: ShapePenalty, variables: BoundedVariables) -> tuple[THBSurface, ...] | None:
+        """Return sags within the limits near the start, or near a share of it: less sag bends less."""
+        for share in SHARES:
+            sags = [THBSurface(sag.space, share * sag.coefficients) for sag in self._sags]
+            if start := self._moved(sags, penalty, variables):
+                return start
+        return None
 
     def _certified(
         self, sags: tuple[THBSurface, ...], variables: BoundedVariables, keys: Sequence[str]

@@ -77,10 +77,12 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     _, landing = tracer.trace()
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:
+        worst, faces = max(fates.flux, key=lambda fate: float(fates.flux[fate])), system.problem.faces_met
+        table = faces[worst.number].optic.table
         raise UserError(
             f"only {fates.transmitted:.3g} {units.flux} of {flux:.3g} {units.flux} pass the {which}: "
             f"{', '.join(loss_notes({units.key('fates'): fates.by_name}, units)) or 'much is reflected'}; "
-            + ("change the lens prescription" if system.problem.lens else f"move {optic.table}, or change it")
+            + ("change the lens prescription" if system.problem.lens else f"move {table}, or change it")
         )
     return fates.transmitted
 

@@ -59,7 +59,10 @@ class SheetFacts:
             raise UserError(f"a sheet needs the problem of a result folder, and {result} is a file")
         system, lens, record = folder.read()
         if system.reflects or system.problem.optic.array is not None:
-            raise UserError(f"a sheet is of one lens, and {result} holds a mirror or a plate of lenses")
+            raise UserError(
+                f"a sheet is of one lens, and {result} holds a mirror or a plate of lenses; "
+                "export --out X.svg draws the part"
+            )
         files = [folder.path / name for name in ("verify.json", "manufacture.json")]
         folder.require_recorded(["lens.step", *(file.name for file in files)])
         verified, made = (json.loads(file.read_text("utf-8")) for file in files)

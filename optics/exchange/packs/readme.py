@@ -104,7 +104,10 @@ class Told:
         far = "directions of the far field, u = atan(l / n), v = atan(m / n) seen along its middle"
         return {
             "source": "several, where rays start" if system.source.several else f"{source.kind}, {beam}",
-            "spectrum": f"The lens was measured at {lines} wavelengths, the rays have one." * (lines > 1),
+            "spectrum": (
+                f"The lens was measured at {lines} wavelengths: rays_behind has all, rays_source one."
+                * (lines > 1)
+            ),
             "flux": system.problem.flux,
             "unit": rays.unit,
             "count": len(rays),

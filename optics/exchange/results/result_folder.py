@@ -8,6 +8,7 @@ import csv
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,7 @@ from optics.exchange.results.result_files import (
     pictures_of,
     shape_file,
 )
+from optics.scene.keys import AUTO
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
 from thbcad.io import read_lens
@@ -255,11 +257,12 @@ class ResultFolder:
             other = load_problem(self.problem)
         except UserError:
             return  # its files are looked at one by one
-        keys = list(differing_keys(problem, other))
+        keys = [key for key in differing_keys(problem, other) if attrgetter(key)(problem) != AUTO]
         shown = ", ".join(keys[:KEYS_SHOWN]) + (" and more" if len(keys) > KEYS_SHOWN else "")
         raise UserError(
             f"{self.path} holds the result of another problem, {other.title!r}, which would be lost (it "
-            f"differs in {shown or 'a picture'}); choose another --out, or replace it with --force"
+            f"differs in {shown or 'a picture, or its record is damaged'}); choose another --out, or replace "
+            "it with --force"
         )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, printable, require_file_name, speaking_of
-from optics.exchange.results import require_own, require_writable
+from optics.exchange.results import require_writable
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, load_system, skip_lines
@@ -49,7 +49,7 @@ def result_path(options: Namespace, ending: str = "") -> Path:
 def picture_path(options: Namespace) -> Path | None:
     """Return where --out wants a picture, None without it; checked before any work is done.
 
-    Raises UserError : it does not end in .png, cannot be written, or would replace what is not ours.
+    Raises UserError : it does not end in .png, cannot be written, or is there already, without --force.
     """
     if not options.out:
         return None
@@ -57,5 +57,6 @@ def picture_path(options: Namespace) -> Path | None:
     if out.suffix.lower() != ".png":
         raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
     require_writable(out)
-    require_own(out.parent, (out.name,), "", options.force)
+    if out.exists() and not options.force:
+        raise UserError(f"{out} is there already; choose another --out, or replace it with --force")
     return out

@@ -27,7 +27,8 @@ def read_luminaire(path: str | Path) -> Luminaire:
     path = Path(path)
     data = read_at_most(path, MOST_BYTES)
     if not data.strip() or b"\0" in data:
-        raise UserError(f"{path} is no text; give an IES or EULUMDAT file")
+        what = "no text" if data.strip() else "empty"
+        raise UserError(f"{path} is {what}; give an IES or EULUMDAT file")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -137,7 +137,8 @@ def _require_free_once(met: Sequence[FaceMet]) -> None:
     for face in met:
         again = sum(f.optic is face.optic and f.face == face.face for f in met) > 1
         if face.face in face.optic.free and (again or face.backwards):
-            raise UserError(
-                f'path[0].faces meets the free surface "{face.name}" {"twice" if again else "from its +z"}; '
-                "make the other surface of the lens the free one"
-            )
+            other = "make the other surface of the lens the free one"
+            if isinstance(face.optic, MirrorElement):
+                other = "name it once, or set its freeform = false and free another element"
+            how = "twice" if again else "from its +z"
+            raise UserError(f'path[0].faces meets the free surface "{face.name}" {how}; {other}')

@@ -14,6 +14,7 @@ Single = NDArray[np.float32]
 Unit = Literal["W", "lm"]
 
 UNITS = ("W", "lm")
+IN_WATTS = "design it in watts: --set source.unit=W --lens RESULT/lens.json"  # a lens that is there
 UNIT_LENGTH = 1e-3  # the greatest difference of a direction's length from 1: files hold single precision
 
 

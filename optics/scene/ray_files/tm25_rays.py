@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.ray_files.binary import packed_type, record, require_rows, rows
-from optics.scene.ray_files.ray_set import UNIT_LENGTH, RaySet
+from optics.scene.ray_files.ray_set import IN_WATTS, UNIT_LENGTH, RaySet
 
 SIGNATURE, VERSIONS = b"TM25", (2013, 2020)
 TEXTS = 9  # name, maker, ... of the source
@@ -119,7 +119,7 @@ def tm25_bytes(rays: RaySet) -> bytes:
     Raises UserError : lumens with a wavelength for every ray, which the format does not know.
     """
     if rays.unit == "lm" and rays.wavelength is not None and np.ptp(rays.wavelength):
-        raise UserError("a TM-25 file has no wavelength per ray in lumens; write watts")
+        raise UserError(f"a TM-25 file has no wavelength per ray in lumens; {IN_WATTS}")
     head = np.zeros(1, HEADER)
     head["signature"], head["version"], head["rays"] = SIGNATURE, VERSIONS[-1], len(rays)
     head["lumens"], head["watts"] = np.nan, np.nan

@@ -13,7 +13,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.ray_files.binary import packed_type, record, require_known, require_rows, rows
-from optics.scene.ray_files.ray_set import RaySet
+from optics.scene.ray_files.ray_set import IN_WATTS, RaySet
 
 VERSION = 1010
 HEADER = packed_type(
@@ -65,7 +65,7 @@ def zemax_bytes(rays: RaySet) -> bytes:
     if len(rays) > MOST_RAYS:
         raise UserError(f"a Zemax ray file holds {MOST_RAYS} rays at most, got {len(rays)}")
     if spectral and rays.unit == "lm":
-        raise UserError("a Zemax ray file has no wavelength per ray in lumens; write watts, or TM-25")
+        raise UserError(f"a Zemax ray file has no wavelength per ray in lumens; {IN_WATTS}")
     head = np.zeros(1, HEADER)
     head["version"], head["rays"], head["length_unit"] = VERSION, len(rays), 4
     head["description"] = b"thbcad"

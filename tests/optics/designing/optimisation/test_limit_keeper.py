@@ -149,3 +149,18 @@ def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch
     monkeypatch.undo()
     lens, _ = shape_lens(system, backend, ExactEngine(backend), state)
     assert [c for c in limit_checks(system.problem, manufacturability(lens, DENSITY)) if not c.ok] == []
+
+
+@pytest.mark.slow
+def test_a_radius_far_from_that_of_the_start_is_kept_however_few_the_steps(tmp_path, backend):
+    """The start's least radius on this mesh is a tenth of it; the base surface keeps it."""
+    fine = {"lens.rear.freeform.max_level": 2, "limits.radius": 5.0, "optimizer.iterations": [6]}
+    done = designed(tmp_path, backend, fine)
+    rear = found_in(done).rear
+    assert min(rear.concave.lower, rear.convex.lower) >= 5.0
+
+
+def test_a_limit_that_no_surface_keeps_is_said_to_be_left_out(tmp_path, backend, monkeypatch):
+    monkeypatch.setattr(limit_keeper.LimitKeeper, "_moved", lambda *_: None)
+    done = designed(tmp_path, backend, {"limits.radius": 1e4})
+    assert "no surface is found that keeps limits.radius, so that the design leaves it out" in done.notes

@@ -252,7 +252,7 @@ def cut(text, count):
 
 
 BAD = {
-    "empty": ("", "is no text"),
+    "empty": ("", "is empty"),
     "zeros": (b"IES\0\0", "is no text"),
     "noise": (bytes(range(1, 200)), "has no line TILT="),
     "words": ("a\nb\nc\nd\n", "symmetry"),
