@@ -66,17 +66,14 @@ class LimitKeeper:
 
         Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        shape = search.objective.shape
-        if self._dense is None or shape is None:
+        if self._dense is None or search.objective.shape is None:
             found = minimised(search, iterations, log)
             return found.sags, found
         sags = search.sags
         try:
-            if shape.exceeded(_coefficients(sags)):
-                search = search.preconditioned(_coefficients(sags), log)
-                sags, keys = self._start(shape.with_rooms({}), search.variables)
-                shape = shape.only(keys)
-                search = search.begun_again(sags, shape)
+            search = self.begun(search, log)
+            shape, sags = search.objective.shape, search.sags
+            assert shape is not None
             found = minimised(search, iterations, log)
             sags = found.sags
             for _ in range(PASSES):
@@ -89,6 +86,18 @@ class LimitKeeper:
             return self._certified(sags, found.search.variables.around(sags), shape.keys), found
         except KeyboardInterrupt:
             raise Interrupted(log.state(sags)) from None
+
+    def begun(self, search: Search, log: Log) -> Search:
+        """Return the search from within the limits, as far as a start there is found, without the others.
+
+        A search that began beyond them would dent the surface where it could have moved as a whole.
+        """
+        shape = search.objective.shape
+        if shape is None or not shape.exceeded(_coefficients(search.sags)):
+            return search
+        search = search.preconditioned(_coefficients(search.sags), log)
+        sags, keys = self._start(shape.with_rooms({}), search.variables)
+        return search.begun_again(sags, shape.only(keys))
 
     def _start(
         self, penalty: ShapePenalty, variables: BoundedVariables

@@ -236,12 +236,12 @@ class _Run:
         search = Search(system.problem, objective, variables, state.sags, rough)
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         try:
+            keeper = LimitKeeper(system, task.lens, listener.note)
             if last:
-                sags, found = LimitKeeper(system, task.lens, listener.note).minimised(
-                    search, stage.iterations, log
-                )
+                sags, found = keeper.minimised(search, stage.iterations, log)
             else:
-                found = minimised(search, stage.iterations, log)
+                begun = keeper.begun(search, log) if state.started_from_transport else search
+                found = minimised(begun, stage.iterations, log)
                 sags = found.sags
             shaped, lens, wrong = nearest_shapes(system, task.lens, sags)
         except Interrupted as stop:
