@@ -103,12 +103,10 @@ class TransportStart:
         path = path if system.problem.optimizer.fresnel else path.without_reflection()
         if system.parallel and system.shaped == "rear" and narrow and not crosses:
             self._shaped = ParallelStart(system, backend, path, picture, self._cells).shaped()
-            self._weight = self._shaped.light.weight
         else:
             self._shaped = shaped_along(
                 backend, path, path.shaped, system.source, picture, self._cells, finest, rounds
             )
-            self._weight = np.ones(self._cells)  # the slopes go on where no light is
         self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
 
     @cached_property
@@ -127,7 +125,7 @@ class TransportStart:
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
         light, (zx, zy) = self._light, self._slopes
-        sag = fit_slopes(space, light.x, light.y, zx, zy, self._weight)
+        sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
         seen = seen_functions(space, light.x, light.y)
         size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
         kept = within_bound(sag, self._bound)

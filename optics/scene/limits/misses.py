@@ -92,15 +92,19 @@ def limit_checks(problem: Problem, metrics: Manufacturability) -> list[Check]:
     ]
 
 
-def limit_advice(problem: Problem, lens: Lens) -> list[str]:
+def limit_advice(problem: Problem, lens: Lens, made: tuple[int, float] = (1, 0.0)) -> list[str]:
     """Return a sentence for every limit that the lens misses without its sags.
 
     Levels too fine for limits.feature get one too.
+
+    made : (n, more), where n times the lens's volume, and mm^3 more, are made.
     """
     if problem.limits == type(problem.limits)():
         return []
     bare = Lens(replace(lens.front, sag=None), replace(lens.rear, sag=None), lens.thickness, lens.index)
-    missed = [m for m in limit_misses(problem, manufacturability(bare)) if m.least > 0]
+    metrics, (count, more) = manufacturability(bare), made
+    metrics = replace(metrics, volume=count * metrics.volume + more)
+    missed = [m for m in limit_misses(problem, metrics) if m.least > 0]
     sentences = [
         f"before optimisation the {m.quantity} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
         for m in missed

@@ -11,6 +11,7 @@ from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import Problem, freedom_of, load_problem
 from optics.scene.system.lens_material import with_material
+from optics.scene.system.made_parts import volume_of_made
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
     require_apart,
@@ -177,4 +178,8 @@ def advice(system: OpticalSystem) -> list[str]:
             f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
             f"{problem.optic.key(system.shaped)}.freeform.degree fewer"
         )
-    return sentences + [s for optic, shape in free for s in limit_advice(problem.about(optic), shape)]
+    return sentences + [
+        sentence
+        for optic, shape in free
+        for sentence in limit_advice(problem.about(optic), shape, volume_of_made(optic, shape))
+    ]

@@ -69,9 +69,8 @@ def by_datums(surface: FreeformSurface, points: Floats) -> Alignment:
     return _aligned(surface, points, Pose.at(), 0.0)
 
 
-def outliers(surface: FreeformSurface, points: Floats) -> str | None:
+def outliers(surface: FreeformSurface, here: Alignment) -> str | None:
     """Return that some points lie far from where the others do, a sentence; None where there are none."""
-    here = by_datums(surface, points)
     apart = np.abs(here.normal - np.median(here.normal))
     far = apart > max(OUTLYING * float(np.median(apart)), LEAST_OUTLYING * max(surface.half_width))
     if not far.any():
@@ -102,7 +101,7 @@ def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:
         before = near
     last = _aligned(surface, points, motion, RIM)
     if last.points.shape[1] * 2 < points.shape[1]:
-        cause = outliers(surface, points) or ANOTHER
+        cause = outliers(surface, by_datums(surface, points)) or ANOTHER
         raise UserError(f"the best fit moves half of the points beside the surface; {cause}")
     return Alignment(motion, last.points, last.heights, last.normal, undetermined)
 

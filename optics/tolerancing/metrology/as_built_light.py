@@ -163,7 +163,7 @@ def light_as_built(
         datums=aligned["datums"],
         fitted=aligned.get("best fit"),
         no_fit=no_fit,
-        outlying=outliers(designed, measured.points) or "",
+        outlying=next(filter(None, (outliers(designed, each) for each in aligned.values())), ""),
         nominal=nominal or measure(system, lens, backend),
         measurement=measurement,
         rel_l2_of=rel_l2_of,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor
+from math import floor, sqrt
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ ROWS = (
     "points beside the surface",
     "rel_l2 of the fitted lens",
 )
-LIKE = 0.25  # correlation of neighbouring residuals: that of 100 points of pure noise is below 0.1
+# correlation of neighbouring residuals: six times that of as many points of pure noise, within these bounds
+LIKE, BY_CHANCE = (0.1, 0.25), 6.0
 
 
 def as_built_data(built: AsBuilt) -> dict[str, Any]:
@@ -151,7 +152,7 @@ def _notes(built: AsBuilt) -> list[str]:
     if built.fitted and built.fitted.undetermined:
         names = ", ".join(built.fitted.undetermined)
         notes.append(f"the surface does not show all motions: the best fit leaves out a part of {names}")
-    if built.made.unresolved > LIKE:
+    if built.made.unresolved > np.clip(BY_CHANCE / sqrt(built.made.fit.residuals.size), *LIKE):
         notes.append(
             "what the fit leaves is no noise, since neighbouring points agree in it: errors of the surface "
             "are finer than the points resolve, and rel_l2 may be off by more than is said here; "

@@ -38,6 +38,7 @@ CONFIDENCE = 8.0
 FINE = 64  # points each way, by which the area of a strip is known
 STRIP = 1.5  # distances of points: a narrower strip beside them is as near to them as they to each other
 POINTS_PER_FUNCTION = 1.5  # finer cells hold no more of what was measured
+NEIGHBOURS = 24  # of a point, among which ripple that cells do not hold comes round
 MOST_FUNCTIONS = 60_000  # the factors of their matrix take 0.3 GB
 BARE_SPANS = 8  # of the first level on a surface without sag
 DEGREE = 3
@@ -87,7 +88,8 @@ class MadeSurface:
 
     surface : FreeformSurface.  fit : of the correction.  covered : fraction of its cells, those with their
     middle inside the outline, that hold a point.
-    unresolved : correlation of the fit's residuals between neighbouring points; that of noise is 0.
+    unresolved : greatest correlation of the fit's residuals between points and their neighbours; that of
+        noise is 0.
     """
 
     designed: FreeformSurface
@@ -127,9 +129,10 @@ def made_surface(
     held = np.zeros(len(space.cells), bool)
     held[space.locate(u, v)] = True
     inside = _inside(designed, space)
-    # the mean product of each residual with that of the nearest other point, over the mean square
-    nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)[1][:, 1]
-    likeness = np.mean(fit.residuals * fit.residuals[nearest]) / (np.mean(fit.residuals**2) or 1.0)
+    # the mean product of each residual with that of its first, second ... neighbour, over the mean square
+    at, r = np.stack([x, y], axis=1), fit.residuals
+    others = cKDTree(at).query(at, k=min(NEIGHBOURS + 1, len(x)))[1][:, 1:]
+    likeness = max((np.mean(r * r[other]) for other in others.T), default=0.0) / (np.mean(r**2) or 1.0)
     return MadeSurface(
         designed=designed,
         surface=_made(designed, fit.surface),

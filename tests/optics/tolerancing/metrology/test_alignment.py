@@ -87,9 +87,11 @@ def test_a_patch_of_outliers_is_named_with_its_place() -> None:
     surface = freeform()
     x, y, z = points_of(surface)
     patch = (np.abs(x - 4) < 1) & (np.abs(y + 3) < 1)
-    assert outliers(surface, np.stack([x, y, z + ripple(x, y)])) is None
-    assert outliers(surface, np.stack([x, y, 1.0001 * z])) is None
-    said = outliers(surface, np.stack([x, y, z + ripple(x, y) + np.where(patch, 0.5, 0.0)]))
+    assert outliers(surface, by_datums(surface, np.stack([x, y, z + ripple(x, y)]))) is None
+    assert outliers(surface, by_datums(surface, np.stack([x, y, 1.0001 * z]))) is None
+    said = outliers(
+        surface, by_datums(surface, np.stack([x, y, z + ripple(x, y) + np.where(patch, 0.5, 0.0)]))
+    )
     assert said is not None
     assert said.startswith(f"{patch.sum()} of 3,000 points lie up to 500 um from where the others do, round")
     assert "x = 3.9" in said or "x = 4" in said
