@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 
 SCREENS = "DISPLAY", "WAYLAND_DISPLAY"  # environment variables: a browser can be shown on it
+MOVED = 1e-6  # mm, of the vertex from which a target counts its distance: more is told
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,13 @@ def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
 
             refit = read_lens_solid(path).refit(OpticalSystem(problem).problem.optic.known_index)
             note(str(refit))
-            lens = refit.lens
+            lens, spec = refit.lens, problem.lens
+            if spec and problem.target.distance and abs(spec.thickness - lens.thickness) > MOVED:
+                note(
+                    f"the rear of the file begins at z = {lens.thickness:.6g} mm, and lens.thickness of the "
+                    f"problem is {spec.thickness:.6g} mm: target.distance is taken from the file's rear, to "
+                    f"z = {lens.thickness + problem.target.distance:.6g} mm"
+                )
     problem, lens = given_lens(problem, lens)
     return solvable_system(problem), lens
 
