@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from .engines import lens_mesh, mitsuba_engine
+    from .engines import lens_mesh, mitsuba_engine, require_meshable
     from .integrator import exact_integrator, register as register
     from .loading import current_mitsuba, load_mitsuba as load_mitsuba, mitsuba_backend
     from .mesh import LensMesh

@@ -41,6 +41,19 @@ FEWEST = 448  # spaces between the vertices, in each direction
 INSIDE = 1 - 1e-6  # of the half-width: a ray on the rim itself could miss the mesh in single precision
 
 
+def require_meshable(system: OpticalSystem) -> None:
+    """Refuse what meshes do not know.
+
+    Raises UserError : stops, a clear aperture, coatings or absorption.
+    """
+    require_open(system)
+    if coated(system) or absorbs(system):
+        raise UserError(
+            "meshes for Mitsuba are of clear and bare glass: leave out absorption and the reflectance of "
+            'lenses, or trace with optimizer.engine = "exact" or "mitsuba-exact"'
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class MeshEngine:
     """Light models of rays through meshes: an `Engine`.
@@ -52,12 +65,7 @@ class MeshEngine:
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        require_open(system)
-        if coated(system) or absorbs(system):
-            raise UserError(
-                "meshes for Mitsuba are of clear and bare glass: leave out absorption and the reflectance of "
-                'lenses, or trace with optimizer.engine = "exact" or "mitsuba-exact"'
-            )
+        require_meshable(system)
         rays, window, mirrors = measured_rays(self.backend, system, lens, film)
         tracer = MeshTracer(
             lens_mesh(lens),

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .design_run import design, designed
     from .irradiance_model import Model
     from .minimisation import Minimum, minimise
-    from .prepared_problem import engine_of, prepared
+    from .prepared_problem import engine_of, prepared, require_engine
     from .scenes import mitsuba_scene
     from .scripting_system import System
 

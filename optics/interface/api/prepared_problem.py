@@ -12,6 +12,8 @@ from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
 from optics.scene.system import OpticalSystem
 
+*_, MESHES = ENGINES
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -31,6 +33,17 @@ def prepared(system: OpticalSystem) -> Prepared:
     backend = load_backend(run.precision, run.threads)
     system, start = resolved(system, backend)
     return Prepared(system, backend, start)
+
+
+def require_engine(system: OpticalSystem) -> None:
+    """Refuse a problem that its own engine cannot trace, before any work.
+
+    Raises UserError : meshes for what they do not know.
+    """
+    if system.problem.optimizer.engine == MESHES:
+        from optics.exchange.mitsuba import require_meshable  # few designs ask
+
+        require_meshable(system)
 
 
 def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backend) -> Engine:

@@ -20,6 +20,7 @@ from optics.designing.prediction import (
     resolved,
 )
 from optics.designing.starts import STEEP, spot_lens
+from optics.interface.api import require_engine
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
 from optics.light.analysis import dark_fraction
@@ -35,6 +36,7 @@ def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
     system = system_of(options)
     with speaking_of(options.problem):
+        require_engine(system)
         backend, chosen = system.backend, any(free.z_freedom == AUTO for free in system.freeforms)
         system, start = resolved(system, backend)
         expectation, plan = expected(system, backend, start)

@@ -118,8 +118,18 @@ def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens | None) -> Outcome:
     # a problem that is refused needs none of it
-    from optics.interface.api import Design, DesignFigures, designed, helpers, prepared, write_result
+    from optics.interface.api import (
+        Design,
+        DesignFigures,
+        designed,
+        helpers,
+        prepared,
+        require_engine,
+        write_result,
+    )
 
+    if lens is None:
+        require_engine(system)
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
         # before there are threads, which forbid copies

@@ -70,7 +70,7 @@ def other_source(words: str, problem: Problem) -> Source:
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         size = _number(found, "size")
-        half_angle = 90.0 if source_of(problem).from_afar else own.half_angle
+        half_angle = 90.0 if source_of(problem).beam else own.half_angle
         return Source(
             kind="lambertian",
             half_width=(size / 2, size / 2),
@@ -122,7 +122,7 @@ def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
     own = problem.source
     if found["distance"]:
         return {"distance": _number(found, "distance")}
-    if source_of(problem).from_afar or own.others or own.array:
+    if source_of(problem).beam or own.others or own.array:
         which = "several lights" if own.others or own.array else "parallel light, which has no place"
         raise UserError(f"the lens is made for {which}: say where the light is, {found[0]}@30mm")
     return {"distance": own.distance, "position": own.position, "tilt": own.own_tilt}

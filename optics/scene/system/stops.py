@@ -50,7 +50,7 @@ def require_places(
 
     Raises UserError : names the stop.
     """
-    distance, lens = problem.target.distance, bodies[0][1]
+    end = _across_axis(problem, bodies[0][1])
     source = -inf if problem.source.placed or problem.source.others else -problem.source.distance
     first = -inf if problem.element else max(source, start)
     for stop in stops:
@@ -61,13 +61,23 @@ def require_places(
                 f"{stop.name} reaches to z = {z.min():.4g} mm, but the {where} is at z = {first:.4g} mm; "
                 "move it towards the lens"
             )
-        if distance is not None and not any(problem.target.tilt) and z.max() >= lens.thickness + distance:
+        if end is not None and z.max() >= end:
             raise UserError(
-                f"{stop.name} reaches to z = {z.max():.4g} mm, but the target is at z = "
-                f"{lens.thickness + distance:.4g} mm; move it towards the lens"
+                f"{stop.name} reaches to z = {z.max():.4g} mm, but the target is at z = {end:.4g} mm; move "
+                "it towards the lens"
             )
         for optic, body in bodies:
             _require_beside(stop, optic, body)
+
+
+def _across_axis(problem: Problem, lens: Lens) -> float | None:
+    """Return the z of a plane target across the axis, before which all stops of a lens on it lie."""
+    target, place = problem.target, problem.target.position
+    if target.surface != "plane" or any(target.tilt[:2]) or problem.element:
+        return None
+    if target.distance is not None:
+        return lens.thickness + target.distance
+    return None if place is None else place[2]
 
 
 def _require_beside(stop: Stop, optic: Optic, lens: Lens) -> None:
