@@ -96,7 +96,8 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
-        if system.parallel and expected.net > COARSE * expected.pixel:
+        across = system.parallel and system.target.receiver.across_axis
+        if across and expected.net > COARSE * expected.pixel:
             where = "on a mesh so much coarser than the pixels; a higher freeform.max_level makes it finer"
         return f"rel_l2: not predicted {where}; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:

@@ -222,3 +222,22 @@ def test_no_error_is_predicted_where_the_mesh_is_coarser_than_the_pixels(tmp_pat
     assert coarse.rel_l2 is None
     assert fine.net < COARSE * fine.pixel
     assert fine.rel_l2 is not None
+
+
+@pytest.mark.parametrize(
+    "said", [{}, {"target.tilt": (0.0, 0.0, 90.0)}, {"source.position": (0.0, 0.0, -40.0)}]
+)
+def test_a_beam_that_fills_half_of_a_lens_starts_well_however_it_is_said(backend, said):
+    """Slopes beside the light count no more than there is light."""
+    sides = {
+        "front": {"half_width": (26, 26)},
+        "rear": {"half_width": (34, 34), "radius": -70.0, "conic": -1.0},
+    }
+    sides["rear"]["freeform"] = {"spans": (12, 12), "max_level": 0, "z_freedom": 12.0}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (24, 24)},
+        lens={"index": 1.5, "thickness": 26, **sides},
+        target={"kind": "tophat", "distance": 300, "half_width": (60, 60), "pixels": (32, 32)},
+    )
+    found, _ = expected(OpticalSystem(problem.with_(**said)), backend)
+    assert found.start_rel_l2 < 0.1

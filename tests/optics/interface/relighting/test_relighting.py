@@ -249,3 +249,9 @@ def test_a_lamp_stands_where_a_shifted_file_put_its_light(tmp_path):
     assert led.position == (4.0, 1.0, -25.0)
     away = other_source("led:1mm@30mm", problem)
     assert (away.position, away.distance) == (None, 30.0)
+
+
+@pytest.mark.parametrize("place", [{"source.position": [0.0, 0.0, -40.0]}, {"source.tilt": [0.0, 5.0, 0.0]}])
+def test_a_beam_has_no_place_for_a_lamp_wherever_it_starts(tmp_path, place):
+    with pytest.raises(UserError, match="parallel light, which has no place"):
+        other_source("led:1mm", problem_of(tmp_path, place))

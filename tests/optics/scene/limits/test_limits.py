@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, strategies as st
 from optics.base.runtime import UserError
 from optics.scene.limits import limit_advice, limit_checks, limit_sentences, require_limits
 from optics.scene.problem import Limits, Problem, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, volume_of_made
 from tests.cases import examples, python
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
@@ -424,3 +424,14 @@ def test_a_height_that_is_the_limit_by_its_formula_keeps_it(tmp_path):
     assert found.rear.heights.upper > 2.5
     assert limit_sentences(limited(problem, sag_range=2.5), found) == []
     assert limit_sentences(limited(problem, sag_range=2.4999), found)
+
+
+def test_advice_weighs_what_is_made(tmp_path):
+    """Four lenses and their land: more than four times one lens."""
+    plate = {"lens.array.columns": 2, "lens.array.rows": 2, "lens.array.pitch": 22.0}
+    problem, lens, found = designed(tmp_path, plate, height=0.0)
+    limits = limited(problem, mass=1.0)
+    alone = 4 * found.mass
+    made = volume_of_made(problem.optic, lens)
+    (sentence,) = limit_advice(limits, lens, made)
+    assert float(re.search(r"mass is (\S+) g beyond", sentence)[1]) > alone - 1.0

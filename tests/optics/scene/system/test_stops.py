@@ -121,3 +121,18 @@ def test_no_plane_of_a_source_that_is_placed_bounds_a_stop():
 
 
 REAR = {"half_width": (10, 10), "freeform": {"z_freedom": 1.0}}
+
+
+@pytest.mark.parametrize(
+    "target", [{"distance": 60}, {"position": (0, 0, 66)}, {"distance": 60, "tilt": (0, 0, 90)}]
+)
+def test_no_stop_lies_behind_a_target_however_that_is_placed(target):
+    with pytest.raises(UserError, match="but the target is at z = 66 mm"):
+        solvable_system(
+            Problem(
+                source={"kind": "collimated", "half_width": (8, 8), "distance": 20},
+                lens={"index": 1.5, "thickness": 6, "front": {"half_width": (10, 10)}, "rear": REAR},
+                target={"kind": "tophat", "half_width": (12, 12), "pixels": (16, 16), **target},
+                stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, 70)}],
+            )
+        )

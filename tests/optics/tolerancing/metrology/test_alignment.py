@@ -128,3 +128,15 @@ def test_points_outside_the_outline_lie_beside_the_surface():
     assert np.array_equal(aligned.points[:2], points[:2, inside])
     assert np.abs(aligned.heights).max() < 3e-4
     assert made_surface(surface, aligned).covered == 1
+
+
+def test_dust_on_a_part_beside_its_datums_is_found_after_the_fit() -> None:
+    """Where it lies, its slopes make heights that hide the speck."""
+    surface = freeform()
+    x, y, z = points_of(surface)
+    points = Pose.at((0.3, -0.2, 0.1), np.radians((0.2, -0.3, 0.5))).points(np.stack([x, y, z]))
+    points[2, 1234] += 0.5
+    assert outliers(surface, by_datums(surface, points)) is None
+    said = outliers(surface, best_fit(surface, points))
+    assert said is not None
+    assert said.startswith("1 of 3,000 points")

@@ -61,6 +61,22 @@ def test_what_points_do_not_resolve_stands_in_the_residuals() -> None:
     assert abs(many.unresolved) < LIKE[0] < LIKE[1] < few.unresolved
 
 
+@pytest.mark.parametrize("periods", [(3.0, 3.0), (3.0, np.inf)])
+def test_a_dense_ripple_that_cells_do_not_hold_is_no_noise(periods: tuple[float, float]) -> None:
+    """Four points to a period: neighbours differ, and points two away or aslant are alike again."""
+    designed = FreeformSurface((10.0, 8.0), Conic(60.0))
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(-10, 10.01, 0.75), np.arange(-7.5, 7.6, 0.75)))
+    errors = 8e-4 * np.cos(2 * np.pi * x / periods[0]) * np.cos(2 * np.pi * y / periods[1] + 0.4)
+    points = np.stack([x, y, designed(x, y) + errors])
+    made = made_surface(
+        designed, by_datums(designed, points), smoothing=1e3
+    )  # as far from holding it as can be
+    assert made.unresolved > LIKE[1]
+    noise = np.random.default_rng(1).normal(0, 8e-4, x.size)
+    plain = made_surface(designed, by_datums(designed, points - [[0], [0], [1]] * (errors - noise)))
+    assert plain.unresolved < LIKE[0]
+
+
 def test_a_correction_of_nothing_changes_no_bit_of_the_shape() -> None:
     designed = freeform()
     x, y = scattered(2000)
