@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from errno import ENOMEM
 
+from optics.base.runtime import address_limit
+
+NO_WORD = "without exception set"  # of Python itself, where a limit of memory ends the compiling of a module
 WORDS = {
     RuntimeError: ("out of memory", "could not allocate"),  # of Dr.Jit 1.5: jit_malloc and jit_llvm_compile
     ImportError: ("failed to map segment", "cannot allocate memory"),  # of the loader of packages
@@ -18,6 +21,8 @@ def lacks_memory(error: BaseException | None) -> bool:
     """
     while error is not None:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == ENOMEM:
+            return True
+        if isinstance(error, SystemError) and NO_WORD in str(error) and address_limit() is not None:
             return True
         for kind, words in WORDS.items():
             if isinstance(error, kind) and any(word in str(error) for word in words):

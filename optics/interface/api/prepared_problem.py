@@ -12,7 +12,7 @@ from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
 from optics.scene.system import OpticalSystem
 
-*_, MESHES = ENGINES
+MESHES = ENGINES[-1]
 
 
 @dataclass(frozen=True, eq=False)
