@@ -164,7 +164,7 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
         r"at most 10% are with --set '(target\.position=.*?)', or let both surfaces bend it",
         out := capsys.readouterr().out,
     )
-    assert "rel_l2: not predicted, since the design does not start from the whole transport map" in out
+    assert "rel_l2: not predicted off the axis, or on a curve; the start has" in out
     assert "\nlight asked for " in out  # a top hat is no picture
     assert said is not None
     assert 20 < int(said[1]) < 60
