@@ -66,7 +66,8 @@ class LimitKeeper:
 
         Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        if self._dense is None or search.objective.shape is None:
+        asked = search.objective.shape
+        if self._dense is None or asked is None:
             found = minimised(search, iterations, log)
             return found.sags, found
         sags = search.sags
@@ -74,6 +75,9 @@ class LimitKeeper:
             search = self.begun(search, log)
             shape, sags = search.objective.shape, search.sags
             assert shape is not None
+            if left_out := [f"limits.{key}" for key in asked.keys if key not in shape.keys]:
+                names = " and ".join(left_out)
+                self._note(f"no surface is found that keeps {names}, so that the design leaves it out")
             found = minimised(search, iterations, log)
             sags = found.sags
             for _ in range(PASSES):
@@ -126,10 +130,6 @@ class LimitKeeper:
             start = self._within(penalty.only((*keys, key)), variables)
             if start:
                 best, keys = start, (*keys, key)
-        if dropped := [f"limits.{key}" for key in penalty.keys if key not in keys]:
-            self._note(
-                f"no surface is found that keeps {' and '.join(dropped)}, so that the design leaves it out"
-            )
         return best, keys
 
     def _within(self, penalty: ShapePenalty, variables: BoundedVariables) -> tuple[THBSurface, ...] | None:

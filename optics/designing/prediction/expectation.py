@@ -16,7 +16,7 @@ from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries, is_gentle
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
-from optics.designing.starts import STEEP, RearLight, TransportFit, TransportStart
+from optics.designing.starts import STEEP, RearLight, TransportStart
 from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem, volume_of_made
@@ -102,8 +102,8 @@ def expected(
     fit = start.finest_fit()
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
-    from_transport = first is not None and _follows_map(start, first)
-    starts_flat = first is None or not (start.traced is None or start.within(start.traced))
+    mapped = first is not None and (start.traced is None or start.within(start.traced))
+    from_transport = mapped and first is not None and start.follows(first)
     traced = system.shaping
     plan = stages(traced, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
@@ -114,7 +114,7 @@ def expected(
     net, pixel = _net(system, start.half_lit, light), max(system.target.screen().pitch)
     fine = net <= COARSE * pixel or system.target.uniform_region is not None
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
-    shape = system.lens if starts_flat else lens
+    shape = lens if mapped else system.lens
     count, more = volume_of_made(optic, shape)
     volume = count * shape.volume() + more
     return Expectation(
@@ -188,11 +188,6 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
 def _is_known(system: OpticalSystem) -> bool:
     """Return whether the regression of `predicted_rel_l2` was made of such light."""
     return system.parallel and not system.blurred and system.target.receiver.across_axis
-
-
-def _follows_map(start: TransportStart, first: TransportFit) -> bool:
-    """Return whether the design starts from the whole transport map."""
-    return (start.traced is None or start.within(start.traced)) and start.follows(first)
 
 
 def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:

@@ -94,7 +94,6 @@ class TransportStart:
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)
         counts = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         nx, ny = (as_many_within(self._surface.outline, n) for n in counts)
-        self._cells = nx, ny
         self._bound = INSIDE * system.freeforms[-1].freedom
         narrow = receiver.across_axis and not (receiver.far_field and max(self.half_lit) > WIDE)
         crosses, finest = system.target.settings.crossing, system.freeforms[-1].finest
@@ -102,10 +101,10 @@ class TransportStart:
         path = system.path(self._lens)
         path = path if system.problem.optimizer.fresnel else path.without_reflection()
         if system.parallel and system.shaped == "rear" and narrow and not crosses:
-            self._shaped = ParallelStart(system, backend, path, picture, self._cells).shaped()
+            self._shaped = ParallelStart(system, backend, path, picture, (nx, ny)).shaped()
         else:
             self._shaped = shaped_along(
-                backend, path, path.shaped, system.source, picture, self._cells, finest, rounds
+                backend, path, path.shaped, system.source, picture, (nx, ny), finest, rounds
             )
         self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
 

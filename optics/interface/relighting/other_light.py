@@ -74,7 +74,7 @@ def other_source(words: str, problem: Problem) -> Source:
         return Source(
             kind="lambertian",
             half_width=(size / 2, size / 2),
-            **(_place(found, problem) | _middle(found, own)),
+            **_place(found, problem),
             flux=problem.flux,
             unit=own.unit,
             half_angle=half_angle,
@@ -83,9 +83,7 @@ def other_source(words: str, problem: Problem) -> Source:
     if found := LUMINAIRE.fullmatch(words):
         lamp, place = Path(found["file"]).absolute(), _place(found, problem)
         if LUMINAIRE.fullmatch(own.file) and not found["distance"]:
-            place |= {"shift": own.shift, "tilt": own.tilt, "turn": own.turn}
-        elif not found["distance"]:
-            place |= _middle(found, own)
+            place = {key: getattr(own, key) for key in ("distance", "position", "shift", "tilt", "turn")}
         return Source(
             kind="luminaire",
             file=str(lamp),
@@ -125,15 +123,11 @@ def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
     if source_of(problem).beam or own.others or own.array:
         which = "several lights" if own.others or own.array else "parallel light, which has no place"
         raise UserError(f"the lens is made for {which}: say where the light is, {found[0]}@30mm")
-    return {"distance": own.distance, "position": own.position, "tilt": own.own_tilt}
-
-
-def _middle(found: re.Match[str], own: Source) -> dict[str, Any]:
-    """Return where the light of a shifted file starts, by keys; nothing for other light."""
-    if found["distance"] or not any(own.shift):
-        return {}
-    x, y, z = own.position or (0.0, 0.0, -own.distance)
-    return {"position": (x + own.shift[0], y + own.shift[1], z)}
+    position = own.position
+    if any(own.shift):  # of a file
+        x, y, z = position or (0.0, 0.0, -own.distance)
+        position = x + own.shift[0], y + own.shift[1], z
+    return {"distance": own.distance, "position": position, "tilt": own.own_tilt}
 
 
 def _number(found: re.Match[str], name: str) -> float:

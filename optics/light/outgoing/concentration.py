@@ -30,7 +30,7 @@ from scipy.spatial import ConvexHull
 from optics.base.runtime import Backend, UserError
 from optics.light.tracing import Tracer
 from optics.scene.receivers import Plane
-from optics.scene.sources import PlacedSource, SourceCells
+from optics.scene.sources import SourceCells
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
@@ -149,10 +149,8 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[_Bund
         onto, out = every & first.hit, every & landing.arrives
         across = first.x, first.y
         if system.source.beam:  # a face that is turned has less light on its area than the beam
-            across = path.surfaces[0].pose.points((first.x, first.y, first.z))
-            if isinstance(system.source, PlacedSource):
-                across = system.source.pose.inverse().points(across)
-            across = across[:2]
+            there = path.surfaces[0].pose.points((first.x, first.y, first.z))
+            across = system.source.frame.inverse().points(there)[:2]
         height = ahead.points((last.x, last.y, last.z))[2]
         values = [*across, height, landing.x, landing.y, landing.p, landing.q, onto, out]
         backend.dr.eval(values)

@@ -16,6 +16,7 @@ from optics.scene.sources.profile import UNIFORM, Profile
 from optics.scene.sources.rays import RayGrid, Rays
 from thbcad.certified import Stack
 from thbcad.checks import Floats
+from thbcad.poses import IDENTITY, Pose
 
 Counts = Sequence[int]
 Fresh = np.random.Generator | None
@@ -106,6 +107,11 @@ class LightSource(ABC):
         Of a Lambertian one it is pi A sin^2(half_angle); it is 0 without extent or a known radiance.
         """
         return 0.0
+
+    @property
+    def frame(self) -> Pose:
+        """From the frame of its area to that of the scene."""
+        return IDENTITY
 
     @property
     def middle(self) -> tuple[float, float, float]:

@@ -75,6 +75,10 @@ class PlacedSource(LightSource):
         return self.source.image
 
     @property
+    def frame(self) -> Pose:
+        return self.pose
+
+    @property
     def middle(self) -> tuple[float, float, float]:
         x, y, z = self.pose.points(np.array(self.source.middle)).tolist()
         return x, y, z

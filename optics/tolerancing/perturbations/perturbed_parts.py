@@ -11,7 +11,7 @@ from optics.base.runtime import UserError
 from optics.scene.materials import Material
 from optics.scene.paths import HeightError, LightPath, Medium
 from optics.scene.problem import FaceMet, Optic
-from optics.scene.sources import PlacedSource, RayGrid, Rays, SourceCells
+from optics.scene.sources import RayGrid, Rays, SourceCells
 from optics.scene.system import OpticalSystem, indexing_material, pose_of
 from optics.tolerancing.perturbations.perturbation import ElementErrors, Perturbation
 from thbcad.checks import Floats
@@ -59,8 +59,7 @@ class PerturbedParts:
         frame = motions[0] if on_axis else IDENTITY
         path = path.moved([*motions, back @ target]).with_stops_moved(back).seen_from(frame)
         path = path.with_height_errors([_height_error(face, e) for face, e in zip(faces, errors)])
-        placed = system.source.pose if isinstance(system.source, PlacedSource) else IDENTITY
-        return cls(path, frame.inverse() @ source, 1 + p.source_size, placed)
+        return cls(path, frame.inverse() @ source, 1 + p.source_size, system.source.frame)
 
     @property
     def half_width(self) -> tuple[float, float]:

@@ -11,7 +11,6 @@ from typing import Literal
 
 from optics.base.runtime import UserError
 from optics.scene.problem import MirrorElement, Optic, Placed
-from optics.scene.sources import PlacedSource
 from optics.scene.system import OpticalSystem, indexing_material
 from optics.tolerancing.perturbations.perturbation import Perturbation
 from thbcad.lens import Lens
@@ -126,9 +125,8 @@ def _usual(system: OpticalSystem) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
     rows = [row for optic, lens in system.elements(system.lens) for row in _of_element(system, optic, lens)]
     source = system.source
-    along = source.pose.rotation[2, 2] if isinstance(source, PlacedSource) else 1.0
     # parallel light along z has no distance
-    defocus = 0.0 if source.beam and along >= STRAIGHT else SOURCE_SEAT
+    defocus = 0.0 if source.beam and source.frame.rotation[2, 2] >= STRAIGHT else SOURCE_SEAT
     rows += _placed("source", SOURCE_SEAT, defocus, SOURCE_TILT, "xy" if source.axial else AXES, "source")
     if source.scalable:
         rows.append(Tolerance("source.size", "%", SIZE, Perturbation(source_size=0.01), "mount"))
