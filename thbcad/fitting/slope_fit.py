@@ -14,7 +14,9 @@ methods, Numer. Math. 6 (1964).
 
 A THB space starts from the fits of its levels: a function of level l takes its coefficient from the fit of
 that level (a quasi-interpolant: H. Speleers, C. Manni, Numer. Math. 132 (2016)).  Conjugate gradients do the
-rest, there and for uneven weights.
+rest, there and for uneven weights.  They solve for the weights of a `MultilevelBasis`, preconditioned by the
+diagonal of their normal equations, so that weights which differ a thousandfold cost few steps (multilevel
+diagonal scaling: X. Zhang, Numer. Math. 63 (1992)).
 """
 
 from collections.abc import Iterator
@@ -75,11 +77,23 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
         matvec=lambda w: transposed(*weighted(basis.coefficients(w))) + held * w,
         dtype=np.float64,
     )
-    weights, _ = cg(system, missing, rtol=0.0, atol=enough, maxiter=STEPS)
+    diagonal = basis.diagonal(_square_slopes(space, x, y, weight)) + held
+    scaling = LinearOperator(system.shape, matvec=lambda w: w / diagonal, dtype=np.float64)
+    weights, _ = cg(system, missing, rtol=0.0, atol=enough, maxiter=STEPS, M=scaling)
     c = start + basis.coefficients(weights)
     seen = seen_functions(space, x, y)
     known = c[seen] if seen.any() else c
     return THBSurface(space, c - (known.max() + known.min()) / 2)
+
+
+def _square_slopes(space: THBSpace, x: Floats, y: Floats, weight: Floats) -> Iterator[Floats]:
+    """Yield the weighted sum of the squares of the slopes of every B-spline of each W_l, a net of W_l."""
+    for number in range(space.levels):
+        (a0, a1), (b0, b1) = (
+            [kv.collocation(s, d).power(2).T.tocsr() for d in (0, 1)]
+            for kv, s in zip(space.embedding.knots(number), (x, y))
+        )
+        yield (b0 @ (a1 @ weight).T + b1 @ (a0 @ weight).T).T
 
 
 def level_misfits(

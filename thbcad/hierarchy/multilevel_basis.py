@@ -12,6 +12,8 @@ THB basis grow by a factor of 4 to 16 with each level.
 Source: J. Bramble, J. Pasciak, J. Xu, Parallel multilevel preconditioners, Math. Comp. 55 (1990).
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from thbcad.checks import Floats
@@ -51,3 +53,15 @@ class MultilevelBasis:
             net.ravel()[e.active[level]] += parts[level]
             out.append(self._scales[level] * net.ravel()[e.supported[level]])
         return np.concatenate(out[::-1])
+
+    def diagonal(self, nets: Iterable[Floats]) -> Floats:
+        """Return the diagonal of a quadratic form of the spline by w.
+
+        nets : that by all B-splines of each W_l, as a net of W_l.
+        """
+        return np.concatenate(
+            [
+                scale**2 * net.ravel()[rows]
+                for net, scale, rows in zip(nets, self._scales, self._embedding.supported)
+            ]
+        )

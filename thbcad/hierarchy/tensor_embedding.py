@@ -57,9 +57,14 @@ class Embedding:
         self.active = tuple(self._positions(level, level.functions[level.active]) for level in hierarchy)
         self.dim = sum(len(rows) for rows in self.active)
 
+    def knots(self, number: int) -> tuple[KnotVector, KnotVector]:
+        """Return the KnotVectors of W_l."""
+        (u, _), (v, _) = self._chain[number]
+        return u, v
+
     def shape(self, number: int) -> tuple[int, int]:
         """Return the shape of the nets of W_l."""
-        (u, _), (v, _) = self._chain[number]
+        u, v = self.knots(number)
         return u.dim, v.dim
 
     def _positions(self, level: Level, functions: Integers) -> Integers:
@@ -81,6 +86,10 @@ class Embedding:
             for pair in zip(self._chain, self._chain[1:])
         ]
 
+    @cached_property
+    def _steps_back(self) -> list[tuple[csr_array, csr_array]]:
+        return [(pu.T.tocsr(), pv.T.tocsr()) for pu, pv in self.steps]
+
     def refined(self, number: int, net: Floats) -> Floats:
         """Return P_u net P_v^T, a net of W_(number - 1) in W_number."""
         pu, pv = self.steps[number - 1]
@@ -88,8 +97,8 @@ class Embedding:
 
     def refined_adjoint(self, number: int, net: Floats) -> Floats:
         """Return P_u^T net P_v, the transpose of `refined`."""
-        pu, pv = self.steps[number - 1]
-        return np.ascontiguousarray(tensor_apply(pu.T, pv.T, net))
+        pu, pv = self._steps_back[number - 1]
+        return np.ascontiguousarray(tensor_apply(pu, pv, net))
 
     def coefficients(self, c: ArrayLike) -> Floats:
         """Return the tensor-product net of the spline with THB coefficients c.
