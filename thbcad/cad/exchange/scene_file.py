@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from thbcad.moulds import Made
 
 NAMED = re.compile(rf"PRODUCT\(\s*{STRING}\s*,\s*{STRING}\s*,".encode("ascii"))
-NUMBER = re.compile(rf"{STRING}|#(\d+)")
 # the entities of a part's file that an assembly speaks of
 SPOKEN_OF = [
     re.compile(r"#\d+=PRODUCT\([^;]*\((?P<discipline>#\d+)\)\);"),
@@ -85,7 +84,8 @@ def scene_step(
     whole : its name is that of the assembly.  schema : as `thbcad.write_step`, which also raises.
     """
     head, texts, last = "", [], 0
-    for body, product, _ in bodies:
+    whose = 10 ** len(str(len(bodies)))  # numbers of the first body begin with these digits
+    for digits, (body, product, _) in enumerate(bodies, whose):
         if isinstance(body, bytes):
             file = _named(body, product.name)
         elif isinstance(body, Part):
@@ -93,13 +93,12 @@ def scene_step(
         else:
             file = step_bytes(body, product, schema)
         head, _, data = file.decode("ascii").partition("DATA;\n")
-        texts.append(_renumbered(data.removesuffix(END), last))
-        last += data.count("\n#") + 1
+        texts.append(_renumbered(data.removesuffix(END), digits))
 
     def new(template: str, size: int, **words: str) -> list[str]:
         """Add entities and return their numbers."""
         nonlocal last
-        own = [f"#{last + k}" for k in range(1, size + 1)]
+        own = [f"#{whose + len(bodies)}{last + k}" for k in range(1, size + 1)]
         last += size
         texts.append(compact(template.format(*own, **words)))
         return own
@@ -128,11 +127,11 @@ def _named(file: bytes, name: str) -> bytes:
     return NAMED.sub(lambda _: f"PRODUCT({text},{text},".encode("ascii"), file, count=1)
 
 
-def _renumbered(data: str, offset: int) -> str:
-    """Return entities with other numbers; texts stay."""
-    if not offset:
-        return data
-    return NUMBER.sub(lambda m: m[0] if m[1] is None else f"#{int(m[1]) + offset}", data)
+def _renumbered(data: str, digits: int) -> str:
+    """Return entities whose numbers begin with other digits; texts stay."""
+    pieces = data.split("'")  # every second one is text, and '' in it an empty piece
+    pieces[::2] = [piece.replace("#", f"#{digits}") for piece in pieces[::2]]
+    return "'".join(pieces)
 
 
 def _spoken_of(text: str) -> dict[str, str]:
