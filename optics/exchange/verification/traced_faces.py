@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import NdBSpline
+from scipy.optimize.elementwise import find_root
 
 from thbcad.checks import Bools, Floats, Integers
 from thbcad.io import Brep, BrepFace, edge_span
@@ -18,6 +19,7 @@ ROOM = 1e-3  # of the width, above and below the face
 SAMPLES = 5  # along every ray, from where it enters the face's box to where it leaves it
 HALVINGS = 15  # of steps in which a ray may fall through the face, before Newton's method
 NEARBY = 33  # samples along a ray that falls nowhere, of which the nearest is where Newton's method begins
+NEAR = 1e-5  # of the face's width: near enough for Newton's method to begin
 STILL = 1e-12  # of a direction: components that count as zero
 RIM_SAMPLES = 257  # of an edge of a rim
 SURE = 0.99  # of the nearer of two samples: between them a rim bends by some 1e-5
@@ -170,28 +172,45 @@ class ParametricFace:
         room = [0.0, 0.0, ROOM * self.width]
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
         heights = surface.coefficients[..., 2]
-        self._steepest = np.array(
-            [_steepest(kv, z) for kv, z in ((surface.kv_u, heights), (surface.kv_v, heights.T))]
-        )
+        steepest = [_steepest(kv, z) for kv, z in ((surface.kv_u, heights), (surface.kv_v, heights.T))]
+        self._steepest = np.array(steepest) * (self.high - self.low) / (self._box[1] - self._box[0])[:2]
 
     def start(self, points: Floats, directions: Floats) -> Floats:
         """Return parameters where rays first fall through the face, to a step's width.
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
-        Rays parallel to z need no search.
+        Rays parallel to z need no search, and those steeper than the face fall through it once.
 
         points, directions : (n, 3).
         """
         uv = self._below(points[:, :2])
-        slanted = (np.abs(directions[:, :2]) >= STILL).any(axis=1)
-        if slanted.any():
-            uv[slanted] = self._search(points[slanted], directions[slanted])
+        aside = np.abs(directions[:, :2])
+        slanted, steep = (aside >= STILL).any(axis=1), aside @ self._steepest < directions[:, 2]
+        for chosen, found in ((slanted & steep, self._crossing), (slanted & ~steep, self._search)):
+            if chosen.any():
+                uv[chosen] = found(points[chosen], directions[chosen])
         return uv
 
     def _below(self, points: Floats) -> Floats:
         """Return the parameters at (x, y), (..., 2), of the rim where they lie beside the face."""
         fraction = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
         return self.low + fraction * (self.high - self.low)
+
+    def _crossing(self, points: Floats, directions: Floats) -> Floats:
+        """Return the parameters where rays fall through the face that do so once; else the nearer end."""
+
+        def above(t: Floats, *ray: Floats) -> Floats:
+            (x, y, z), (p, q, r) = ray[:3], ray[3:]
+            return self._height(self._below(np.stack([x + t * p, y + t * q], axis=-1))) - (z + t * r)
+
+        first, last = self._within_box(points, directions)
+        rays = (*points.T, *directions.T)
+        before = above(first, *rays) > 0
+        falls = before & (above(last, *rays) <= 0)
+        ends, own = (first[falls], last[falls]), tuple(a[falls] for a in rays)
+        t = np.where(before, last, first)
+        t[falls] = find_root(above, ends, args=own, tolerances={"xatol": NEAR * self.width}).x
+        return self._below((points + t[:, None] * directions)[:, :2])
 
     def _search(self, points: Floats, directions: Floats) -> Floats:
         """Return the parameters where slanted rays first fall through the face, to a step's width.
@@ -200,8 +219,7 @@ class ParametricFace:
         sign, or is less at both ends together than the length times the greatest slope.
         """
         first, last = self._within_box(points, directions)
-        per_length = (self.high - self.low) / (self._box[1] - self._box[0])[:2]
-        steepest = np.abs(directions[:, :2]) @ (self._steepest * per_length) + np.abs(directions[:, 2])
+        steepest = np.abs(directions[:, :2]) @ self._steepest + np.abs(directions[:, 2])
 
         def above(ray: Integers, t: Floats) -> Floats:
             here = points[ray] + t[:, None] * directions[ray]
