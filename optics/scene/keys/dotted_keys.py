@@ -107,5 +107,5 @@ def did_you_mean(key: str, kind: type[Record]) -> str:
         near = [beside[match] for match in get_close_matches(name, beside, 1)]
     near = [k for k in near if not _list_of(k, kind)] or near
     if listed:
-        near = [f"{listed}NAME.{k.removeprefix(listed)}" for k in near]
+        near = [k.replace(listed, f"{listed}NAME.", 1) if k.startswith(listed) else k for k in near]
     return f" (did you mean {' or '.join(near[:MOST])}?)" if near else ""

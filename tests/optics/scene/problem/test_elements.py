@@ -150,6 +150,7 @@ def test_a_table_is_named_by_its_name_or_its_number(two, entry, k):
         ({"stop": [3]}, "stop[0] must be a table, got 3"),
         ({"stop": [{}]}, "the key stop[0].shape is missing"),
         ({"stop.1.shap": "ring"}, "unknown key stop[1].shap (did you mean stop.NAME.shape?)"),
+        ({"stop.1.kind": "ring"}, "unknown key stop[1].kind (did you mean source.kind or target.kind?)"),
         ({"stop.1.name": "holder"}, "stop[1].name must differ from that of stop[0], 'holder'"),
         ({"stop.1.name": "1.a"}, "stop[1].name must begin with a letter"),
         ({"stop.1.inner": (3, 1)}, "stop[1].inner must be above 0 and below stop[1].half_width"),
